@@ -3,11 +3,10 @@
 
 pub mod convergence;
 pub mod design;
-mod image_warp;
 mod output_files;
 pub mod speckle;
+mod svg;
 
 pub use convergence::ConvergenceOptions;
 pub use design::DesignOptions;
-pub use image_warp::PictureMover;
 pub use speckle::SpeckleOptions;

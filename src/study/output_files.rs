@@ -1,60 +1,120 @@
-//! The output files of the convergence study.
+//! The output of a study: files in a directory, and a text or a JSON object on standard output.
 
-use std::fs::File;
-use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use crate::failure::Failure;
+use std::path::Path;
+
+use serde_json::{Map, Value};
 
 use crate::command::field::{FieldError, folder};
-use crate::console::UsageError;
-use crate::failure::Failure;
-use crate::study::convergence::Study;
-use crate::study::convergence::{Files, image_pairs};
+use crate::console::{UsageError, say, table};
 
-/// An open file and its path.
-#[derive(Debug)]
-struct Opened {
-    path: PathBuf,
-    file: File,
+/// A cell of a table: its column and its value, null if it is missing.
+pub(super) type Cell = (&'static str, Value);
+
+/// A table with one value per row and column.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Table {
+    pub(super) columns: Vec<String>,
+    pub(super) rows: Vec<Vec<Value>>,
 }
 
-/// The table and the figure in a directory.
-#[derive(Debug)]
-pub(super) struct Output {
-    table: Opened,
-    figure: Opened,
-}
-
-impl Output {
-    /// Creates the directory and both files, replacing existing ones.
-    ///
-    /// # Errors
-    ///
-    /// When the directory is a file, a file is an input, or a file cannot be created.
-    pub(super) fn open(directory: &Path, inputs: Option<Files<'_>>) -> Result<Self, Failure> {
-        folder::make("--output", directory)?;
-        let paths = ["convergence.csv", "convergence.svg"].map(|name| directory.join(name));
-        if let Some(path) = paths.iter().find(|path| image_pairs::is_input(inputs, path)) {
-            let reason = format!("{}: cannot write: it would overwrite one of the images", path.display());
-            return Err(UsageError(reason).into());
-        }
-        let open = |path: PathBuf| match File::create(&path) {
-            Ok(file) => Ok(Opened { path, file }),
-            Err(error) => Err(FieldError::write(&path, error)),
-        };
-        let [table, figure] = paths.map(open);
-        Ok(Self { table: table?, figure: figure? })
+impl Table {
+    /// Returns a table of rows that have the same columns.
+    pub(super) fn new(rows: impl IntoIterator<Item = Vec<Cell>>) -> Self {
+        let mut rows = rows.into_iter().peekable();
+        let columns = rows.peek().into_iter().flatten().map(|(name, _)| (*name).to_owned()).collect();
+        let values = |row: Vec<Cell>| row.into_iter().map(|(_, value)| value).collect();
+        Self { columns, rows: rows.map(values).collect() }
     }
 
-    /// Writes the results.
+    /// Returns one object per row.
+    pub(super) fn as_json(&self) -> Value {
+        let object = |row: &Vec<Value>| -> Map<String, Value> {
+            self.columns.iter().cloned().zip(row.iter().cloned()).collect()
+        };
+        self.rows.iter().map(object).collect()
+    }
+
+    /// Returns the table as CSV with empty cells for missing values.
     ///
     /// # Errors
     ///
-    /// [`FieldError`] naming the file that cannot be written.
-    pub(super) fn write(self, study: &Study<'_>) -> Result<(), Failure> {
-        let Self { table, mut figure } = self;
-        study.write_csv(table.file).map_err(|error| FieldError::write(&table.path, error))?;
-        let written = figure.file.write_all(study.figure().as_bytes());
-        written.map_err(|error| FieldError::write(&figure.path, error))?;
+    /// When a row cannot be encoded.
+    pub(super) fn as_csv(&self) -> Result<Vec<u8>, Failure> {
+        let mut csv = csv::Writer::from_writer(Vec::new());
+        if !self.columns.is_empty() {
+            csv.write_record(&self.columns)?;
+        }
+        for row in &self.rows {
+            csv.write_record(row.iter().map(|value| match value {
+                Value::Null => String::new(),
+                Value::String(text) => text.clone(),
+                other => other.to_string(),
+            }))?;
+        }
+        csv.into_inner().map_err(|error| Failure::internal(format!("{error}")))
+    }
+}
+
+/// Everything that a study writes and prints.
+#[derive(Debug)]
+pub(super) struct Report {
+    /// Names and contents of the files.
+    pub(super) files: Vec<(String, Vec<u8>)>,
+    /// The text or the JSON object for standard output.
+    pub(super) printed: String,
+}
+
+impl Report {
+    /// Writes the files into a directory, replacing existing ones, and prints the rest.
+    ///
+    /// # Errors
+    ///
+    /// [`FieldError::Write`] naming the file that cannot be written.
+    pub(super) fn publish(&self, directory: Option<&Path>) -> Result<(), FieldError> {
+        if let Some(directory) = directory {
+            for (name, bytes) in &self.files {
+                let path = directory.join(name);
+                std::fs::write(&path, bytes).map_err(|error| FieldError::write(&path, error))?;
+            }
+        }
+        say(&self.printed);
         Ok(())
     }
+}
+
+/// Creates the directory of a study and checks that no file in it is an input.
+///
+/// # Errors
+///
+/// When the directory is a file or cannot be created, or a file would overwrite an input.
+pub(super) fn prepare(directory: &Path, files: &[&str], inputs: &[&Path]) -> Result<(), Failure> {
+    folder::make("--output", directory)?;
+    let is_input = |path: &Path| inputs.iter().any(|input| crate::command::export::is_same_file(path, input));
+    match files.iter().map(|name| directory.join(name)).find(|path| is_input(path)) {
+        None => Ok(()),
+        Some(path) => {
+            let reason = format!("{}: cannot write: it would overwrite one of the images", path.display());
+            Err(UsageError(reason).into())
+        }
+    }
+}
+
+/// Rounds to the 7 decimals of the tables; adding 0 turns -0 into 0.
+pub(super) fn rounded(value: f64) -> f64 {
+    (value * 1e7).round() / 1e7 + 0.0
+}
+
+/// Formats a table with a labelled row for each `R` and a labelled column for each `C`.
+pub(super) fn cross_table<R, C>(
+    corner: &str,
+    rows: &[(String, R)],
+    columns: &[(String, C)],
+    cell: impl Fn(&R, &C) -> String,
+) -> String {
+    let head = std::iter::once(corner.to_owned()).chain(columns.iter().map(|(name, _)| name.clone())).collect();
+    let line = |(name, row): &(String, R)| {
+        std::iter::once(name.clone()).chain(columns.iter().map(|(_, column)| cell(row, column))).collect()
+    };
+    table(&std::iter::once(head).chain(rows.iter().map(line)).collect::<Vec<_>>())
 }

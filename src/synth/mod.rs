@@ -15,7 +15,6 @@ mod sensor;
 mod tests;
 mod trajectory;
 
-pub use crate::study::PictureMover;
 pub use film::World;
 pub use scenario::{
     BodySetup, CameraSetup, ImpactSetup, LightSetup, MotionSetup, OccluderSetup, OtherSetup, PartSetup, PatternSetup,

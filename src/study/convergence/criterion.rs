@@ -1,32 +1,32 @@
 //! The convergence criterion: the change between successive answers.
 
 /// The displacement of every subset of every pair in a fixed order; `None` if it is not valid.
-pub(in crate::study) type Answers = Vec<Option<[f64; 2]>>;
+pub(super) type Answers = Vec<Option<[f64; 2]>>;
 
 /// The difference between two sets of answers, over subsets valid in both.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::study) struct Change {
+pub(super) struct Change {
     /// Number of subsets valid in both.
-    pub(in crate::study) compared: usize,
+    pub(super) compared: usize,
     /// Median of |du| and of |dv|, px.
-    pub(in crate::study) median_px: [f64; 2],
+    pub(super) median_px: [f64; 2],
     /// The 99 % quantile of |du| and of |dv|, px.
-    pub(in crate::study) p99_px: [f64; 2],
+    pub(super) p99_px: [f64; 2],
 }
 
 /// The error of answers against the truth.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(in crate::study) struct Deviation {
+pub(super) struct Deviation {
     /// Maximum absolute mean error of one pair along one axis, px: the bias due to the fraction of the displacement.
-    pub(in crate::study) bias_px: f64,
+    pub(super) bias_px: f64,
     /// Root mean square error over both axes, px.
-    pub(in crate::study) rms_px: f64,
+    pub(super) rms_px: f64,
     /// Maximum absolute error along one axis, px.
-    pub(in crate::study) max_px: f64,
+    pub(super) max_px: f64,
 }
 
 /// Compares two sets of answers; returns `None` if no subset is valid in both.
-pub(in crate::study) fn change(before: &Answers, after: &Answers) -> Option<Change> {
+pub(super) fn change(before: &Answers, after: &Answers) -> Option<Change> {
     let both: Vec<_> = before.iter().zip(after).filter_map(|(a, b)| a.zip(*b)).collect();
     let apart = |axis: usize| {
         let mut values: Vec<f64> = both.iter().map(|(a, b)| (a[axis] - b[axis]).abs()).collect();
@@ -50,7 +50,7 @@ fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
 /// Compares answers with the truth of their pair; returns `None` if there are no answers.
 ///
 /// All pairs have the same number of answers, stored one pair after the other.
-pub(in crate::study) fn deviation(answers: &Answers, truth_px: &[[f64; 2]]) -> Option<Deviation> {
+pub(super) fn deviation(answers: &Answers, truth_px: &[[f64; 2]]) -> Option<Deviation> {
     let each = answers.len().checked_div(truth_px.len())?.max(1);
     let (mut bias_px, mut squares, mut max_px, mut count) = (0.0_f64, 0.0, 0.0_f64, 0_usize);
     for (answers, truth) in answers.chunks(each).zip(truth_px) {
@@ -68,7 +68,7 @@ pub(in crate::study) fn deviation(answers: &Answers, truth_px: &[[f64; 2]]) -> O
 }
 
 /// Returns the mean of all answers; `None` if there are none.
-pub(in crate::study) fn mean(answers: &Answers) -> Option<[f64; 2]> {
+pub(super) fn mean(answers: &Answers) -> Option<[f64; 2]> {
     let found: Vec<_> = answers.iter().flatten().collect();
     let along = |axis: usize| found.iter().map(|answer| answer[axis]).sum::<f64>() / found.len() as f64;
     (!found.is_empty()).then(|| [along(0), along(1)])
@@ -76,14 +76,14 @@ pub(in crate::study) fn mean(answers: &Answers) -> Option<[f64; 2]> {
 
 /// The result for one number of spline points.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::study) struct Stage {
-    pub(in crate::study) spline_points: u32,
+pub(super) struct Stage {
+    pub(super) spline_points: u32,
     /// Number of subsets with a valid answer.
-    pub(in crate::study) valid: usize,
+    pub(super) valid: usize,
     /// Change against the previous stage.
-    pub(in crate::study) change: Option<Change>,
+    pub(super) change: Option<Change>,
     /// Whether answers are multiples of 1 / (points + 1) px.
-    pub(in crate::study) on_grid: bool,
+    pub(super) on_grid: bool,
 }
 
 impl Stage {
@@ -102,7 +102,7 @@ impl Stage {
 }
 
 /// Returns the number of spline points from which on 99 % of the answers change by less than the tolerance.
-pub(in crate::study) fn settled(stages: &[Stage], tolerance_px: f64) -> Option<u32> {
+pub(super) fn settled(stages: &[Stage], tolerance_px: f64) -> Option<u32> {
     let last = stages.iter().rposition(|stage| !stage.agrees(tolerance_px));
     stages.get(last.map_or(0, |last| last + 1)).map(|stage| stage.spline_points)
 }

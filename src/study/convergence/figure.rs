@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use super::SPLINE_POINTS;
+use crate::study::svg::{plain, power_of_ten, text};
 
 /// Width of the figure and its margins, px.
 const WIDTH: f64 = 760.0;
@@ -31,7 +32,7 @@ const STYLE: &str = "text{font:13px system-ui,sans-serif;fill:#222}\
 
 /// The line style of a curve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::study) enum Look {
+pub(super) enum Look {
     /// Blue with discs.
     Discs,
     /// Orange with squares.
@@ -55,26 +56,26 @@ impl Look {
 
 /// A curve and its legend entry.
 #[derive(Debug, Clone)]
-pub(in crate::study) struct Curve {
-    pub(in crate::study) look: Look,
-    pub(in crate::study) name: String,
+pub(super) struct Curve {
+    pub(super) look: Look,
+    pub(super) name: String,
     /// The lengths, one per number of spline points; `None` where there is none.
-    pub(in crate::study) values_px: [Option<f64>; SPLINE_POINTS.len()],
+    pub(super) values_px: [Option<f64>; SPLINE_POINTS.len()],
     /// The index of the ringed point.
-    pub(in crate::study) ring: Option<usize>,
+    pub(super) ring: Option<usize>,
 }
 
 /// A plot.
 #[derive(Debug, Clone)]
-pub(in crate::study) struct Panel {
-    pub(in crate::study) title: String,
+pub(super) struct Panel {
+    pub(super) title: String,
     /// The label of the vertical axis, with its unit.
-    pub(in crate::study) label: String,
-    pub(in crate::study) curves: Vec<Curve>,
+    pub(super) label: String,
+    pub(super) curves: Vec<Curve>,
 }
 
 /// Draws the figure below the lines of its heading.
-pub(in crate::study) fn draw(heading: &[String; 3], panels: &[Panel]) -> String {
+pub(super) fn draw(heading: &[String; 3], panels: &[Panel]) -> String {
     let height = HEADING + (ABOVE + PLOT + BELOW) * panels.len() as f64;
     let [title, of, verdict] = heading.each_ref().map(|line| plain(line));
     let mut svg = format!(
@@ -213,30 +214,6 @@ impl Look {
             Self::Dashed | Self::Dotted => Ok(()),
         };
     }
-}
-
-pub(in crate::study) fn text(svg: &mut String, (x, y): (f64, f64), how: &str, words: &str) {
-    let _ = writeln!(svg, "<text x=\"{x:.1}\" y=\"{y:.1}\" {how}>{words}</text>");
-}
-
-pub(in crate::study) fn power_of_ten(power: i32) -> String {
-    match power {
-        -4..=3 => format!("{:.*}", (-power).max(0) as usize, 10_f64.powi(power)),
-        _ => format!("1e{power}"),
-    }
-}
-
-/// Escapes text for XML.
-pub(in crate::study) fn plain(text: &str) -> String {
-    let letter = |letter: char| match letter {
-        '&' => "&amp;".to_owned(),
-        '<' => "&lt;".to_owned(),
-        '>' => "&gt;".to_owned(),
-        '"' => "&quot;".to_owned(),
-        other if other.is_control() => " ".to_owned(),
-        other => other.to_string(),
-    };
-    text.chars().map(letter).collect()
 }
 
 #[cfg(test)]

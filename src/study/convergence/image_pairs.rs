@@ -1,12 +1,12 @@
 //! Frame pairs of a study: two files, or a rendered pattern with known displacements.
 
+use crate::failure::Failure;
 use std::path::Path;
 
 use crate::command::field::stills;
 use crate::console::UsageError;
 use crate::dic::grid;
 use crate::dic::{CorrelationParams, GridPoint};
-use crate::failure::Failure;
 use crate::image::{Frame, Image};
 use crate::synth::{MotionSetup, Scenario, World};
 
@@ -14,8 +14,7 @@ use crate::synth::{MotionSetup, Scenario, World};
 ///
 /// All lie at least 0.01 px off the grids of the study's spline points. On such a grid the highest grid point would
 /// look perfect.
-pub(in crate::study) const DRAWN_PX: [[f64; 2]; 5] =
-    [[0.02, -0.31], [0.22, 0.69], [0.56, -0.89], [0.78, -1.22], [1.44, 1.7]];
+pub(super) const DRAWN_PX: [[f64; 2]; 5] = [[0.02, -0.31], [0.22, 0.69], [0.56, -0.89], [0.78, -1.22], [1.44, 1.7]];
 
 /// Side of the rendered frames, px.
 const SIDE_PX: u32 = 192;
@@ -28,32 +27,32 @@ const CENTER_PX: [f64; 2] = [95.63, 95.29];
 
 /// Two images to measure instead of the rendered pattern.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::study) struct Files<'a> {
-    pub(in crate::study) reference: &'a Path,
-    pub(in crate::study) target: &'a Path,
+pub(super) struct Files<'a> {
+    pub(super) reference: &'a Path,
+    pub(super) target: &'a Path,
     /// A rectangle of the reference to evaluate: x, y, width, height.
-    pub(in crate::study) roi_px: Option<[u32; 4]>,
+    pub(super) roi_px: Option<[u32; 4]>,
 }
 
 /// Two frames of the same size.
 #[derive(Debug)]
-pub(in crate::study) struct Pair {
-    pub(in crate::study) reference: Image,
-    pub(in crate::study) target: Image,
+pub(super) struct Pair {
+    pub(super) reference: Image,
+    pub(super) target: Image,
     /// The rendered displacement, which is uniform.
-    pub(in crate::study) truth_px: Option<[f64; 2]>,
+    pub(super) truth_px: Option<[f64; 2]>,
 }
 
 /// The input of a study: the same subsets on every pair.
 #[derive(Debug)]
-pub(in crate::study) struct Subject {
-    pub(in crate::study) pairs: Vec<Pair>,
-    pub(in crate::study) points: Vec<GridPoint>,
+pub(super) struct Subject {
+    pub(super) pairs: Vec<Pair>,
+    pub(super) points: Vec<GridPoint>,
 }
 
 impl Subject {
     /// Returns width and height of the frames, px.
-    pub(in crate::study) fn size(&self) -> (usize, usize) {
+    pub(super) fn size(&self) -> (usize, usize) {
         self.pairs.first().map_or((0, 0), |pair| (pair.reference.view().width(), pair.reference.view().height()))
     }
 }
@@ -63,7 +62,7 @@ impl Subject {
 /// # Errors
 ///
 /// When a file cannot be read, the sizes differ, or the region exceeds the image.
-pub(in crate::study) fn read(files: &Files<'_>, params: &CorrelationParams) -> Result<Subject, Failure> {
+pub(super) fn read(files: &Files<'_>, params: &CorrelationParams) -> Result<Subject, Failure> {
     let (reference, target) = stills::read_pair(files.reference, files.target)?;
     let size = (reference.view().width(), reference.view().height());
     let points = stills::points(files.reference, size, files.roi_px, params)?;
@@ -75,7 +74,7 @@ pub(in crate::study) fn read(files: &Files<'_>, params: &CorrelationParams) -> R
 /// # Errors
 ///
 /// When the subsets are too large for the ball.
-pub(in crate::study) fn draw(displacements_px: &[[f64; 2]], params: &CorrelationParams) -> Result<Subject, Failure> {
+pub(super) fn draw(displacements_px: &[[f64; 2]], params: &CorrelationParams) -> Result<Subject, Failure> {
     let ([x, y], side) = (CENTER_PX, SIDE_PX as usize);
     let points = grid::disc(x, y, 0.5 * DIAMETER_PX, params.step_px, params.subset_size_px, side, side);
     if points.is_empty() {
@@ -106,16 +105,10 @@ fn draw_pair([u, v]: [f64; 2]) -> Result<Pair, Failure> {
     Ok(Pair { reference: frame(0)?, target: frame(1)?, truth_px: Some([u, v]) })
 }
 
-/// Whether a path is one of the input files.
-pub(in crate::study) fn is_input(files: Option<Files<'_>>, path: &Path) -> bool {
-    let mut inputs = files.into_iter().flat_map(|files| [files.reference, files.target]);
-    inputs.any(|input| crate::command::export::is_same_file(path, input))
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::SPLINE_POINTS;
     use super::*;
+    use crate::study::convergence::SPLINE_POINTS;
 
     #[test]
     fn no_drawn_displacement_is_near_a_grid_of_spline_points() {

@@ -2,25 +2,22 @@
 
 mod criterion;
 mod figure;
-pub(in crate::study) mod image_pairs;
+mod image_pairs;
 mod output;
-pub(in crate::study) use figure::{plain, power_of_ten, text};
-pub(in crate::study) use output::Study;
 
-use std::path::PathBuf;
+use crate::failure::Failure;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
-use super::output_files::Output;
+use super::output_files;
 use crate::console::{Outcome, UsageError, progress};
-use crate::dic::{CorrelationParams, Correlator, Method, PreparedFrame, Start};
-use crate::failure::Failure;
+use crate::dic::{self, CorrelationParams, Correlator, PreparedFrame, Start};
 use crate::process::Stop;
 use criterion::{Answers, Change, Deviation, change, deviation, mean};
-use image_pairs::Subject;
+use image_pairs::{Files, Subject};
 
 use crate::command::field::Roi;
-pub(super) use image_pairs::Files;
 
 /// The numbers of spline points to try, in this order.
 pub const SPLINE_POINTS: [u32; 9] = [0, 1, 2, 3, 5, 7, 10, 14, 20];
@@ -61,19 +58,19 @@ pub struct ConvergenceOptions {
 
 impl ConvergenceOptions {
     /// Returns the images to measure, if any.
-    pub(super) fn files(&self) -> Option<Files<'_>> {
+    fn files(&self) -> Option<Files<'_>> {
         let (reference, target) = self.reference.as_deref().zip(self.target.as_deref())?;
         Some(Files { reference, target, roi_px: self.roi_px.map(|roi| roi.0) })
     }
 
     /// Returns the correlation settings of one method.
-    fn params(&self, way: Way) -> CorrelationParams {
-        let (method, spline_points) = match way {
-            Way::Spline { spline_points, .. } => (Method::SplineFft, spline_points),
-            Way::IcGn => (Method::IcGn, 0),
+    fn params(&self, method: Method) -> CorrelationParams {
+        let (correlation, spline_points) = match method {
+            Method::Spline { spline_points, .. } => (dic::Method::SplineFft, spline_points),
+            Method::IcGn => (dic::Method::IcGn, 0),
         };
         CorrelationParams {
-            method,
+            method: correlation,
             spline_points,
             subset_size_px: self.subset_size_px,
             step_px: self.step_px,
@@ -85,7 +82,7 @@ impl ConvergenceOptions {
 
 /// A method of the study.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Way {
+enum Method {
     /// `spline-fft`.
     Spline {
         /// Number of points between two pixels.
@@ -99,7 +96,7 @@ pub(super) enum Way {
 
 /// The treatment of the highest grid point of a correlation peak.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Peak {
+enum Peak {
     /// The maximum of a fit around it is the answer.
     Fitted,
     /// The grid point itself is the answer.
@@ -108,22 +105,22 @@ pub(super) enum Peak {
 
 /// The result of one method.
 #[derive(Debug, Clone)]
-pub(super) struct Row {
-    pub(super) way: Way,
+struct Row {
+    method: Method,
     /// Number of subsets of all pairs.
-    pub(super) subsets: usize,
+    subsets: usize,
     /// Number of subsets with a valid answer.
-    pub(super) valid: usize,
+    valid: usize,
     /// Change against the previous number of points.
-    pub(super) change: Option<Change>,
+    change: Option<Change>,
     /// Difference from `ic-gn`.
-    pub(super) from_ic_gn: Option<Change>,
+    from_ic_gn: Option<Change>,
     /// Error against the truth, if known.
-    pub(super) error: Option<Deviation>,
+    error: Option<Deviation>,
     /// Mean displacement of a single pair, px.
-    pub(super) mean_px: Option<[f64; 2]>,
+    mean_px: Option<[f64; 2]>,
     /// Time of all fields, s.
-    pub(super) time_s: f64,
+    time_s: f64,
 }
 
 /// Runs the study and prints its table.
@@ -139,19 +136,16 @@ pub fn run(options: &ConvergenceOptions, stop: &Stop) -> Result<Outcome, Failure
         );
     }
     let subject = subject(options)?;
-    // Opened before the work, so that a wrong path is reported at once.
-    let output = options.output.as_ref().map(|path| Output::open(path, options.files())).transpose()?;
-    let ways = ways();
-    let rows = measure(options, subject, &ways, stop)?;
-    let (missing, study) = (ways.len() - rows.len(), output::Study { options, rows: &rows });
-    if let Some(output) = output {
-        output.write(&study)?;
+    // Prepared before the work, so that a wrong path is reported at once.
+    if let Some(directory) = &options.output {
+        let inputs: Vec<&Path> =
+            options.files().into_iter().flat_map(|files| [files.reference, files.target]).collect();
+        output_files::prepare(directory, &[output::TABLE, output::FIGURE], &inputs)?;
     }
-    if options.json {
-        study.print_json()
-    } else {
-        study.print_table()
-    }
+    let methods = methods();
+    let rows = measure(options, subject, &methods, stop)?;
+    output::Study { options, rows: &rows }.report()?.publish(options.output.as_deref())?;
+    let missing = methods.len() - rows.len();
     Ok(match missing {
         0 => Outcome::Clean,
         count => Outcome::Lost { count: count as u64, cause: Some("stopped before every row was measured".into()) },
@@ -160,7 +154,7 @@ pub fn run(options: &ConvergenceOptions, stop: &Stop) -> Result<Outcome, Failure
 
 /// Returns the frames to measure: the files, or the rendered pattern.
 fn subject(options: &ConvergenceOptions) -> Result<Subject, Failure> {
-    let params = options.params(Way::IcGn);
+    let params = options.params(Method::IcGn);
     // Planned for any size that has room, so that settings out of range are reported before anything is read or
     // rendered.
     Correlator::new(&params, 1 << 10, 1 << 10)?;
@@ -172,31 +166,36 @@ fn subject(options: &ConvergenceOptions) -> Result<Subject, Failure> {
 }
 
 /// Returns all methods in the order of the table: `ic-gn` first, since the others are compared with it.
-fn ways() -> Vec<Way> {
-    let spline = |peak: Peak| SPLINE_POINTS.map(|spline_points| Way::Spline { spline_points, peak });
-    [Way::IcGn].into_iter().chain(spline(Peak::Fitted)).chain(spline(Peak::Highest)).collect()
+fn methods() -> Vec<Method> {
+    let spline = |peak: Peak| SPLINE_POINTS.map(|spline_points| Method::Spline { spline_points, peak });
+    [Method::IcGn].into_iter().chain(spline(Peak::Fitted)).chain(spline(Peak::Highest)).collect()
 }
 
 /// Returns the relative duration of a method: the transformed area grows with the square of the points.
-fn cost(way: Way) -> u64 {
-    match way {
-        Way::IcGn => 1,
-        Way::Spline { spline_points, .. } => 1 + u64::from(spline_points + 1).pow(2),
+fn cost(method: Method) -> u64 {
+    match method {
+        Method::IcGn => 1,
+        Method::Spline { spline_points, .. } => 1 + u64::from(spline_points + 1).pow(2),
     }
 }
 
 /// Measures in a separate thread, so that a stop does not have to wait for a field; returns the completed rows.
-fn measure(options: &ConvergenceOptions, subject: Subject, ways: &[Way], stop: &Stop) -> Result<Vec<Row>, Failure> {
+fn measure(
+    options: &ConvergenceOptions,
+    subject: Subject,
+    methods: &[Method],
+    stop: &Stop,
+) -> Result<Vec<Row>, Failure> {
     let (width, height) = subject.size();
-    let plan = |way: &Way| Ok((*way, plan(options, *way, (width, height))?));
-    let planned = ways.iter().map(plan).collect::<Result<Vec<_>, Failure>>()?;
+    let plan = |method: &Method| Ok((*method, plan(options, *method, (width, height))?));
+    let planned = methods.iter().map(plan).collect::<Result<Vec<_>, Failure>>()?;
     let (sender, receiver) = channel();
     let worker = std::thread::spawn(move || work(planned, &subject, &sender));
-    let bar = progress::parts(ways.iter().map(|way| cost(*way)).sum(), "study");
+    let bar = progress::parts(methods.iter().map(|method| cost(*method)).sum(), "study");
     bar.enable_steady_tick(LOOK);
     let mut rows = Vec::new();
     let is_stopped = collect(&receiver, stop, |row| {
-        bar.inc(cost(row.way));
+        bar.inc(cost(row.method));
         rows.push(row);
     });
     bar.finish_and_clear();
@@ -221,23 +220,23 @@ fn collect(receiver: &Receiver<Row>, stop: &Stop, mut take: impl FnMut(Row)) -> 
     }
 }
 
-fn plan(options: &ConvergenceOptions, way: Way, (width, height): (usize, usize)) -> Result<Correlator, Failure> {
-    let correlator = Correlator::new(&options.params(way), width, height)?;
-    Ok(match way {
-        Way::Spline { peak: Peak::Highest, .. } => correlator.without_peak_fit(),
+fn plan(options: &ConvergenceOptions, method: Method, (width, height): (usize, usize)) -> Result<Correlator, Failure> {
+    let correlator = Correlator::new(&options.params(method), width, height)?;
+    Ok(match method {
+        Method::Spline { peak: Peak::Highest, .. } => correlator.without_peak_fit(),
         _ => correlator,
     })
 }
 
 /// Sends one row per method, until the receiver is gone.
-fn work(planned: Vec<(Way, Correlator)>, subject: &Subject, rows: &Sender<Row>) {
+fn work(planned: Vec<(Method, Correlator)>, subject: &Subject, rows: &Sender<Row>) {
     let truth_px: Option<Vec<_>> = subject.pairs.iter().map(|pair| pair.truth_px).collect();
-    let (mut ic_gn, mut before): (Option<Answers>, Option<(Way, Answers)>) = (None, None);
-    for (way, mut correlator) in planned {
+    let (mut ic_gn, mut before): (Option<Answers>, Option<(Method, Answers)>) = (None, None);
+    for (method, mut correlator) in planned {
         let (answers, time_s) = correlate(&mut correlator, subject);
-        let follows = before.as_ref().filter(|(earlier, _)| is_next(*earlier, way));
+        let follows = before.as_ref().filter(|(earlier, _)| is_next(*earlier, method));
         let row = Row {
-            way,
+            method,
             subsets: answers.len(),
             valid: answers.iter().flatten().count(),
             change: follows.and_then(|(_, earlier)| change(earlier, &answers)),
@@ -246,10 +245,10 @@ fn work(planned: Vec<(Way, Correlator)>, subject: &Subject, rows: &Sender<Row>) 
             mean_px: mean(&answers).filter(|_| subject.pairs.len() == 1),
             time_s,
         };
-        if way == Way::IcGn {
+        if method == Method::IcGn {
             ic_gn = Some(answers);
         } else {
-            before = Some((way, answers));
+            before = Some((method, answers));
         }
         if rows.send(row).is_err() {
             return;
@@ -258,8 +257,8 @@ fn work(planned: Vec<(Way, Correlator)>, subject: &Subject, rows: &Sender<Row>) 
 }
 
 /// Whether two methods differ only in their number of points.
-fn is_next(before: Way, way: Way) -> bool {
-    matches!((before, way), (Way::Spline { peak: a, .. }, Way::Spline { peak: b, .. }) if a == b)
+fn is_next(before: Method, method: Method) -> bool {
+    matches!((before, method), (Method::Spline { peak: a, .. }, Method::Spline { peak: b, .. }) if a == b)
 }
 
 /// Returns the answers of all pairs in order, and the correlation time, s.
@@ -300,17 +299,17 @@ mod tests {
         }
     }
 
-    fn row(options: &ConvergenceOptions, displacement_px: [f64; 2], way: Way) -> Row {
-        let subject = image_pairs::draw(&[displacement_px], &options.params(Way::IcGn)).unwrap();
-        measure(options, subject, &[way], &Stop::default()).unwrap().remove(0)
+    fn row(options: &ConvergenceOptions, displacement_px: [f64; 2], method: Method) -> Row {
+        let subject = image_pairs::draw(&[displacement_px], &options.params(Method::IcGn)).unwrap();
+        measure(options, subject, &[method], &Stop::default()).unwrap().remove(0)
     }
 
     #[test]
     fn without_the_peak_fit_a_small_shift_reads_zero_and_with_it_it_is_found() {
-        let way = |peak: Peak| Way::Spline { spline_points: 5, peak };
-        let highest = row(&options(), [0.06, -0.05], way(Peak::Highest));
+        let method = |peak: Peak| Method::Spline { spline_points: 5, peak };
+        let highest = row(&options(), [0.06, -0.05], method(Peak::Highest));
         assert_eq!(highest.mean_px, Some([0.0, 0.0]), "every answer is the grid point 0");
-        let fitted = row(&options(), [0.06, -0.05], way(Peak::Fitted));
+        let fitted = row(&options(), [0.06, -0.05], method(Peak::Fitted));
         let [u, v] = fitted.mean_px.unwrap();
         assert!((u - 0.06).abs() < 0.01 && (v + 0.05).abs() < 0.01, "{u} {v}");
         assert!(fitted.error.unwrap().rms_px < 0.5 * highest.error.unwrap().rms_px);
@@ -318,9 +317,9 @@ mod tests {
 
     #[test]
     fn without_the_peak_fit_answers_are_multiples_of_the_grid_step() {
-        let (options, way) = (options(), Way::Spline { spline_points: 2, peak: Peak::Highest });
-        let subject = image_pairs::draw(&[[0.56, -0.89]], &options.params(way)).unwrap();
-        let mut correlator = plan(&options, way, subject.size()).unwrap();
+        let (options, method) = (options(), Method::Spline { spline_points: 2, peak: Peak::Highest });
+        let subject = image_pairs::draw(&[[0.56, -0.89]], &options.params(method)).unwrap();
+        let mut correlator = plan(&options, method, subject.size()).unwrap();
         let (answers, _) = correlate(&mut correlator, &subject);
         assert!(answers.iter().flatten().count() >= 10);
         for part in answers.iter().flatten().flatten() {
@@ -333,7 +332,7 @@ mod tests {
         let (stop, options) = (Stop::default(), options());
         stop.request();
         let subject = subject(&options).unwrap();
-        let rows = measure(&options, subject, &ways(), &stop).unwrap();
-        assert!(rows.len() < ways().len(), "{} rows", rows.len());
+        let rows = measure(&options, subject, &methods(), &stop).unwrap();
+        assert!(rows.len() < methods().len(), "{} rows", rows.len());
     }
 }

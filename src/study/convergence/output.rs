@@ -1,6 +1,6 @@
 //! The output of the convergence study: table, JSON and figure.
 
-use std::io::Write;
+use crate::failure::Failure;
 use std::path::Path;
 
 use serde_json::{Value, json};
@@ -8,29 +8,30 @@ use serde_json::{Value, json};
 use super::criterion::{Stage, settled};
 use super::figure::{self, Curve, Look, Panel};
 use super::image_pairs::DRAWN_PX;
-use super::{ConvergenceOptions, Peak, Row, SPLINE_POINTS, Way};
-use crate::console::{say, table};
-use crate::failure::Failure;
+use super::{ConvergenceOptions, Method, Peak, Row, SPLINE_POINTS};
+use crate::console::table;
+use crate::study::output_files::{Cell, Report, Table};
 
 /// The options and the results.
-pub(in crate::study) struct Study<'a> {
-    pub(in crate::study) options: &'a ConvergenceOptions,
-    pub(in crate::study) rows: &'a [Row],
+pub(super) struct Study<'a> {
+    pub(super) options: &'a ConvergenceOptions,
+    pub(super) rows: &'a [Row],
 }
 
-/// A cell of the table: name and value.
-type Cell = (&'static str, Value);
+/// Names of the files.
+pub(super) const TABLE: &str = "convergence.csv";
+pub(super) const FIGURE: &str = "convergence.svg";
 
 impl Row {
     /// Returns all values of the row; missing ones are null.
     fn cells(&self) -> Vec<Cell> {
-        let (method, spline_points, peak_fit) = match self.way {
-            Way::IcGn => ("ic-gn", None, None),
-            Way::Spline { spline_points, peak } => ("spline-fft", Some(spline_points), Some(peak == Peak::Fitted)),
+        let (name, spline_points, peak_fit) = match self.method {
+            Method::IcGn => ("ic-gn", None, None),
+            Method::Spline { spline_points, peak } => ("spline-fft", Some(spline_points), Some(peak == Peak::Fitted)),
         };
         let (change, from) = (self.change, self.from_ic_gn);
         vec![
-            ("method", json!(method)),
+            ("method", json!(name)),
             ("spline_points", json!(spline_points)),
             ("peak_fit", json!(peak_fit)),
             ("subsets", json!(self.subsets)),
@@ -64,8 +65,8 @@ impl Row {
 impl Study<'_> {
     /// Returns the rows with one treatment of the peak.
     fn of(&self, wanted: Peak) -> Vec<(u32, &Row)> {
-        let points = |row: &Row| match row.way {
-            Way::Spline { spline_points, peak } if peak == wanted => Some(spline_points),
+        let points = |row: &Row| match row.method {
+            Method::Spline { spline_points, peak } if peak == wanted => Some(spline_points),
             _ => None,
         };
         self.rows.iter().filter_map(|row| Some((points(row)?, row))).collect()
@@ -95,7 +96,7 @@ impl Study<'_> {
             return format!("{name}: not measured");
         };
         let tolerance_px = self.options.tolerance_px;
-        let ic_gn = self.rows.iter().find(|row| row.way == Way::IcGn).map_or_else(String::new, Row::answer);
+        let ic_gn = self.rows.iter().find(|row| row.method == Method::IcGn).map_or_else(String::new, Row::answer);
         let verdict = match settled {
             Some(points) => {
                 format!("converged at {points} points (99 % change by less than {tolerance_px} px from there on)")
@@ -106,7 +107,7 @@ impl Study<'_> {
     }
 
     /// Draws the figure.
-    pub(in crate::study) fn figure(&self) -> String {
+    fn figure(&self) -> String {
         let options = self.options;
         let (subset_px, step_px) = (options.subset_size_px, options.step_px);
         let of = match options.files() {
@@ -154,7 +155,7 @@ impl Study<'_> {
 
     fn errors(&self) -> Panel {
         let mut curves = self.curves(|row| row.error.map(|error| error.rms_px));
-        let ic_gn = self.rows.iter().find(|row| row.way == Way::IcGn).and_then(|row| row.error);
+        let ic_gn = self.rows.iter().find(|row| row.method == Method::IcGn).and_then(|row| row.error);
         let values_px = [ic_gn.map(|error| error.rms_px); SPLINE_POINTS.len()];
         curves.push(Curve { look: Look::Dashed, name: "ic-gn".to_owned(), values_px, ring: None });
         Panel { title: "Error against the truth".to_owned(), label: "rms error, px".to_owned(), curves }
@@ -176,48 +177,55 @@ impl Study<'_> {
         looks.into_iter().map(curve).collect()
     }
 
-    /// Prints the table and the summary.
-    pub(in crate::study) fn print_table(&self) {
-        let truth = self.options.reference.is_none();
+    /// Returns the files, and the text or JSON object to print.
+    ///
+    /// # Errors
+    ///
+    /// When the table cannot be encoded.
+    pub(super) fn report(&self) -> Result<Report, Failure> {
+        let table = Table::new(self.rows.iter().map(Row::cells));
+        let files = vec![(TABLE.to_owned(), table.as_csv()?), (FIGURE.to_owned(), self.figure().into_bytes())];
+        let printed = if self.options.json { self.as_json(&table).to_string() } else { self.as_text() };
+        Ok(Report { files, printed })
+    }
+
+    fn as_text(&self) -> String {
         let px = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.5}"));
-        let last = if truth { ["bias", "rms", "max"] } else { ["mean u", "mean v", ""] };
+        let has_truth = self.options.reference.is_none();
+        let last = if has_truth { ["bias", "rms", "max"] } else { ["mean u", "mean v", ""] };
         let head =
             ["points", "peak fit", "valid", "|du|", "|dv|", "99 % |du|", "99 % |dv|", "ic-gn |du|", "ic-gn |dv|"];
         let mut lines = vec![head.into_iter().chain(last).chain(["s"]).map(str::to_owned).collect::<Vec<_>>()];
         for row in self.rows {
-            let (points, fit) = match row.way {
-                Way::IcGn => ("ic-gn".to_owned(), ""),
-                Way::Spline { spline_points, peak: Peak::Fitted } => (spline_points.to_string(), "yes"),
-                Way::Spline { spline_points, peak: Peak::Highest } => (spline_points.to_string(), "no"),
+            let (points, fit) = match row.method {
+                Method::IcGn => ("ic-gn".to_owned(), ""),
+                Method::Spline { spline_points, peak: Peak::Fitted } => (spline_points.to_string(), "yes"),
+                Method::Spline { spline_points, peak: Peak::Highest } => (spline_points.to_string(), "no"),
             };
-            let axis = |change: Option<[f64; 2]>| [px(change.map(|px| px[0])), px(change.map(|px| px[1]))];
+            let changes = [
+                row.change.map(|change| change.median_px),
+                row.change.map(|change| change.p99_px),
+                row.from_ic_gn.map(|change| change.median_px),
+            ];
             let mut line = vec![points, fit.to_owned(), format!("{}/{}", row.valid, row.subsets)];
-            line.extend(axis(row.change.map(|change| change.median_px)));
-            line.extend(axis(row.change.map(|change| change.p99_px)));
-            line.extend(axis(row.from_ic_gn.map(|change| change.median_px)));
-            if truth {
+            line.extend(changes.into_iter().flat_map(|change| [0, 1].map(|axis| px(change.map(|px| px[axis])))));
+            if has_truth {
                 line.extend([px(row.error.map(|e| e.bias_px)), px(row.error.map(|e| e.rms_px))]);
                 line.push(px(row.error.map(|e| e.max_px)));
             } else {
-                line.extend(axis(row.mean_px));
-                line.push(String::new());
+                line.extend([px(row.mean_px.map(|mean| mean[0])), px(row.mean_px.map(|mean| mean[1])), String::new()]);
             }
             line.push(format!("{:.2}", row.time_s));
             lines.push(line);
         }
-        say("lengths in px; |du|, |dv|: median change against the previous row, and against ic-gn");
-        say(&table(&lines));
-        say(&self.verdict(Peak::Fitted));
-        say(&self.verdict(Peak::Highest));
+        let explanation = "lengths in px; |du|, |dv|: median change against the previous row, and against ic-gn";
+        let [fitted, highest] = [Peak::Fitted, Peak::Highest].map(|peak| self.verdict(peak));
+        format!("{explanation}\n{}\n{fitted}\n{highest}", table(&lines))
     }
 
-    /// Prints everything as one JSON object.
-    pub(in crate::study) fn print_json(&self) {
-        let options = self.options;
-        let rows: Vec<Value> =
-            self.rows.iter().map(|row| Value::Object(row.cells().into_iter().map(named).collect())).collect();
-        let files = options.files();
-        say(&json!({
+    fn as_json(&self, table: &Table) -> Value {
+        let (options, files) = (self.options, self.options.files());
+        json!({
             "study": "convergence",
             "reference": files.map(|files| files.reference),
             "target": files.map(|files| files.target),
@@ -229,30 +237,7 @@ impl Study<'_> {
             "tolerance_px": options.tolerance_px,
             "settled_points": self.settled(Peak::Fitted),
             "settled_points_without_peak_fit": self.settled(Peak::Highest),
-            "rows": rows,
+            "rows": table.as_json(),
         })
-        .to_string());
     }
-
-    /// Writes the table as CSV; missing values are empty cells.
-    pub(in crate::study) fn write_csv(&self, out: impl Write) -> Result<(), Failure> {
-        let mut csv = csv::Writer::from_writer(out);
-        for (index, row) in self.rows.iter().enumerate() {
-            let cells = row.cells();
-            if index == 0 {
-                csv.write_record(cells.iter().map(|(name, _)| name))?;
-            }
-            csv.write_record(cells.iter().map(|(_, value)| match value {
-                Value::Null => String::new(),
-                Value::String(text) => text.clone(),
-                other => other.to_string(),
-            }))?;
-        }
-        csv.flush()?;
-        Ok(())
-    }
-}
-
-fn named((name, value): Cell) -> (String, Value) {
-    (name.to_owned(), value)
 }

@@ -23,7 +23,7 @@ pub(super) struct Advice {
     /// The description of the change.
     pub(super) words: String,
     /// Scatter of each number of [`judged`] after the change, relative to the present one.
-    pub(super) shares: Vec<(String, f64)>,
+    pub(super) ratios: Vec<(String, f64)>,
     /// Geometric mean of the ratios.
     pub(super) mean: f64,
 }
@@ -78,11 +78,11 @@ pub(super) fn advice(
 }
 
 fn compare(words: String, names: &[String], now: &Prediction, then: &Prediction) -> Option<Advice> {
-    let share = |name: &String| Some((name.clone(), then.sigma(name)? / now.sigma(name)?));
-    let shares = names.iter().map(share).collect::<Option<Vec<_>>>()?;
-    let logs: f64 = shares.iter().map(|(_, share)| share.max(1e-6).ln()).sum();
-    let mean = (logs / shares.len().max(1) as f64).exp();
-    Some(Advice { words, shares, mean })
+    let ratio = |name: &String| Some((name.clone(), then.sigma(name)? / now.sigma(name)?));
+    let ratios = names.iter().map(ratio).collect::<Option<Vec<_>>>()?;
+    let logs: f64 = ratios.iter().map(|(_, ratio)| ratio.max(1e-6).ln()).sum();
+    let mean = (logs / ratios.len().max(1) as f64).exp();
+    Some(Advice { words, ratios, mean })
 }
 
 /// Returns the number of changes.

@@ -9,6 +9,7 @@ mod rig;
 mod scatter;
 mod subset_noise;
 
+use crate::failure::Failure;
 use std::path::PathBuf;
 
 use self::rig::Rig;
@@ -16,7 +17,6 @@ use self::scatter::Prediction;
 use crate::command::field::folder;
 use crate::config::Config;
 use crate::console::{Outcome, UsageError, progress};
-use crate::failure::Failure;
 use crate::process::Stop;
 
 pub use self::scatter::{Expected, spread};
@@ -84,14 +84,7 @@ pub fn run(options: &DesignOptions, stop: &Stop) -> Result<Outcome, Failure> {
     };
     bar.finish_and_clear();
     let Some(advice) = advice else { return Ok(stopped()) };
-    let output = output::Output { rig: &rig, prediction: &prediction, advice: &advice };
-    if let Some(directory) = &options.output {
-        output.write(directory)?;
-    }
-    if options.json {
-        output.print_json()
-    } else {
-        output.print_table()
-    }
+    let study = output::Study { options, rig: &rig, prediction: &prediction, advice: &advice };
+    study.report()?.publish(options.output.as_deref())?;
     Ok(Outcome::Clean)
 }

@@ -3,76 +3,83 @@
 use super::advice::Advice;
 use super::rig::Rig;
 use super::scatter::{Expected, Prediction};
-use super::{FILMS, FILMS_OF_A_CHANGE};
-use crate::command::field::FieldError;
-use crate::console::{say, table};
+use super::{DesignOptions, FILMS, FILMS_OF_A_CHANGE};
+use crate::console::table;
 use crate::failure::Failure;
-use serde_json::json;
-use std::path::Path;
+use crate::study::output_files::{Report, Table};
+use serde_json::{Value, json};
 
 /// The results for a rig.
-pub(super) struct Output<'a> {
+pub(super) struct Study<'a> {
+    pub(super) options: &'a DesignOptions,
     pub(super) rig: &'a Rig,
     pub(super) prediction: &'a Prediction,
     pub(super) advice: &'a [Advice],
 }
 
-impl Output<'_> {
-    pub(super) fn print_json(&self) {
-        let Self { rig, prediction, advice } = self;
+impl Study<'_> {
+    /// Returns the files, and the text or JSON object to print.
+    ///
+    /// # Errors
+    ///
+    /// When a table cannot be encoded.
+    pub(super) fn report(&self) -> Result<Report, Failure> {
+        let expected = Table::new(self.prediction.rows.iter().map(|row| {
+            vec![
+                ("name", json!(row.name)),
+                ("unit", json!(row.unit)),
+                ("true", json!(row.truth)),
+                ("sigma", json!(row.sigma)),
+                ("mean_error", json!(row.offset)),
+                ("told", json!(row.fraction)),
+                ("odd", json!(row.outliers)),
+            ]
+        }));
+        let names =
+            self.advice.first().into_iter().flat_map(|advice| advice.ratios.iter().map(|(name, _)| name.clone()));
+        let row = |advice: &Advice| {
+            let ratios = advice.ratios.iter().map(|(_, ratio)| json!(ratio));
+            [json!(advice.words), json!(advice.mean)].into_iter().chain(ratios).collect()
+        };
+        let advice = Table {
+            columns: ["change".to_owned(), "mean_share".to_owned()].into_iter().chain(names).collect(),
+            rows: self.advice.iter().map(row).collect(),
+        };
+        let printed = if self.options.json { self.as_json(&expected).to_string() } else { self.as_text() };
+        let files =
+            vec![("design.csv".to_owned(), expected.as_csv()?), ("design_advice.csv".to_owned(), advice.as_csv()?)];
+        Ok(Report { files, printed })
+    }
+
+    fn as_json(&self, expected: &Table) -> Value {
+        let Self { rig, prediction, advice, .. } = self;
         let camera = &rig.scenario.camera;
         let [x, y, angle] = prediction.noise.pose;
-        let rows: Vec<_> = prediction.rows.iter().map(row).collect();
         let advice = advice.iter().map(|advice| {
             let shares: serde_json::Map<_, _> =
-                advice.shares.iter().map(|(name, share)| (name.clone(), json!(share))).collect();
+                advice.ratios.iter().map(|(name, ratio)| (name.clone(), json!(ratio))).collect();
             json!({ "change": advice.words, "mean_share": advice.mean, "shares": shares })
         });
-        let report = json!({
+        json!({
             "rig": rig.config.origin, "scenario": rig.scenario.name,
             "frame_rate_hz": camera.frame_rate_hz, "exposure_us": camera.exposure_us, "noise_dn": camera.noise_dn,
             "diameter_px": 2.0 * rig.scenario.radius_px(), "motion_blur_px": self.blur_px(),
             "pixel_noise_dn": prediction.noise.pixel_dn, "is_whole": prediction.noise.step.is_whole,
             "sigma_x_px": x, "sigma_y_px": y, "sigma_angle_deg": angle,
             "films": FILMS, "films_of_a_change": FILMS_OF_A_CHANGE,
-            "expected": rows, "advice": advice.collect::<Vec<_>>(),
-        });
-        say(&report.to_string());
-    }
-
-    /// Writes `design.csv`, one row per result, and `design_advice.csv`, one row per change, replacing existing
-    /// files.
-    ///
-    /// # Errors
-    ///
-    /// [`FieldError`] naming the file that cannot be written.
-    pub(super) fn write(&self, directory: &Path) -> Result<(), Failure> {
-        let expected = self.prediction.rows.iter().map(|row| {
-            let numbers =
-                [row.truth, row.sigma, row.offset, row.fraction, row.outliers].map(|number| number.to_string());
-            [vec![row.name.clone(), row.unit.to_owned()], numbers.to_vec()].concat()
-        });
-        let header = ["name", "unit", "true", "sigma", "mean_error", "told", "odd"].map(str::to_owned).to_vec();
-        file(&directory.join("design.csv"), header, expected)?;
-        let names =
-            self.advice.first().into_iter().flat_map(|advice| advice.shares.iter().map(|(name, _)| name.clone()));
-        let header = ["change".to_owned(), "mean_share".to_owned()].into_iter().chain(names).collect();
-        let advice = self.advice.iter().map(|advice| {
-            let shares = advice.shares.iter().map(|(_, share)| share.to_string());
-            [advice.words.clone(), advice.mean.to_string()].into_iter().chain(shares).collect()
-        });
-        file(&directory.join("design_advice.csv"), header, advice)
+            "expected": expected.as_json(), "advice": advice.collect::<Vec<_>>(),
+        })
     }
 
     fn blur_px(&self) -> f64 {
         1e-6 * self.rig.scenario.camera.exposure_us * self.rig.speed_px_s()
     }
 
-    pub(super) fn print_table(&self) {
+    fn as_text(&self) -> String {
         let Self { rig, prediction, .. } = self;
         let (camera, noise) = (&rig.scenario.camera, &prediction.noise);
         let [x, y, angle] = noise.pose;
-        say(&format!(
+        let rig = format!(
             "{}: {} of {:.1} px, {} Hz, {} us ({:.2} px of motion blur), noise {} of {} grey levels",
             rig.config.origin,
             if rig.scenario.body.rod.is_some() { "rod" } else { "ball" },
@@ -82,58 +89,37 @@ impl Output<'_> {
             self.blur_px(),
             camera.noise_dn,
             2u32.pow(camera.bits)
-        ));
+        );
         let method = if noise.step.is_whole { "whole-body match" } else { "subsets" };
-        say(&format!("pose noise ({method}): {x:.5} px, {y:.5} px, {angle:.5} deg (1 sigma)\n"));
+        let pose = format!("pose noise ({method}): {x:.5} px, {y:.5} px, {angle:.5} deg (1 sigma)");
         let header = ["result", "true", "scatter (1 sigma)", "relative", "mean error", ""].map(str::to_owned).to_vec();
         let rows: Vec<_> = std::iter::once(header).chain(prediction.rows.iter().map(cells)).collect();
-        say(&table(&rows));
-        if let Some(row) =
-            prediction.rows.iter().max_by(|a, b| a.outliers.total_cmp(&b.outliers)).filter(|row| row.outliers > 0.0)
-        {
-            let share = 100.0 * row.outliers;
-            say(&format!("\nup to {share:.1} % of the films ({}) are outliers and excluded", row.name));
+        let mut text = format!("{rig}\n{pose}\n\n{}", table(&rows));
+        let worst = prediction.rows.iter().max_by(|a, b| a.outliers.total_cmp(&b.outliers));
+        if let Some(row) = worst.filter(|row| row.outliers > 0.0) {
+            let percent = 100.0 * row.outliers;
+            text += &format!("\n\nup to {percent:.1} % of the films ({}) are outliers and excluded", row.name);
         }
-        self.print_advice();
+        if !self.advice.is_empty() {
+            text += &format!("\n\nchanges to the rig, with the remaining scatter:\n{}", self.advice_text());
+        }
+        text
     }
 
-    fn print_advice(&self) {
-        if self.advice.is_empty() {
-            return;
-        }
-        say("\nchanges to the rig, with the remaining scatter:");
+    fn advice_text(&self) -> String {
         let helpful: Vec<&Advice> = self.advice.iter().filter(|advice| advice.helps()).collect();
-        if helpful.is_empty() {
-            say("no change reduces the scatter by more than 3 %");
-            return;
-        }
-        let names = helpful[0].shares.iter().map(|(name, _)| name.clone());
-        let header = ["".to_owned(), "mean".to_owned()].into_iter().chain(names).collect();
+        let Some(first) = helpful.first() else { return "no change reduces the scatter by more than 3 %".to_owned() };
+        let names = first.ratios.iter().map(|(name, _)| name.clone());
+        let header = [String::new(), "mean".to_owned()].into_iter().chain(names).collect();
         let line = |(place, advice): (usize, &&Advice)| {
-            let shares = advice.shares.iter().map(|(_, share)| percent(*share));
-            [(place + 1).to_string(), percent(advice.mean)].into_iter().chain(shares).collect()
+            let ratios = advice.ratios.iter().map(|(_, ratio)| percent(*ratio));
+            [(place + 1).to_string(), percent(advice.mean)].into_iter().chain(ratios).collect()
         };
         let rows: Vec<Vec<String>> = std::iter::once(header).chain(helpful.iter().enumerate().map(line)).collect();
-        for (row, words) in
-            table(&rows).lines().zip(std::iter::once("").chain(helpful.iter().map(|a| a.words.as_str())))
-        {
-            say(format!("{row}   {words}").trim_end());
-        }
+        let words = std::iter::once("").chain(helpful.iter().map(|advice| advice.words.as_str()));
+        let lines = table(&rows).lines().zip(words).map(|(row, words)| format!("{row}   {words}")).collect::<Vec<_>>();
+        lines.iter().map(|line| line.trim_end()).collect::<Vec<_>>().join("\n")
     }
-}
-
-fn file(path: &Path, header: Vec<String>, rows: impl Iterator<Item = Vec<String>>) -> Result<(), Failure> {
-    let mut csv = csv::Writer::from_writer(Vec::new());
-    std::iter::once(header).chain(rows).try_for_each(|row| csv.write_record(row))?;
-    let bytes = csv.into_inner().map_err(|error| Failure::internal(format!("{error}")))?;
-    Ok(std::fs::write(path, bytes).map_err(|error| FieldError::write(path, error))?)
-}
-
-fn row(expected: &Expected) -> serde_json::Value {
-    json!({
-        "name": expected.name, "unit": expected.unit, "true": expected.truth, "sigma": expected.sigma,
-        "mean_error": expected.offset, "told": expected.fraction, "odd": expected.outliers,
-    })
 }
 
 fn percent(share: f64) -> String {

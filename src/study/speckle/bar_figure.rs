@@ -3,11 +3,10 @@
 use std::fmt::Write as _;
 
 use super::films_plan::{SpeckleStudy, Speeds};
-use super::log_axis;
-use super::log_axis::{HEADING, LINE, LogAxis};
-use super::methods::Way;
+use super::log_axis::{self, HEADING, LINE, LogAxis};
+use super::methods::Method;
 use super::summary::Group;
-use crate::study::convergence::text;
+use crate::study::svg::text;
 use crate::synth::PatternSetup;
 
 /// Left margin of a panel, and heights of its plot, title and labels, px.
@@ -31,7 +30,7 @@ pub(super) struct Figure<'a> {
     pub(super) groups: &'a [Group],
     pub(super) patterns: &'a [usize],
     pub(super) speeds: &'a [Speeds],
-    pub(super) ways: &'a [Way],
+    pub(super) methods: &'a [Method],
     /// The lines of the caption.
     pub(super) caption: &'a [String],
 }
@@ -54,7 +53,7 @@ impl Figure<'_> {
 
     /// Returns the distance from one pattern to the next.
     fn pitch(&self) -> f64 {
-        self.ways.len() as f64 * BAR + GAP
+        self.methods.len() as f64 * BAR + GAP
     }
 
     /// Draws the figure.
@@ -63,7 +62,8 @@ impl Figure<'_> {
         let (across, down) = (LEFT + self.width() + 14.0, ABOVE + PLOT + BELOW);
         let size = ((across * self.speeds.len() as f64).max(760.0), top + 3.0 * down);
         let mut svg = log_axis::begin(size, self.study.heading(), self.caption);
-        let entries: Vec<(Way, String)> = self.ways.iter().map(|way| (*way, way.title().to_owned())).collect();
+        let entries: Vec<(Method, String)> =
+            self.methods.iter().map(|method| (*method, method.title().to_owned())).collect();
         log_axis::legend(&mut svg, top - 26.0, &entries);
         for (row, title) in TITLES.iter().enumerate() {
             let axis = self.axis(row);
@@ -95,11 +95,11 @@ impl Figure<'_> {
             let _ = writeln!(svg, "<path class=\"level\" d=\"M{left} {y:.1}h{}\"/>", self.width());
         }
         let mut spreads = String::new();
-        for (place, way) in self.ways.iter().enumerate() {
+        for (place, method) in self.methods.iter().enumerate() {
             let mut bars = String::new();
             for (number, pattern) in self.patterns.iter().enumerate() {
                 let x = left + 0.5 * GAP + number as f64 * self.pitch() + place as f64 * BAR;
-                let group = self.groups.iter().find(|g| (g.pattern, g.speeds, g.way) == (*pattern, speeds, *way));
+                let group = self.groups.iter().find(|g| (g.pattern, g.speeds, g.method) == (*pattern, speeds, *method));
                 let Some(error) = group.and_then(|group| group.errors[row]) else {
                     text(svg, (x + 0.5 * BAR, top + PLOT - 2.0), "text-anchor=\"middle\"", "\u{d7}");
                     continue;
@@ -114,7 +114,7 @@ impl Figure<'_> {
                     let _ = write!(spreads, "M{:.1} {:.1}v{:.1}", x + 0.5 * (BAR - 1.0), top + high, low - high);
                 }
             }
-            let _ = writeln!(svg, "<path fill=\"{}\" d=\"{bars}\"/>", log_axis::colour(*way));
+            let _ = writeln!(svg, "<path fill=\"{}\" d=\"{bars}\"/>", log_axis::colour(*method));
         }
         let _ = writeln!(svg, "<path class=\"spread\" d=\"{spreads}\"/>");
         for (number, pattern) in self.patterns.iter().enumerate() {
@@ -128,29 +128,29 @@ impl Figure<'_> {
 #[cfg(test)]
 mod tests {
     use super::super::films_plan::Case;
-    use super::super::summary::Spread;
+    use super::super::summary::ErrorStatistics;
     use super::*;
 
-    fn group(pattern: usize, way: Way, mean: Option<f64>) -> Group {
-        let error = mean.map(|mean| Spread { count: 4, mean, spread: Some(0.5 * mean), max: mean, bias: 0.0 });
+    fn group(pattern: usize, method: Method, mean: Option<f64>) -> Group {
+        let error = mean.map(|mean| ErrorStatistics { count: 4, mean, spread: Some(0.5 * mean), max: mean, bias: 0.0 });
         let (speeds, case) = (Speeds::Paper, Case::Spin);
-        Group { pattern, speeds, case, way, films: 3, pairs: 6, missing: 0, errors: [error; 3] }
+        Group { pattern, speeds, case, method, films: 3, pairs: 6, missing: 0, errors: [error; 3] }
     }
 
     #[test]
     fn a_larger_error_is_a_higher_bar_and_one_that_is_not_known_is_a_cross() {
         let groups = [
-            group(0, Way::Paper, Some(0.1)),
-            group(0, Way::Rigid, Some(0.001)),
-            group(1, Way::Paper, Some(0.01)),
-            group(1, Way::Rigid, None),
+            group(0, Method::Paper, Some(0.1)),
+            group(0, Method::Rigid, Some(0.001)),
+            group(1, Method::Paper, Some(0.01)),
+            group(1, Method::Rigid, None),
         ];
         let figure = Figure {
             study: SpeckleStudy::Rotation,
             groups: &groups,
             patterns: &[0, 1],
             speeds: &[Speeds::Paper],
-            ways: &[Way::Paper, Way::Rigid],
+            methods: &[Method::Paper, Method::Rigid],
             caption: &["what was run".to_owned()],
         };
         let svg = figure.draw();

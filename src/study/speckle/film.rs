@@ -64,7 +64,7 @@ pub(super) fn ball(pattern: usize, filming: &Filming) -> Result<World, ScenarioE
 /// # Errors
 ///
 /// [`ScenarioError`] when the velocity is out of range.
-pub(super) fn film(ball: &World, film: &Film, filming: &Filming) -> Result<Reel, ScenarioError> {
+pub(super) fn film(ball: &World, film: &Film, filming: &Filming) -> Result<RenderedFilm, ScenarioError> {
     let take = 1 + film.number as u64 + if film.speeds == Speeds::Paper { 0 } else { TAKES };
     let [vx_px_frame, vy_px_frame] = film.velocity.px_frame;
     let half = 0.5 * (filming.frames - 1) as f64;
@@ -75,16 +75,16 @@ pub(super) fn film(ball: &World, film: &Film, filming: &Filming) -> Result<Reel,
         omega_deg_frame: film.velocity.deg_frame,
         start_px: [start(0, vx_px_frame), start(1, vy_px_frame)],
     };
-    Ok(Reel { world: ball.retake(motion, take)? })
+    Ok(RenderedFilm { world: ball.retake(motion, take)? })
 }
 
 /// A film whose frames can be rendered.
 #[derive(Debug)]
-pub(super) struct Reel {
+pub(super) struct RenderedFilm {
     world: World,
 }
 
-impl Reel {
+impl RenderedFilm {
     /// Renders a frame into reused memory.
     ///
     /// # Errors
@@ -130,15 +130,15 @@ mod tests {
         let (mut bytes, mut image) = (Vec::new(), Image::default());
         let mut pictures = Vec::new();
         for plan in &films {
-            let reel = film(&world, plan, &FILMING).unwrap();
-            let [from, to] = [0, 2].map(|index| reel.center_px(index).map(Option::unwrap));
+            let rendered = film(&world, plan, &FILMING).unwrap();
+            let [from, to] = [0, 2].map(|index| rendered.center_px(index).map(Option::unwrap));
             for axis in 0..2 {
                 assert!((to[axis] - from[axis] - 2.0 * plan.velocity.px_frame[axis]).abs() < 1e-9, "{plan:?}");
                 // With a radius of 61.5 px it stays inside.
                 assert!(from[axis] > 76.0 && to[axis] < 83.0, "{plan:?}");
             }
-            fractions.push(reel.center_px(1)[0].unwrap().fract());
-            reel.draw(0, &mut bytes, &mut image).unwrap();
+            fractions.push(rendered.center_px(1)[0].unwrap().fract());
+            rendered.draw(0, &mut bytes, &mut image).unwrap();
             pictures.push(bytes.clone());
         }
         fractions.sort_by(f64::total_cmp);

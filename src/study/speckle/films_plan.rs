@@ -162,6 +162,15 @@ impl SpeckleStudy {
         }
     }
 
+    /// Returns the column of the varied setting.
+    pub(super) fn level_column(self) -> &'static str {
+        match self {
+            Self::Noise => "noise_dn",
+            Self::Blur => "blur_px",
+            _ => "rate",
+        }
+    }
+
     /// Returns the case of the paper's figure.
     pub(super) fn figure(self) -> Case {
         match self {

@@ -2,8 +2,8 @@
 
 use std::fmt::Write as _;
 
-use super::methods::Way;
-use crate::study::convergence::{plain, power_of_ten, text};
+use super::methods::Method;
+use crate::study::svg::{plain, power_of_ten, text};
 
 /// Height of the heading and of a caption line, px.
 pub(super) const HEADING: f64 = 34.0;
@@ -16,15 +16,15 @@ const STYLE: &str = "text{font:12px system-ui,sans-serif;fill:#222}.head{font-si
     .curve{stroke-width:2;fill:none}";
 
 /// Returns the colour of a method; the palette suits the colour-blind (M. Okabe, K. Ito, 2008).
-pub(super) fn colour(way: Way) -> &'static str {
-    match way {
-        Way::Paper => "#d55e00",
-        Way::PaperFit => "#e69f00",
-        Way::PeakSpline => "#009e73",
-        Way::PeakPlain => "#cc79a7",
-        Way::IcGn => "#56b4e9",
-        Way::Ring => "#f0e442",
-        Way::Rigid => "#0072b2",
+pub(super) fn colour(method: Method) -> &'static str {
+    match method {
+        Method::Paper => "#d55e00",
+        Method::PaperFit => "#e69f00",
+        Method::PeakSpline => "#009e73",
+        Method::PeakPlain => "#cc79a7",
+        Method::IcGn => "#56b4e9",
+        Method::Ring => "#f0e442",
+        Method::Rigid => "#0072b2",
     }
 }
 
@@ -67,8 +67,8 @@ impl LogAxis {
 }
 
 /// Draws a marker of a curve, hollow if answers are missing.
-pub(super) fn mark(svg: &mut String, way: Way, (x, y): (f64, f64), missing: usize) {
-    let (colour, inside) = (colour(way), if missing > 0 { "#fff" } else { colour(way) });
+pub(super) fn mark(svg: &mut String, method: Method, (x, y): (f64, f64), missing: usize) {
+    let (colour, inside) = (colour(method), if missing > 0 { "#fff" } else { colour(method) });
     let _ = writeln!(svg, "<circle fill=\"{inside}\" stroke=\"{colour}\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\"/>");
 }
 
@@ -88,10 +88,10 @@ pub(super) fn begin((width, height): (f64, f64), heading: &str, caption: &[Strin
 }
 
 /// Draws a legend line: a colour and a label per method.
-pub(super) fn legend(svg: &mut String, y: f64, entries: &[(Way, String)]) {
+pub(super) fn legend(svg: &mut String, y: f64, entries: &[(Method, String)]) {
     let mut x = 14.0;
-    for (way, label) in entries {
-        let _ = writeln!(svg, "<path fill=\"{}\" d=\"M{x:.0} {y:.0}h12v12h-12z\"/>", colour(*way));
+    for (method, label) in entries {
+        let _ = writeln!(svg, "<path fill=\"{}\" d=\"M{x:.0} {y:.0}h12v12h-12z\"/>", colour(*method));
         text(svg, (x + 17.0, y + 10.0), "", &plain(label));
         x += 36.0 + 6.2 * label.chars().count() as f64;
     }

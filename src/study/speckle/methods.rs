@@ -3,12 +3,11 @@
 use super::plain_correlation::Plain;
 use crate::ball::{BallFinder, BallParams};
 use crate::console::UsageError;
-use crate::dic::grid;
-use crate::dic::rigid_fit;
 use crate::dic::{
-    CenterVector, CorrelationParams, Correlator, GridPoint, Method, PolarCorrelator, PreparedFrame, Region, RigidBody,
+    self, CenterVector, CorrelationParams, Correlator, GridPoint, PolarCorrelator, PreparedFrame, Region, RigidBody,
     RigidMotion, Start, center_fit,
 };
+use crate::dic::{grid, rigid_fit};
 use crate::failure::Failure;
 use crate::image::ImageView;
 use crate::results::{Circle, FieldPoint, PointStatus};
@@ -33,7 +32,7 @@ const MIN_WINDOWS: usize = 3;
 
 /// A compared method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Way {
+pub(super) enum Method {
     /// The paper's method: windows splined with 5 points, the highest grid point of their correlation.
     Paper,
     /// The same with a peak fit.
@@ -50,7 +49,7 @@ pub(super) enum Way {
     Rigid,
 }
 
-impl Way {
+impl Method {
     /// Names on the command line and in tables.
     pub(super) const WORDS: [(&str, Self); 7] = [
         ("paper", Self::Paper),
@@ -63,7 +62,7 @@ impl Way {
     ];
 
     pub(super) fn as_str(self) -> &'static str {
-        Self::WORDS.iter().find(|(_, way)| *way == self).map_or("", |(word, _)| word)
+        Self::WORDS.iter().find(|(_, method)| *method == self).map_or("", |(word, _)| word)
     }
 
     /// Returns the label in a legend.
@@ -100,8 +99,8 @@ pub(super) struct Answer {
 }
 
 /// The plan and buffers of one thread.
-pub(super) struct Bench {
-    ways: Vec<(Way, Engine)>,
+pub(super) struct Evaluator {
+    methods: Vec<(Method, Engine)>,
     finder: BallFinder,
     windows: Windows,
     side_px: usize,
@@ -116,17 +115,19 @@ enum Engine {
     Plain(Plain),
 }
 
-impl Bench {
+impl Evaluator {
     /// Plans the methods for square frames.
     ///
     /// # Errors
     ///
     /// When the window size or step is out of range, or there is no room for a window.
-    pub(super) fn new(ways: &[Way], windows: Windows, side_px: u32) -> Result<Self, Failure> {
+    pub(super) fn new(methods: &[Method], windows: Windows, side_px: u32) -> Result<Self, Failure> {
         let side_px = side_px as usize;
-        let engine = |way: &Way| -> Result<(Way, Engine), Failure> { Ok((*way, engine(*way, windows, side_px)?)) };
+        let engine = |method: &Method| -> Result<(Method, Engine), Failure> {
+            Ok((*method, engine(*method, windows, side_px)?))
+        };
         Ok(Self {
-            ways: ways.iter().map(engine).collect::<Result<_, Failure>>()?,
+            methods: methods.iter().map(engine).collect::<Result<_, Failure>>()?,
             finder: BallFinder::new(&BallParams::new(RADII_PX[0], RADII_PX[1]), side_px, side_px)?,
             windows,
             side_px,
@@ -169,13 +170,13 @@ impl Bench {
     pub(super) fn measure(&mut self, before: ImageView<'_>, after: ImageView<'_>) -> Vec<Answer> {
         let Some(circle) = self.finder.find(before) else {
             let lost = Answer { step: None, sigma: None, points: 0, status: PointStatus::Lost };
-            return vec![lost; self.ways.len()];
+            return vec![lost; self.methods.len()];
         };
-        let Self { ways, windows, field, frames, side_px, ring, .. } = self;
+        let Self { methods, windows, field, frames, side_px, ring, .. } = self;
         let [reference, target] = frames;
         // All methods share the interpolation.
         for (image, frame) in [(before, &mut *reference), (after, &mut *target)] {
-            let prepared = ways.iter().find_map(|(_, engine)| match engine {
+            let prepared = methods.iter().find_map(|(_, engine)| match engine {
                 Engine::Correlator(correlator) => Some(correlator),
                 Engine::Plain(_) => None,
             });
@@ -185,7 +186,7 @@ impl Bench {
         }
         let points = points(&circle, *windows, *side_px);
         let images = (before, after);
-        let answer = |(way, engine): &mut (Way, Engine)| {
+        let answer = |(method, engine): &mut (Method, Engine)| {
             match engine {
                 Engine::Correlator(correlator) => {
                     correlator.correlate(reference, target, &points, Start::Search, field);
@@ -196,10 +197,10 @@ impl Bench {
                     return as_the_paper(&vectors, *windows, PointStatus::LowCorrelation);
                 }
             }
-            match way {
-                Way::IcGn => fitted(field, &circle, windows.subset_size_px),
-                Way::Ring => ringed(ring, (reference, target), field, &circle, windows.subset_size_px),
-                Way::Rigid => whole(reference, target, field, &circle, windows.subset_size_px),
+            match method {
+                Method::IcGn => fitted(field, &circle, windows.subset_size_px),
+                Method::Ring => ringed(ring, (reference, target), field, &circle, windows.subset_size_px),
+                Method::Rigid => whole(reference, target, field, &circle, windows.subset_size_px),
                 _ => {
                     let center = (circle.x_px, circle.y_px);
                     let vectors: Vec<_> =
@@ -208,14 +209,14 @@ impl Bench {
                 }
             }
         };
-        ways.iter_mut().map(answer).collect()
+        methods.iter_mut().map(answer).collect()
     }
 
     /// Correlates the windows of one method on the last measured frames; returns their number.
     pub(super) fn correlate_again(&mut self, place: usize, (before, after): (ImageView<'_>, ImageView<'_>)) -> usize {
         let Some(circle) = self.finder.find(before) else { return 0 };
         let points = points(&circle, self.windows, self.side_px);
-        match &mut self.ways[place].1 {
+        match &mut self.methods[place].1 {
             Engine::Correlator(correlator) => {
                 correlator.correlate(&self.frames[0], &self.frames[1], &points, Start::Search, &mut self.field);
             }
@@ -228,25 +229,25 @@ impl Bench {
     }
 }
 
-fn engine(way: Way, windows: Windows, side_px: usize) -> Result<Engine, Failure> {
-    let method = match way {
-        Way::Paper | Way::PaperFit => Method::SplineFft,
-        Way::PeakSpline | Way::PeakPlain => Method::PeakSpline,
+fn engine(method: Method, windows: Windows, side_px: usize) -> Result<Engine, Failure> {
+    let correlation = match method {
+        Method::Paper | Method::PaperFit => dic::Method::SplineFft,
+        Method::PeakSpline | Method::PeakPlain => dic::Method::PeakSpline,
         // A whole-body match starts from the motion of the subsets.
-        Way::IcGn | Way::Ring | Way::Rigid => Method::IcGn,
+        Method::IcGn | Method::Ring | Method::Rigid => dic::Method::IcGn,
     };
     let params = CorrelationParams {
-        method,
-        spline_points: if method == Method::SplineFft { SPLINE_POINTS } else { 0 },
+        method: correlation,
+        spline_points: if correlation == dic::Method::SplineFft { SPLINE_POINTS } else { 0 },
         subset_size_px: windows.subset_size_px,
         step_px: windows.step_px,
         search_px: SEARCH_PX,
         ..CorrelationParams::default()
     };
     let correlator = Correlator::new(&params, side_px, side_px)?;
-    Ok(match way {
-        Way::PeakPlain => Engine::Plain(Plain::new(windows.subset_size_px, SPLINE_POINTS)),
-        Way::Paper => Engine::Correlator(Box::new(correlator.without_peak_fit())),
+    Ok(match method {
+        Method::PeakPlain => Engine::Plain(Plain::new(windows.subset_size_px, SPLINE_POINTS)),
+        Method::Paper => Engine::Correlator(Box::new(correlator.without_peak_fit())),
         _ => Engine::Correlator(Box::new(correlator)),
     })
 }
@@ -334,11 +335,11 @@ mod tests {
 
     #[test]
     fn every_method_reports_a_frame_without_a_ball_as_lost() {
-        let ways = Way::WORDS.map(|(_, way)| way);
-        let mut bench = Bench::new(&ways, Windows { subset_size_px: 25, step_px: 12 }, 160).unwrap();
+        let methods = Method::WORDS.map(|(_, method)| method);
+        let mut evaluator = Evaluator::new(&methods, Windows { subset_size_px: 25, step_px: 12 }, 160).unwrap();
         let image = crate::image::Image::new(160, 160);
-        let answers = bench.measure(image.view(), image.view());
-        assert_eq!(answers.len(), ways.len());
+        let answers = evaluator.measure(image.view(), image.view());
+        assert_eq!(answers.len(), methods.len());
         assert!(answers.iter().all(|answer| answer.status == PointStatus::Lost && answer.step.is_none()));
     }
 
@@ -349,14 +350,14 @@ mod tests {
         let filming = Filming { frames: 2, noise_dn: 2.0, blur_px: 0.7, seed: 1 };
         let velocity = Velocity { px_frame: [0.06, 0.06], deg_frame: 0.0 };
         let plan = Film { pattern: 13, speeds: Speeds::OffGrid, number: 3, case: Case::TwoAxes, velocity, level: 0 };
-        let reel = film::film(&film::ball(13, &filming).unwrap(), &plan, &filming).unwrap();
+        let rendered = film::film(&film::ball(13, &filming).unwrap(), &plan, &filming).unwrap();
         let (mut bytes, mut images) = (Vec::new(), [crate::image::Image::default(), crate::image::Image::default()]);
         for (index, image) in images.iter_mut().enumerate() {
-            reel.draw(index as u64, &mut bytes, image).unwrap();
+            rendered.draw(index as u64, &mut bytes, image).unwrap();
         }
-        let ways = [Way::Paper, Way::PaperFit, Way::IcGn, Way::Rigid];
-        let mut bench = Bench::new(&ways, Windows { subset_size_px: 25, step_px: 20 }, SIDE_PX).unwrap();
-        let answers = bench.measure(images[0].view(), images[1].view());
+        let methods = [Method::Paper, Method::PaperFit, Method::IcGn, Method::Rigid];
+        let mut evaluator = Evaluator::new(&methods, Windows { subset_size_px: 25, step_px: 20 }, SIDE_PX).unwrap();
+        let answers = evaluator.measure(images[0].view(), images[1].view());
         let steps: Vec<[f64; 3]> = answers.iter().map(|answer| answer.step.unwrap()).collect();
         assert!(steps[0].iter().all(|part| part.abs() < 1e-12), "the grid's nearest point is 0: {steps:?}");
         for (step, most_px) in steps[1..].iter().zip([0.015, 0.005, 0.004]) {

@@ -14,10 +14,12 @@ mod peak_figure;
 mod plain_correlation;
 mod resume_table;
 mod row;
+mod spline_surface;
 mod summary;
 mod sweep_figure;
 mod workers;
 
+use crate::failure::Failure;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
@@ -25,12 +27,11 @@ use serde_json::{Value, json};
 
 use self::film::Filming;
 use self::films_plan::{Film, Speeds};
-use self::methods::{Bench, Way, Windows};
-use self::resume_table::{Contents, Journal};
+use self::methods::{Evaluator, Method, Windows};
+use self::resume_table::{Contents, ResumeTable};
 use self::row::Row;
 use self::workers::Job;
 use crate::console::{Outcome, UsageError, progress};
-use crate::failure::Failure;
 use crate::process::Stop;
 
 pub use self::films_plan::SpeckleStudy;
@@ -97,11 +98,13 @@ struct Finished<'a> {
 pub fn run(study: SpeckleStudy, options: &SpeckleOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let job = job(study, options)?;
     // Settings without room for a subset are reported before anything is created.
-    let bench = Bench::new(&job.ways, job.windows, film::SIDE_PX)?;
-    bench.check_room(film::DIAMETERS_PX[0])?;
-    let contents = Contents { films: &job.films, ways: &job.ways, frames: job.filming.frames };
-    let opened =
-        options.output.as_ref().map(|directory| Journal::open(directory, study.as_str(), &settings(&job), &contents));
+    let evaluator = Evaluator::new(&job.methods, job.windows, film::SIDE_PX)?;
+    evaluator.check_room(film::DIAMETERS_PX[0])?;
+    let contents = Contents { films: &job.films, methods: &job.methods, frames: job.filming.frames };
+    let opened = options
+        .output
+        .as_ref()
+        .map(|directory| ResumeTable::open(directory, study.as_str(), &settings(&job), &contents));
     let (mut journal, mut rows) =
         opened.transpose()?.map_or((None, Vec::new()), |(journal, rows)| (Some(journal), rows));
     let done = rows.len() / contents.rows();
@@ -170,7 +173,7 @@ fn job(study: SpeckleStudy, options: &SpeckleOptions) -> Result<Job, UsageError>
     Ok(Job {
         study,
         films: study.plan(&patterns, &speeds),
-        ways: films_plan::chosen("--methods", &methods, &Way::WORDS)?,
+        methods: films_plan::chosen("--methods", &methods, &Method::WORDS)?,
         windows: Windows { subset_size_px: options.subset_size_px, step_px: options.step_px },
         filming: Filming { frames: options.frames, noise_dn, blur_px: BLUR_PX, seed: options.seed },
     })
@@ -194,7 +197,7 @@ fn settings(job: &Job) -> Value {
         "version": env!("CARGO_PKG_VERSION"),
         "patterns": patterns,
         "speeds": speeds,
-        "methods": job.ways.iter().map(|way| way.as_str()).collect::<Vec<_>>(),
+        "methods": job.methods.iter().map(|method| method.as_str()).collect::<Vec<_>>(),
         "frames": job.filming.frames,
         "subset_size_px": job.windows.subset_size_px,
         "step_px": job.windows.step_px,

@@ -1,19 +1,16 @@
 //! The output of a completed speckle study.
 
-use std::path::Path;
-
+use crate::failure::Failure;
 use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::bar_figure::Figure;
 use super::film::{DIAMETERS_PX, Filming, SIDE_PX};
 use super::films_plan::{SpeckleStudy, Speeds};
-use super::methods::Way;
-use super::summary::{self, Group};
+use super::methods::Method;
+use super::summary::{self, EXPLANATION, Group, number, summary_cell, translation};
 use super::{Finished, peak_figure, sweep_figure};
-use crate::command::field::FieldError;
-use crate::console::{say, table};
-use crate::failure::Failure;
+use crate::study::output_files::{Report, Table, cross_table, rounded};
 use crate::synth::PatternSetup;
 
 /// The error that the best pattern is chosen by: the mean of x and y, or the rotation.
@@ -23,69 +20,79 @@ enum Measure {
     Rotation,
 }
 
+/// The results of one kind of study.
+struct Results {
+    /// The tables, by the ending of their file name.
+    tables: Vec<(&'static str, Table)>,
+    figure: String,
+    json: Value,
+    text: String,
+}
+
 impl Finished<'_> {
     /// Writes the tables and the figure, and prints a summary.
     pub(super) fn publish(&self) -> Result<(), Failure> {
-        match self.job.study {
-            SpeckleStudy::Peak => self.publish_peak(),
-            SpeckleStudy::Noise | SpeckleStudy::Blur | SpeckleStudy::Rate => self.publish_sweep(),
-            _ => self.publish_patterns(),
+        let study = self.job.study;
+        let results = match study {
+            SpeckleStudy::Peak => self.peak()?,
+            SpeckleStudy::Noise | SpeckleStudy::Blur | SpeckleStudy::Rate => self.levels(),
+            _ => self.pattern_groups(),
+        };
+        let mut files = vec![(format!("{}.svg", study.as_str()), results.figure.into_bytes())];
+        for (ending, table) in &results.tables {
+            files.push((format!("{}{ending}.csv", study.as_str()), table.as_csv()?));
+        }
+        let printed = if self.options.json { self.as_json(results.json).to_string() } else { results.text };
+        Ok(Report { files, printed }.publish(self.options.output.as_deref())?)
+    }
+
+    fn groups(&self) -> Vec<Group> {
+        summary::groups(&self.job.films, &self.job.methods, self.rows)
+    }
+
+    fn pattern_groups(&self) -> Results {
+        let (study, groups) = (self.job.study, self.groups());
+        let table = Table::new(groups.iter().map(Group::cells));
+        let shown: Vec<Group> = groups.into_iter().filter(|group| group.case == study.figure()).collect();
+        let (patterns, speeds, caption) = (self.patterns(), self.speeds(), self.caption(&shown));
+        let figure = Figure {
+            study,
+            groups: &shown,
+            patterns: &patterns,
+            speeds: &speeds,
+            methods: &self.job.methods,
+            caption: &caption,
+        };
+        Results {
+            figure: figure.draw(),
+            json: json!({ "groups": table.as_json(), "best": self.best(&shown) }),
+            text: self.pattern_text(&shown),
+            tables: vec![("", table)],
         }
     }
 
-    fn publish_patterns(&self) -> Result<(), Failure> {
-        let groups = summary::groups(&self.job.films, &self.job.ways, self.rows);
-        let lines: Vec<summary::Line> = groups.iter().map(Group::line).collect();
-        let shown: Vec<Group> = groups.iter().filter(|group| group.case == self.job.study.figure()).cloned().collect();
-        if let Some(directory) = &self.options.output {
-            let (patterns, speeds, caption) = (self.patterns(), self.speeds(), self.caption(&shown));
-            let (study, ways, groups) = (self.job.study, &self.job.ways[..], &shown[..]);
-            let figure = Figure { study, groups, patterns: &patterns, speeds: &speeds, ways, caption: &caption }.draw();
-            self.write_table(directory, "", &lines)?;
-            self.write(directory, ".svg", figure.as_bytes())?;
-        }
-        if self.options.json {
-            self.print_json(json!({ "groups": lines, "best": self.best(&shown) }));
-        } else {
-            self.print_patterns(&shown);
-        }
-        Ok(())
-    }
-
-    fn publish_peak(&self) -> Result<(), Failure> {
+    fn peak(&self) -> Result<Results, Failure> {
         let points = peak_figure::points(self.job, self.rows);
         let costs = peak_figure::costs(self.job)?;
-        let lines: Vec<peak_figure::Line> = points.iter().map(peak_figure::Point::line).collect();
-        if let Some(directory) = &self.options.output {
-            let groups = summary::groups(&self.job.films, &self.job.ways, self.rows);
-            let figure = peak_figure::draw(self.job, &points, &costs, &self.caption(&groups));
-            self.write_table(directory, "", &lines)?;
-            self.write_table(directory, "_time", &costs)?;
-            self.write(directory, ".svg", figure.as_bytes())?;
-        }
-        if self.options.json {
-            self.print_json(json!({ "speeds": lines, "time": costs }));
-        } else {
-            self.print_peak(&points, &costs);
-        }
-        Ok(())
+        let table = Table::new(points.iter().map(peak_figure::Point::cells));
+        let time = Table::new(costs.iter().map(peak_figure::Cost::cells));
+        Ok(Results {
+            figure: peak_figure::draw(self.job, &points, &costs, &self.caption(&self.groups())),
+            json: json!({ "speeds": table.as_json(), "time": time.as_json() }),
+            text: self.peak_text(&points, &costs),
+            tables: vec![("", table), ("_time", time)],
+        })
     }
 
-    fn publish_sweep(&self) -> Result<(), Failure> {
+    fn levels(&self) -> Results {
         let points = sweep_figure::points(self.job, self.rows);
-        let lines: Vec<sweep_figure::Line> = points.iter().map(|point| point.line(self.job.study)).collect();
-        if let Some(directory) = &self.options.output {
-            let groups = summary::groups(&self.job.films, &self.job.ways, self.rows);
-            self.write_table(directory, "", &lines)?;
-            self.write(directory, ".svg", sweep_figure::draw(self.job, &points, &self.caption(&groups)).as_bytes())?;
+        let table = Table::new(points.iter().map(|point| point.cells(self.job.study)));
+        Results {
+            figure: sweep_figure::draw(self.job, &points, &self.caption(&self.groups())),
+            json: json!({ "levels": table.as_json() }),
+            text: format!("{EXPLANATION}\n{}", sweep_figure::printed_table(self.job, &points)),
+            tables: vec![("", table)],
         }
-        if self.options.json {
-            self.print_json(json!({ "levels": lines }));
-        } else {
-            say(sweep_figure::READING);
-            say(&table(&sweep_figure::cells(self.job, &points)));
-        }
-        Ok(())
     }
 
     fn patterns(&self) -> Vec<usize> {
@@ -145,86 +152,82 @@ impl Finished<'_> {
     /// Returns the best pattern for each set of speeds and method.
     fn best(&self, shown: &[Group]) -> Vec<Best> {
         let measures = [Measure::Translation, Measure::Rotation];
-        let of = |speeds: Speeds, way: Way| measures.into_iter().filter_map(move |of| best(shown, speeds, way, of));
+        let of =
+            |speeds: Speeds, method: Method| measures.into_iter().filter_map(move |of| best(shown, speeds, method, of));
         let sets = self.speeds();
-        sets.iter().flat_map(|speeds| self.job.ways.iter().flat_map(move |way| of(*speeds, *way))).collect()
+        sets.iter().flat_map(|speeds| self.job.methods.iter().flat_map(move |method| of(*speeds, *method))).collect()
     }
 
-    fn print_patterns(&self, shown: &[Group]) {
-        let mut head = vec!["pattern".to_owned()];
-        for speeds in self.speeds() {
-            head.extend(self.job.ways.iter().map(|way| format!("{} {}", speeds.as_str(), way.as_str())));
-        }
-        let mut lines = vec![head];
-        for pattern in self.patterns() {
-            let mut line = vec![PatternSetup::PAPER[pattern].to_owned()];
-            for speeds in self.speeds() {
-                for way in &self.job.ways {
-                    let of = |group: &&Group| (group.pattern, group.speeds, group.way) == (pattern, speeds, *way);
-                    let cell = shown.iter().find(of).map_or_else(|| "-".to_owned(), cell);
-                    line.push(cell);
-                }
-            }
-            lines.push(line);
-        }
-        say("mean absolute error: px/frame (mean of x and y) / deg/frame; ! where answers are missing");
-        say(&table(&lines));
-        let sets = self.speeds();
-        let head = sets.iter().flat_map(|s| [format!("{} px/frame", s.as_str()), format!("{} deg/frame", s.as_str())]);
-        let mut lines = vec![["best pattern".to_owned()].into_iter().chain(head).collect::<Vec<_>>()];
+    fn methods(&self) -> Vec<(String, Method)> {
+        self.job.methods.iter().map(|method| (method.as_str().to_owned(), *method)).collect()
+    }
+
+    fn pattern_text(&self, shown: &[Group]) -> String {
+        let pattern = |pattern: usize| (PatternSetup::PAPER[pattern].to_owned(), pattern);
+        let patterns: Vec<_> = self.patterns().into_iter().map(pattern).collect();
+        let (sets, methods) = (self.speeds(), self.methods());
+        let series = |speeds: &Speeds| {
+            let speeds = *speeds;
+            self.job
+                .methods
+                .iter()
+                .map(move |method| (format!("{} {}", speeds.as_str(), method.as_str()), (speeds, *method)))
+        };
+        let errors = cross_table(
+            "pattern",
+            &patterns,
+            &sets.iter().flat_map(series).collect::<Vec<_>>(),
+            |pattern, (speeds, method)| {
+                let of = |group: &&Group| (group.pattern, group.speeds, group.method) == (*pattern, *speeds, *method);
+                let group = shown.iter().find(of);
+                group.map_or_else(|| "-".to_owned(), |group| summary_cell(&group.errors, group.missing))
+            },
+        );
         let found = self.best(shown);
-        for way in &self.job.ways {
-            let mut line = vec![way.as_str().to_owned()];
-            for (speeds, of) in sets.iter().flat_map(|s| [(s, Measure::Translation), (s, Measure::Rotation)]) {
-                let best =
-                    found.iter().find(|b| (b.speeds, b.of, b.method) == (speeds.as_str(), of.as_str(), way.as_str()));
-                line.push(best.map_or_else(|| "-".to_owned(), |b| format!("{:.5} {}", b.mean, b.pattern)));
-            }
-            lines.push(line);
-        }
-        say(&format!("\n{}", table(&lines)));
+        let measures = |speeds: &Speeds| {
+            let speeds = speeds.as_str();
+            let titles = [("px/frame", Measure::Translation), ("deg/frame", Measure::Rotation)];
+            titles.map(|(unit, measure)| (format!("{speeds} {unit}"), (speeds, measure.as_str())))
+        };
+        let best = cross_table(
+            "best pattern",
+            &methods,
+            &sets.iter().flat_map(measures).collect::<Vec<_>>(),
+            |method, (speeds, measure)| {
+                let best = found.iter().find(|b| (b.speeds, b.of, b.method) == (*speeds, *measure, method.as_str()));
+                best.map_or_else(|| "-".to_owned(), |best| format!("{:.5} {}", best.mean, best.pattern))
+            },
+        );
+        format!("{EXPLANATION}\n{errors}\n\n{best}")
     }
 
-    fn print_peak(&self, points: &[peak_figure::Point], costs: &[peak_figure::Cost]) {
+    fn peak_text(&self, points: &[peak_figure::Point], costs: &[peak_figure::Cost]) -> String {
+        let methods = self.methods();
+        let mut text = String::new();
         for speeds in self.speeds() {
-            let head =
-                ["px/frame".to_owned()].into_iter().chain(self.job.ways.iter().map(|way| way.as_str().to_owned()));
-            let mut lines = vec![head.collect::<Vec<_>>()];
             let of = |point: &&peak_figure::Point| point.speeds == speeds;
-            let mut steps: Vec<f64> = points.iter().filter(of).map(|point| point.speed_px_frame).collect();
-            steps.truncate(steps.len() / self.job.ways.len());
-            for step in &steps {
-                let mut line = vec![format!("{step:.3}")];
-                let here = |point: &&peak_figure::Point| of(point) && (point.speed_px_frame - step).abs() < 1e-9;
-                line.extend(points.iter().filter(here).map(|point| px(point.error.map(|error| error.mean))));
-                lines.push(line);
-            }
-            say(&format!("mean absolute error along x, px/frame; {} speeds", speeds.as_str()));
-            say(&table(&lines));
+            let step = |point: &peak_figure::Point| (format!("{:.3}", point.speed_px_frame), point.speed_px_frame);
+            let mut steps: Vec<_> = points.iter().filter(of).map(step).collect();
+            steps.truncate(steps.len() / methods.len());
+            let table = cross_table("px/frame", &steps, &methods, |step, method| {
+                let is_here = |point: &&peak_figure::Point| {
+                    of(point) && point.method == *method && (point.speed_px_frame - step).abs() < 1e-9
+                };
+                number(points.iter().find(is_here).and_then(|point| point.error).map(|error| error.mean))
+            });
+            text += &format!("mean absolute error along x, px/frame; {} speeds\n{table}\n", speeds.as_str());
         }
         let times = costs.iter().map(|cost| format!("{} {:.1}", cost.method, cost.us_per_window));
-        say(&format!("us per window, one thread: {}", times.collect::<Vec<_>>().join(", ")));
+        text + &format!("us per window, one thread: {}", times.collect::<Vec<_>>().join(", "))
     }
 
-    /// Prints the settings and the results as one JSON object.
-    fn print_json(&self, found: Value) {
+    /// Returns the settings and the results as one JSON object.
+    fn as_json(&self, found: Value) -> Value {
         let mut report = super::settings(self.job);
         if let (Some(report), Value::Object(found)) = (report.as_object_mut(), found) {
             report.extend(found);
         }
-        say(&report.to_string());
-    }
-
-    fn write_table(&self, directory: &Path, ending: &str, lines: &[impl Serialize]) -> Result<(), Failure> {
-        let mut csv = csv::Writer::from_writer(Vec::new());
-        lines.iter().try_for_each(|line| csv.serialize(line))?;
-        let bytes = csv.into_inner().map_err(|error| Failure::internal(format!("{error}")))?;
-        self.write(directory, &format!("{ending}.csv"), &bytes)
-    }
-
-    fn write(&self, directory: &Path, ending: &str, bytes: &[u8]) -> Result<(), Failure> {
-        let path = directory.join(format!("{}{ending}", self.job.study.as_str()));
-        Ok(std::fs::write(&path, bytes).map_err(|error| FieldError::write(&path, error))?)
+        report
     }
 }
 
@@ -237,10 +240,9 @@ impl Measure {
     }
 
     fn of(self, group: &Group) -> Option<f64> {
-        let [x, y, turn] = group.errors.map(|error| error.map(|error| error.mean));
         match self {
-            Self::Translation => x.zip(y).map(|(x, y)| 0.5 * (x + y)),
-            Self::Rotation => turn,
+            Self::Translation => translation(&group.errors),
+            Self::Rotation => group.errors[2].map(|error| error.mean),
         }
     }
 }
@@ -258,22 +260,9 @@ struct Best {
 }
 
 /// Returns the group with the smallest mean error among those without missing answers.
-fn best(groups: &[Group], speeds: Speeds, way: Way, of: Measure) -> Option<Best> {
-    let whole = groups.iter().filter(|group| (group.speeds, group.way, group.missing) == (speeds, way, 0));
+fn best(groups: &[Group], speeds: Speeds, method: Method, of: Measure) -> Option<Best> {
+    let whole = groups.iter().filter(|group| (group.speeds, group.method, group.missing) == (speeds, method, 0));
     let (group, mean) = whole.filter_map(|group| Some((group, of.of(group)?))).min_by(|a, b| a.1.total_cmp(&b.1))?;
     let pattern = PatternSetup::PAPER[group.pattern];
-    Some(Best { speeds: speeds.as_str(), method: way.as_str(), of: of.as_str(), pattern, mean: round(mean) })
-}
-
-fn cell(group: &Group) -> String {
-    let (px, deg) = (px(Measure::Translation.of(group)), px(Measure::Rotation.of(group)));
-    format!("{px} / {deg}{}", if group.missing > 0 { "!" } else { "" })
-}
-
-fn px(value: Option<f64>) -> String {
-    value.map_or_else(|| "-".to_owned(), |value| format!("{value:.4}"))
-}
-
-fn round(value: f64) -> f64 {
-    (value * 1e7).round() / 1e7
+    Some(Best { speeds: speeds.as_str(), method: method.as_str(), of: of.as_str(), pattern, mean: rounded(mean) })
 }

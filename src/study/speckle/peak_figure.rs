@@ -1,21 +1,21 @@
 //! Fig. 7: splined windows against splined peaks over the speed, and their cost.
 
+use crate::failure::Failure;
 use std::fmt::Write as _;
 use std::time::Instant;
 
-use serde::Serialize;
+use serde_json::json;
 
 use super::film::{self, SIDE_PX};
 use super::films_plan::Speeds;
-use super::log_axis;
-use super::log_axis::{HEADING, LINE, LogAxis};
-use super::methods::{Bench, Way};
+use super::log_axis::{self, HEADING, LINE, LogAxis};
+use super::methods::{Evaluator, Method};
 use super::row::Row;
-use super::summary::Spread;
+use super::summary::{ErrorStatistics, statistics_cells};
 use super::workers::Job;
-use crate::failure::Failure;
 use crate::image::Image;
-use crate::study::convergence::text;
+use crate::study::output_files::Cell;
+use crate::study::svg::text;
 
 /// Width and height of a plot, and its margins, px.
 const WIDTH: f64 = 440.0;
@@ -34,30 +34,16 @@ const MAX_PX: f64 = 2.1;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Point {
     pub(super) speeds: Speeds,
-    pub(super) way: Way,
+    pub(super) method: Method,
     pub(super) speed_px_frame: f64,
     pub(super) pairs: usize,
     pub(super) missing: usize,
     /// Errors along x, px.
-    pub(super) error: Option<Spread>,
-}
-
-/// A row of the table over the speed.
-#[derive(Debug, Serialize)]
-pub(super) struct Line {
-    speeds: &'static str,
-    method: &'static str,
-    vx_px_frame: f64,
-    pairs: usize,
-    missing: usize,
-    mean_x_px: Option<f64>,
-    spread_x_px: Option<f64>,
-    max_x_px: Option<f64>,
-    bias_x_px: Option<f64>,
+    pub(super) error: Option<ErrorStatistics>,
 }
 
 /// The cost of a method.
-#[derive(Debug, Clone, Copy, Serialize)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Cost {
     pub(super) method: &'static str,
     /// Time per subset on one thread, us.
@@ -65,21 +51,24 @@ pub(super) struct Cost {
 }
 
 impl Point {
-    pub(super) fn line(&self) -> Line {
-        let part = |part: fn(&Spread) -> Option<f64>| {
-            self.error.as_ref().and_then(part).map(|value| (value * 1e7).round() / 1e7 + 0.0)
-        };
-        Line {
-            speeds: self.speeds.as_str(),
-            method: self.way.as_str(),
-            vx_px_frame: self.speed_px_frame,
-            pairs: self.pairs,
-            missing: self.missing,
-            mean_x_px: part(|error| Some(error.mean)),
-            spread_x_px: part(|error| error.spread),
-            max_x_px: part(|error| Some(error.max)),
-            bias_x_px: part(|error| Some(error.bias)),
-        }
+    /// Returns the row of the table over the speed.
+    pub(super) fn cells(&self) -> Vec<Cell> {
+        let mut cells = vec![
+            ("speeds", json!(self.speeds.as_str())),
+            ("method", json!(self.method.as_str())),
+            ("vx_px_frame", json!(self.speed_px_frame)),
+            ("pairs", json!(self.pairs)),
+            ("missing", json!(self.missing)),
+        ];
+        cells.extend(statistics_cells(0, self.error));
+        cells
+    }
+}
+
+impl Cost {
+    /// Returns the row of the table of costs.
+    pub(super) fn cells(&self) -> Vec<Cell> {
+        vec![("method", json!(self.method)), ("us_per_window", json!(self.us_per_window))]
     }
 }
 
@@ -91,21 +80,21 @@ pub(super) fn points(job: &Job, rows: &[Row]) -> Vec<Point> {
         let mut steps: Vec<f64> = films().map(|film| film.velocity.px_frame[0]).collect();
         steps.sort_by(f64::total_cmp);
         steps.dedup();
-        for way in &job.ways {
+        for method in &job.methods {
             for speed in &steps {
                 let of = |row: &&Row| {
                     let apart = row.vx_px_frame - speed;
-                    row.speeds == speeds.as_str() && row.method == way.as_str() && apart.abs() < 1e-9
+                    row.speeds == speeds.as_str() && row.method == method.as_str() && apart.abs() < 1e-9
                 };
                 let errors: Vec<Option<f64>> = rows.iter().filter(of).map(|row| row.error()[0]).collect();
                 let known: Vec<f64> = errors.iter().copied().flatten().collect();
                 points.push(Point {
                     speeds,
-                    way: *way,
+                    method: *method,
                     speed_px_frame: *speed,
                     pairs: errors.len(),
                     missing: errors.len() - known.len(),
-                    error: Spread::of(&known),
+                    error: ErrorStatistics::of(&known),
                 });
             }
         }
@@ -121,25 +110,25 @@ pub(super) fn points(job: &Job, rows: &[Row]) -> Vec<Point> {
 #[expect(clippy::disallowed_methods, reason = "a study of cost reads the clock")]
 pub(super) fn costs(job: &Job) -> Result<Vec<Cost>, Failure> {
     let Some(plan) = job.films.first() else { return Ok(Vec::new()) };
-    let reel = film::film(&film::ball(plan.pattern, &job.filming)?, plan, &job.filming)?;
+    let rendered = film::film(&film::ball(plan.pattern, &job.filming)?, plan, &job.filming)?;
     let (mut bytes, mut before, mut after) = (Vec::new(), Image::default(), Image::default());
-    reel.draw(0, &mut bytes, &mut before)?;
-    reel.draw(1, &mut bytes, &mut after)?;
-    let mut bench = Bench::new(&job.ways, job.windows, SIDE_PX)?;
-    bench.measure(before.view(), after.view());
-    let mut times = vec![Vec::new(); job.ways.len()];
+    rendered.draw(0, &mut bytes, &mut before)?;
+    rendered.draw(1, &mut bytes, &mut after)?;
+    let mut evaluator = Evaluator::new(&job.methods, job.windows, SIDE_PX)?;
+    evaluator.measure(before.view(), after.view());
+    let mut times = vec![Vec::new(); job.methods.len()];
     for _ in 0..TURNS {
         for (place, times) in times.iter_mut().enumerate() {
             let began = Instant::now();
-            let windows = bench.correlate_again(place, (before.view(), after.view()));
+            let windows = evaluator.correlate_again(place, (before.view(), after.view()));
             times.push(1e6 * began.elapsed().as_secs_f64() / windows.max(1) as f64);
         }
     }
-    let cost = |(way, mut times): (&Way, Vec<f64>)| {
+    let cost = |(method, mut times): (&Method, Vec<f64>)| {
         times.sort_by(f64::total_cmp);
-        Cost { method: way.as_str(), us_per_window: (100.0 * times[0]).round() / 100.0 }
+        Cost { method: method.as_str(), us_per_window: (100.0 * times[0]).round() / 100.0 }
     };
-    Ok(job.ways.iter().zip(times).map(cost).collect())
+    Ok(job.methods.iter().zip(times).map(cost).collect())
 }
 
 /// Draws the figure.
@@ -148,12 +137,14 @@ pub(super) fn draw(job: &Job, points: &[Point], costs: &[Cost], caption: &[Strin
     let shown: Vec<Speeds> =
         Speeds::ALL.into_iter().filter(|speeds| points.iter().any(|point| point.speeds == *speeds)).collect();
     let across = LEFT + WIDTH + 20.0;
-    let legend_lines = job.ways.len().div_ceil(3) as f64;
+    let legend_lines = job.methods.len().div_ceil(3) as f64;
     let below = top + 20.0 * (legend_lines - 1.0);
     let size = ((across * shown.len() as f64).max(760.0), below + ABOVE + PLOT + BELOW);
     let mut svg = log_axis::begin(size, job.study.heading(), caption);
-    let entry = |(way, cost): (&Way, &Cost)| (*way, format!("{} ({:.0} us a window)", way.title(), cost.us_per_window));
-    let entries: Vec<(Way, String)> = job.ways.iter().zip(costs).map(entry).collect();
+    let entry = |(method, cost): (&Method, &Cost)| {
+        (*method, format!("{} ({:.0} us a window)", method.title(), cost.us_per_window))
+    };
+    let entries: Vec<(Method, String)> = job.methods.iter().zip(costs).map(entry).collect();
     for (number, entries) in entries.chunks(3).enumerate() {
         log_axis::legend(&mut svg, top - 26.0 + 20.0 * number as f64, entries);
     }
@@ -170,9 +161,9 @@ pub(super) fn draw(job: &Job, points: &[Point], costs: &[Cost], caption: &[Strin
         }
         let middle = left + 0.5 * WIDTH;
         text(&mut svg, (middle, top + PLOT + 33.0), "text-anchor=\"middle\"", "speed along x, px/frame");
-        for way in &job.ways {
-            let of = points.iter().filter(|point| (point.speeds, point.way) == (*speeds, *way));
-            curve(&mut svg, (left, top), axis, *way, of);
+        for method in &job.methods {
+            let of = points.iter().filter(|point| (point.speeds, point.method) == (*speeds, *method));
+            curve(&mut svg, (left, top), axis, *method, of);
         }
     }
     svg.push_str("</svg>\n");
@@ -184,7 +175,7 @@ fn curve<'a>(
     svg: &mut String,
     (left, top): (f64, f64),
     axis: LogAxis,
-    way: Way,
+    method: Method,
     points: impl Iterator<Item = &'a Point>,
 ) {
     let (mut path, mut joined, mut marks) = (String::new(), false, String::new());
@@ -195,10 +186,10 @@ fn curve<'a>(
         };
         let (x, y) = (left + WIDTH * point.speed_px_frame / MAX_PX, top + axis.y(error.mean));
         let _ = write!(path, "{}{x:.1} {y:.1}", if joined { 'L' } else { 'M' });
-        log_axis::mark(&mut marks, way, (x, y), point.missing);
+        log_axis::mark(&mut marks, method, (x, y), point.missing);
         joined = true;
     }
-    let _ = writeln!(svg, "<path class=\"curve\" stroke=\"{}\" d=\"{path}\"/>", log_axis::colour(way));
+    let _ = writeln!(svg, "<path class=\"curve\" stroke=\"{}\" d=\"{path}\"/>", log_axis::colour(method));
     svg.push_str(&marks);
 }
 
@@ -214,42 +205,43 @@ mod tests {
         Job {
             study: SpeckleStudy::Peak,
             films: SpeckleStudy::Peak.plan(&[13], &Speeds::ALL),
-            ways: vec![Way::Paper, Way::PeakSpline],
+            methods: vec![Method::Paper, Method::PeakSpline],
             windows: Windows { subset_size_px: 25, step_px: 40 },
             filming: Filming { frames: 2, noise_dn: 2.0, blur_px: 0.7, seed: 1 },
         }
     }
 
     /// A row per film and method with an error of 1 % of the speed, or missing.
-    fn rows(job: &Job, is_missing: impl Fn(&Film, Way) -> bool) -> Vec<Row> {
-        let row = |film: &Film, way: Way| {
+    fn rows(job: &Job, is_missing: impl Fn(&Film, Method) -> bool) -> Vec<Row> {
+        let row = |film: &Film, method: Method| {
             let speed = film.velocity.px_frame[0];
-            let step = (!is_missing(film, way)).then_some([1.01 * speed, 0.0, 0.0]);
+            let step = (!is_missing(film, method)).then_some([1.01 * speed, 0.0, 0.0]);
             Row::new(
                 (SpeckleStudy::Peak, film),
                 0,
-                way,
+                method,
                 &Answer { step, sigma: None, points: 9, status: PointStatus::Valid },
             )
         };
-        job.films.iter().flat_map(|film| job.ways.iter().map(move |way| row(film, *way))).collect()
+        job.films.iter().flat_map(|film| job.methods.iter().map(move |method| row(film, *method))).collect()
     }
 
     #[test]
     fn every_speed_has_the_mean_of_its_films_and_a_gap_breaks_the_curve() {
         let job = job();
-        let rows = rows(&job, |film, way| way == Way::Paper && (film.velocity.px_frame[0] - 0.5).abs() < 1e-9);
+        let rows = rows(&job, |film, method| method == Method::Paper && (film.velocity.px_frame[0] - 0.5).abs() < 1e-9);
         let points = points(&job, &rows);
         assert_eq!(points.len(), 2 * 2 * 20);
         for point in &points {
             assert_eq!(point.pairs, 8);
             match point.error {
                 Some(error) => assert!((error.mean - 0.01 * point.speed_px_frame).abs() < 1e-6, "{point:?}"),
-                None => assert_eq!((point.way, point.missing), (Way::Paper, 8)),
+                None => assert_eq!((point.method, point.missing), (Method::Paper, 8)),
             }
         }
         assert_eq!(points.iter().filter(|point| point.error.is_none()).count(), 1);
-        let costs = job.ways.iter().map(|way| Cost { method: way.as_str(), us_per_window: 7.0 }).collect::<Vec<_>>();
+        let costs =
+            job.methods.iter().map(|method| Cost { method: method.as_str(), us_per_window: 7.0 }).collect::<Vec<_>>();
         let figure = draw(&job, &points, &costs, &["caption <of> it".to_owned()]);
         assert!(figure.contains("caption &lt;of&gt; it") && figure.contains("(7 us a window)"));
         let curves: Vec<&str> = figure.lines().filter(|line| line.contains("class=\"curve\"")).collect();

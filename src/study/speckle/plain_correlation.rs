@@ -3,10 +3,10 @@
 //! The more a window is shifted, the smaller the overlap and the sum, which biases the peak towards zero. This module
 //! shows by how much; measurements normalise by the overlap.
 
+use super::spline_surface::SplineSurface;
 use crate::dic::{CenterVector, GridPoint};
 use crate::image::{Image, ImageView};
 use crate::results::Circle;
-use crate::study::PictureMover;
 
 /// Maximum shift along each axis, px.
 const REACH_PX: usize = 6;
@@ -85,7 +85,7 @@ impl Plain {
         if !(inside.contains(&column) && inside.contains(&row)) {
             return None;
         }
-        let surface = PictureMover::new(self.surface.view());
+        let surface = SplineSurface::new(self.surface.view());
         let fine = i32::try_from(self.per_px).ok()?;
         let (mut highest, mut top) = (f64::NEG_INFINITY, [0.0; 2]);
         for j in -fine..=fine {

@@ -4,6 +4,7 @@
 //! the table and at most a part of one film, which is cut off. The last complete film is measured again, and the
 //! study is only resumed if this program measures the same.
 
+use crate::failure::Failure;
 use std::fs::{File, OpenOptions};
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -11,11 +12,10 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use super::films_plan::Film;
-use super::methods::Way;
+use super::methods::Method;
 use super::row::Row;
 use crate::command::field::{FieldError, folder};
 use crate::console::UsageError;
-use crate::failure::Failure;
 
 /// Advice for a table that cannot be resumed.
 const ADVICE: &str = "choose another directory, or delete both files to start again";
@@ -24,7 +24,7 @@ const ADVICE: &str = "choose another directory, or delete both files to start ag
 #[derive(Debug, Clone)]
 pub(super) struct Contents<'a> {
     pub(super) films: &'a [Film],
-    pub(super) ways: &'a [Way],
+    pub(super) methods: &'a [Method],
     /// Frames per film.
     pub(super) frames: u64,
 }
@@ -32,25 +32,25 @@ pub(super) struct Contents<'a> {
 impl Contents<'_> {
     /// Returns the number of rows per film.
     pub(super) fn rows(&self) -> usize {
-        self.ways.len() * (self.frames as usize - 1)
+        self.methods.len() * (self.frames as usize - 1)
     }
 
     /// Whether these are all rows of a film, in order.
     fn are_of(&self, film: &Film, rows: &[Row]) -> bool {
-        let wanted = (0..self.frames - 1).flat_map(|frame| self.ways.iter().map(move |way| (frame, *way)));
-        rows.iter().zip(wanted).all(|(row, (frame, way))| row.is_of(film, frame, way))
+        let wanted = (0..self.frames - 1).flat_map(|frame| self.methods.iter().map(move |method| (frame, *method)));
+        rows.iter().zip(wanted).all(|(row, (frame, method))| row.is_of(film, frame, method))
     }
 }
 
 /// An open table of films.
 #[derive(Debug)]
-pub(super) struct Journal {
+pub(super) struct ResumeTable {
     path: PathBuf,
     file: File,
     has_header: bool,
 }
 
-impl Journal {
+impl ResumeTable {
     /// Opens or creates the table in a directory; returns it with the rows of the completed films.
     ///
     /// # Errors

@@ -3,11 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::films_plan::{Film, SpeckleStudy};
-use super::methods::{Answer, Way};
+use super::methods::{Answer, Method};
+use crate::study::output_files::rounded;
 use crate::synth::PatternSetup;
-
-/// Scale of the rounding to 7 decimals, which the table preserves exactly.
-const DECIMALS: f64 = 1e7;
 
 /// The result of one method; a missing number is an empty cell, and `status` gives the reason.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -45,7 +43,7 @@ pub(super) struct Row {
 }
 
 impl Row {
-    pub(super) fn new((study, film): (SpeckleStudy, &Film), frame: u64, way: Way, answer: &Answer) -> Self {
+    pub(super) fn new((study, film): (SpeckleStudy, &Film), frame: u64, method: Method, answer: &Answer) -> Self {
         let part = |values: Option<[f64; 3]>, axis: usize| values.map(|values| rounded(values[axis]));
         let [vx_px_frame, vy_px_frame] = film.velocity.px_frame;
         let level = |of: SpeckleStudy| study.levels().get(film.level).copied().filter(|_| study == of);
@@ -55,7 +53,7 @@ impl Row {
             case: film.case.as_str().to_owned(),
             film: film.number,
             frame,
-            method: way.as_str().to_owned(),
+            method: method.as_str().to_owned(),
             noise_dn: level(SpeckleStudy::Noise),
             blur_px: level(SpeckleStudy::Blur),
             rate: level(SpeckleStudy::Rate),
@@ -93,13 +91,8 @@ impl Row {
     }
 
     /// Whether this is the row of a method on a pair of frames.
-    pub(super) fn is_of(&self, film: &Film, frame: u64, way: Way) -> bool {
+    pub(super) fn is_of(&self, film: &Film, frame: u64, method: Method) -> bool {
         let pattern = PatternSetup::PAPER[film.pattern];
-        self.key() == (pattern, film.speeds.as_str(), film.case.as_str(), film.number, frame, way.as_str())
+        self.key() == (pattern, film.speeds.as_str(), film.case.as_str(), film.number, frame, method.as_str())
     }
-}
-
-fn rounded(value: f64) -> f64 {
-    // Adding 0 turns -0 into 0.
-    (value * DECIMALS).round() / DECIMALS + 0.0
 }

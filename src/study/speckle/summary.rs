@@ -1,15 +1,16 @@
 //! Mean absolute errors and their standard deviation, as in the paper's figures.
 
-use serde::Serialize;
+use serde_json::json;
 
 use super::films_plan::{Case, Film, Speeds};
-use super::methods::Way;
+use super::methods::Method;
 use super::row::Row;
+use crate::study::output_files::{Cell, rounded};
 use crate::synth::PatternSetup;
 
 /// Statistics of the absolute errors along one axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Spread {
+pub(super) struct ErrorStatistics {
     /// Number of frame pairs with an answer.
     pub(super) count: usize,
     /// Mean absolute error.
@@ -22,7 +23,7 @@ pub(super) struct Spread {
     pub(super) bias: f64,
 }
 
-impl Spread {
+impl ErrorStatistics {
     pub(super) fn of(errors: &[f64]) -> Option<Self> {
         let count = errors.len() as f64;
         let mean = errors.iter().map(|error| error.abs()).sum::<f64>() / count;
@@ -43,7 +44,7 @@ pub(super) struct Group {
     pub(super) pattern: usize,
     pub(super) speeds: Speeds,
     pub(super) case: Case,
-    pub(super) way: Way,
+    pub(super) method: Method,
     pub(super) films: usize,
     /// Number of frame pairs.
     pub(super) pairs: usize,
@@ -52,68 +53,67 @@ pub(super) struct Group {
     /// Errors along x and y, px/frame, and of the rotation, deg/frame.
     ///
     /// In the one-axis cases only films that move along the axis count.
-    pub(super) errors: [Option<Spread>; 3],
+    pub(super) errors: [Option<ErrorStatistics>; 3],
 }
 
-/// A row of the summary table.
-#[derive(Debug, Serialize)]
-pub(super) struct Line {
-    pattern: &'static str,
-    speeds: &'static str,
-    case: &'static str,
-    method: &'static str,
-    films: usize,
-    pairs: usize,
-    missing: usize,
-    mean_x_px: Option<f64>,
-    spread_x_px: Option<f64>,
-    max_x_px: Option<f64>,
-    bias_x_px: Option<f64>,
-    mean_y_px: Option<f64>,
-    spread_y_px: Option<f64>,
-    max_y_px: Option<f64>,
-    bias_y_px: Option<f64>,
-    mean_deg: Option<f64>,
-    spread_deg: Option<f64>,
-    max_deg: Option<f64>,
-    bias_deg: Option<f64>,
+/// Columns of the statistics along x, along y and of the rotation.
+const STATISTICS: [[&str; 4]; 3] = [
+    ["mean_x_px", "spread_x_px", "max_x_px", "bias_x_px"],
+    ["mean_y_px", "spread_y_px", "max_y_px", "bias_y_px"],
+    ["mean_deg", "spread_deg", "max_deg", "bias_deg"],
+];
+
+/// Returns the statistics along an axis as cells: mean, standard deviation, maximum and bias.
+pub(super) fn statistics_cells(axis: usize, error: Option<ErrorStatistics>) -> [Cell; 4] {
+    let values = [
+        error.map(|error| error.mean),
+        error.and_then(|error| error.spread),
+        error.map(|error| error.max),
+        error.map(|error| error.bias),
+    ];
+    std::array::from_fn(|k| (STATISTICS[axis][k], json!(values[k].map(rounded))))
+}
+
+/// Formats a number with 4 decimals, or a dash.
+pub(super) fn number(value: Option<f64>) -> String {
+    value.map_or_else(|| "-".to_owned(), |value| format!("{value:.4}"))
+}
+
+/// Explanation above a table of [`summary_cell`]s.
+pub(super) const EXPLANATION: &str =
+    "mean absolute error: px/frame (mean of x and y) / deg/frame; ! where answers are missing";
+
+/// Returns the mean of the errors along x and y.
+pub(super) fn translation(errors: &[Option<ErrorStatistics>; 3]) -> Option<f64> {
+    let [x, y, _] = errors.map(|error| error.map(|error| error.mean));
+    x.zip(y).map(|(x, y)| 0.5 * (x + y))
+}
+
+/// Formats the errors of translation and rotation, marked if answers are missing.
+pub(super) fn summary_cell(errors: &[Option<ErrorStatistics>; 3], missing: usize) -> String {
+    let (px, deg) = (number(translation(errors)), number(errors[2].map(|error| error.mean)));
+    format!("{px} / {deg}{}", if missing > 0 { "!" } else { "" })
 }
 
 impl Group {
-    pub(super) fn line(&self) -> Line {
-        let part = |axis: usize, part: fn(&Spread) -> Option<f64>| {
-            let value = self.errors[axis].as_ref().and_then(part)?;
-            // Rounded to the decimals of the table of films.
-            Some((value * 1e7).round() / 1e7 + 0.0)
-        };
-        let (mean, spread) = (|s: &Spread| Some(s.mean), |s: &Spread| s.spread);
-        let (max, bias) = (|s: &Spread| Some(s.max), |s: &Spread| Some(s.bias));
-        Line {
-            pattern: PatternSetup::PAPER[self.pattern],
-            speeds: self.speeds.as_str(),
-            case: self.case.as_str(),
-            method: self.way.as_str(),
-            films: self.films,
-            pairs: self.pairs,
-            missing: self.missing,
-            mean_x_px: part(0, mean),
-            spread_x_px: part(0, spread),
-            max_x_px: part(0, max),
-            bias_x_px: part(0, bias),
-            mean_y_px: part(1, mean),
-            spread_y_px: part(1, spread),
-            max_y_px: part(1, max),
-            bias_y_px: part(1, bias),
-            mean_deg: part(2, mean),
-            spread_deg: part(2, spread),
-            max_deg: part(2, max),
-            bias_deg: part(2, bias),
-        }
+    /// Returns the row of the summary table.
+    pub(super) fn cells(&self) -> Vec<Cell> {
+        let mut cells = vec![
+            ("pattern", json!(PatternSetup::PAPER[self.pattern])),
+            ("speeds", json!(self.speeds.as_str())),
+            ("case", json!(self.case.as_str())),
+            ("method", json!(self.method.as_str())),
+            ("films", json!(self.films)),
+            ("pairs", json!(self.pairs)),
+            ("missing", json!(self.missing)),
+        ];
+        cells.extend((0..3).flat_map(|axis| statistics_cells(axis, self.errors[axis])));
+        cells
     }
 }
 
 /// Groups the rows of a study, in the order of pattern, speeds, case and method.
-pub(super) fn groups(films: &[Film], ways: &[Way], rows: &[Row]) -> Vec<Group> {
+pub(super) fn groups(films: &[Film], methods: &[Method], rows: &[Row]) -> Vec<Group> {
     let each = rows.len() / films.len().max(1);
     let mut groups: Vec<(Group, [Vec<f64>; 3])> = Vec::new();
     let mut begin = 0;
@@ -124,21 +124,22 @@ pub(super) fn groups(films: &[Film], ways: &[Way], rows: &[Row]) -> Vec<Group> {
         }
         let place = groups[begin..].iter().position(|(group, _)| group.case == film.case).map(|place| begin + place);
         let place = place.unwrap_or_else(|| {
-            groups.extend(ways.iter().map(|way| (empty(film, *way), Default::default())));
-            groups.len() - ways.len()
+            groups.extend(methods.iter().map(|method| (empty(film, *method), Default::default())));
+            groups.len() - methods.len()
         });
-        for (number, (group, errors)) in groups[place..place + ways.len()].iter_mut().enumerate() {
+        for (number, (group, errors)) in groups[place..place + methods.len()].iter_mut().enumerate() {
             group.films += 1;
-            rows.iter().skip(number).step_by(ways.len()).for_each(|row| add(group, errors, row));
+            rows.iter().skip(number).step_by(methods.len()).for_each(|row| add(group, errors, row));
         }
     }
-    let finish = |(group, errors): (Group, [Vec<f64>; 3])| Group { errors: errors.map(|e| Spread::of(&e)), ..group };
+    let finish =
+        |(group, errors): (Group, [Vec<f64>; 3])| Group { errors: errors.map(|e| ErrorStatistics::of(&e)), ..group };
     groups.into_iter().map(finish).collect()
 }
 
-fn empty(film: &Film, way: Way) -> Group {
+fn empty(film: &Film, method: Method) -> Group {
     let Film { pattern, speeds, case, .. } = *film;
-    Group { pattern, speeds, case, way, films: 0, pairs: 0, missing: 0, errors: [None; 3] }
+    Group { pattern, speeds, case, method, films: 0, pairs: 0, missing: 0, errors: [None; 3] }
 }
 
 fn add(group: &mut Group, errors: &mut [Vec<f64>; 3], row: &Row) {
@@ -161,18 +162,18 @@ mod tests {
     use super::*;
     use crate::results::PointStatus;
 
-    /// Rows of a study with errors of `error(film, way, pair)`.
-    fn rows(films: &[Film], ways: &[Way], error: impl Fn(&Film, Way, u64) -> Option<[f64; 3]>) -> Vec<Row> {
+    /// Rows of a study with errors of `error(film, method, pair)`.
+    fn rows(films: &[Film], methods: &[Method], error: impl Fn(&Film, Method, u64) -> Option<[f64; 3]>) -> Vec<Row> {
         let mut rows = Vec::new();
         for film in films {
             for frame in 0..2 {
-                for way in ways {
-                    let step = error(film, *way, frame).map(|[x, y, turn]| {
+                for method in methods {
+                    let step = error(film, *method, frame).map(|[x, y, turn]| {
                         let [vx, vy] = film.velocity.px_frame;
                         [vx + x, vy + y, film.velocity.deg_frame + turn]
                     });
                     let answer = Answer { step, sigma: None, points: 9, status: PointStatus::Valid };
-                    rows.push(Row::new((SpeckleStudy::General, film), frame, *way, &answer));
+                    rows.push(Row::new((SpeckleStudy::General, film), frame, *method, &answer));
                 }
             }
         }
@@ -182,21 +183,21 @@ mod tests {
     #[test]
     fn statistics_are_grouped_by_pattern_method_and_case() {
         let films = SpeckleStudy::Translation.plan(&[2, 5], &[Speeds::Paper]);
-        let ways = [Way::Paper, Way::Rigid];
-        let rows = rows(&films, &ways, |film, way, frame| {
+        let methods = [Method::Paper, Method::Rigid];
+        let rows = rows(&films, &methods, |film, method, frame| {
             let sign = if frame == 0 { 1.0 } else { -3.0 };
-            let size = if way == Way::Rigid { 0.001 } else { 0.02 } * (film.pattern as f64);
+            let size = if method == Method::Rigid { 0.001 } else { 0.02 } * (film.pattern as f64);
             Some([sign * size, 2.0 * sign * size, 0.5 * sign * size])
         });
-        let groups = groups(&films, &ways, &rows);
+        let groups = groups(&films, &methods, &rows);
         assert_eq!(groups.len(), 2 * 2 * 2, "two patterns, at rest and along an axis, two methods");
-        let of = |pattern: usize, case: Case, way: Way| {
-            let mut found = groups.iter().filter(|g| (g.pattern, g.case, g.way) == (pattern, case, way));
+        let of = |pattern: usize, case: Case, method: Method| {
+            let mut found = groups.iter().filter(|g| (g.pattern, g.case, g.method) == (pattern, case, method));
             let group = found.next().unwrap();
             assert!(found.next().is_none());
             group
         };
-        let group = of(5, Case::OneAxis, Way::Rigid);
+        let group = of(5, Case::OneAxis, Method::Rigid);
         assert_eq!((group.films, group.pairs, group.missing), (10, 20, 0));
         let [x, y, turn] = group.errors.map(Option::unwrap);
         // Five films move along x, two pairs each: errors of 0.005 and -0.015 px.
@@ -207,20 +208,20 @@ mod tests {
         );
         assert!((x.spread.unwrap() - 0.005 * (10.0_f64 / 9.0).sqrt()).abs() < 1e-6, "{x:?}");
         assert!((y.mean - 0.020).abs() < 1e-6 && (turn.mean - 0.005).abs() < 1e-6, "{y:?} {turn:?}");
-        let coarse = of(2, Case::OneAxis, Way::Paper).errors[0].unwrap();
+        let coarse = of(2, Case::OneAxis, Method::Paper).errors[0].unwrap();
         assert!((coarse.mean - 0.08).abs() < 1e-6, "{coarse:?}");
-        assert_eq!(of(2, Case::Rest, Way::Paper).errors[0].unwrap().count, 2);
+        assert_eq!(of(2, Case::Rest, Method::Paper).errors[0].unwrap().count, 2);
     }
 
     #[test]
     fn an_answer_that_is_missing_is_counted_and_is_not_a_zero() {
         let films = SpeckleStudy::Rotation.plan(&[9], &[Speeds::OffGrid]);
-        let rows = rows(&films, &[Way::IcGn], |film, _, frame| (film.number != 2 || frame > 0).then_some([0.3; 3]));
-        let groups = groups(&films, &[Way::IcGn], &rows);
+        let rows = rows(&films, &[Method::IcGn], |film, _, frame| (film.number != 2 || frame > 0).then_some([0.3; 3]));
+        let groups = groups(&films, &[Method::IcGn], &rows);
         assert_eq!((groups[0].pairs, groups[0].missing), (6, 1));
         let error = groups[0].errors[0].unwrap();
         assert!(error.count == 5 && (error.mean - 0.3).abs() < 1e-6, "{error:?}");
-        let none = super::groups(&films, &[Way::IcGn], &super::tests::rows(&films, &[Way::IcGn], |_, _, _| None));
+        let none = super::groups(&films, &[Method::IcGn], &super::tests::rows(&films, &[Method::IcGn], |_, _, _| None));
         assert_eq!(none[0].errors, [None; 3]);
         assert_eq!(none[0].missing, 6);
     }

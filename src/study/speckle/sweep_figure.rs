@@ -2,16 +2,16 @@
 
 use std::fmt::Write as _;
 
-use serde::Serialize;
+use serde_json::json;
 
 use super::films_plan::SpeckleStudy;
-use super::log_axis;
-use super::log_axis::{HEADING, LINE, LogAxis};
-use super::methods::Way;
+use super::log_axis::{self, HEADING, LINE, LogAxis};
+use super::methods::Method;
 use super::row::Row;
-use super::summary::Spread;
+use super::summary::{ErrorStatistics, statistics_cells, summary_cell, translation};
 use super::workers::Job;
-use crate::study::convergence::text;
+use crate::study::output_files::{Cell, cross_table, rounded};
+use crate::study::svg::text;
 
 /// Width and height of a plot, and its margins, px.
 const WIDTH: f64 = 420.0;
@@ -20,55 +20,29 @@ const LEFT: f64 = 66.0;
 const ABOVE: f64 = 28.0;
 const BELOW: f64 = 46.0;
 
-/// Explanation above the printed table.
-pub(super) const READING: &str =
-    "mean absolute error: px/frame (mean of x and y) / deg/frame; ! where answers are missing";
-
 /// The result of one method at one level, over all patterns.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Point {
-    pub(super) way: Way,
+    pub(super) method: Method,
     pub(super) level: f64,
     pub(super) pairs: usize,
     pub(super) missing: usize,
     /// Errors along x and y, px/frame, and of the rotation, deg/frame.
-    pub(super) errors: [Option<Spread>; 3],
+    pub(super) errors: [Option<ErrorStatistics>; 3],
     /// Relative errors of the velocity and of the spin.
-    pub(super) shares: [Option<Spread>; 2],
-}
-
-/// A row of the table over the levels.
-#[derive(Debug, Serialize)]
-pub(super) struct Line {
-    #[serde(skip_serializing_if = "Option::is_none")]
-    noise_dn: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    blur_px: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    rate: Option<f64>,
-    method: &'static str,
-    pairs: usize,
-    missing: usize,
-    mean_x_px: Option<f64>,
-    spread_x_px: Option<f64>,
-    mean_y_px: Option<f64>,
-    spread_y_px: Option<f64>,
-    mean_deg: Option<f64>,
-    spread_deg: Option<f64>,
-    velocity_error_share: Option<f64>,
-    spin_error_share: Option<f64>,
+    pub(super) shares: [Option<ErrorStatistics>; 2],
 }
 
 impl Point {
     /// Computes the statistics of a method at a level.
-    fn of(way: Way, level: f64, rows: &[&Row]) -> Self {
+    fn of(method: Method, level: f64, rows: &[&Row]) -> Self {
         let errors: Vec<[f64; 3]> = rows.iter().filter_map(|row| known(row)).collect();
-        let along = |axis: usize| Spread::of(&errors.iter().map(|error| error[axis]).collect::<Vec<_>>());
+        let along = |axis: usize| ErrorStatistics::of(&errors.iter().map(|error| error[axis]).collect::<Vec<_>>());
         let share = |of: fn(&Row, [f64; 3]) -> f64| {
-            Spread::of(&rows.iter().filter_map(|row| Some(of(row, known(row)?))).collect::<Vec<_>>())
+            ErrorStatistics::of(&rows.iter().filter_map(|row| Some(of(row, known(row)?))).collect::<Vec<_>>())
         };
         Self {
-            way,
+            method,
             level,
             pairs: rows.len(),
             missing: rows.len() - errors.len(),
@@ -80,36 +54,25 @@ impl Point {
         }
     }
 
-    pub(super) fn line(&self, study: SpeckleStudy) -> Line {
-        let round = |value: f64| (value * 1e7).round() / 1e7 + 0.0;
-        let mean = |error: Option<Spread>| error.map(|error| round(error.mean));
-        let spread = |error: Option<Spread>| error.and_then(|error| error.spread).map(round);
-        let level = |of: SpeckleStudy| (study == of).then_some(self.level);
-        let [x, y, turn] = self.errors;
-        Line {
-            noise_dn: level(SpeckleStudy::Noise),
-            blur_px: level(SpeckleStudy::Blur),
-            rate: level(SpeckleStudy::Rate),
-            method: self.way.as_str(),
-            pairs: self.pairs,
-            missing: self.missing,
-            mean_x_px: mean(x),
-            spread_x_px: spread(x),
-            mean_y_px: mean(y),
-            spread_y_px: spread(y),
-            mean_deg: mean(turn),
-            spread_deg: spread(turn),
-            velocity_error_share: mean(self.shares[0]),
-            spin_error_share: mean(self.shares[1]),
-        }
+    /// Returns the row of the table over the levels.
+    pub(super) fn cells(&self, study: SpeckleStudy) -> Vec<Cell> {
+        let mut cells = vec![
+            (study.level_column(), json!(self.level)),
+            ("method", json!(self.method.as_str())),
+            ("pairs", json!(self.pairs)),
+            ("missing", json!(self.missing)),
+        ];
+        cells.extend((0..3).flat_map(|axis| statistics_cells(axis, self.errors[axis]).into_iter().take(2)));
+        let mean = |error: Option<ErrorStatistics>| json!(error.map(|error| rounded(error.mean)));
+        cells.extend([("velocity_error_share", mean(self.shares[0])), ("spin_error_share", mean(self.shares[1]))]);
+        cells
     }
 
     /// Returns the values in the figure: px/frame and deg/frame, or relative errors in % for the frame rate.
     fn shown(&self, study: SpeckleStudy) -> [Option<f64>; 2] {
-        let [x, y, turn] = self.errors.map(|error| error.map(|error| error.mean));
         match study {
             SpeckleStudy::Rate => self.shares.map(|share| share.map(|share| 100.0 * share.mean)),
-            _ => [x.zip(y).map(|(x, y)| 0.5 * (x + y)), turn],
+            _ => [translation(&self.errors), self.errors[2].map(|error| error.mean)],
         }
     }
 }
@@ -121,28 +84,23 @@ fn known(row: &Row) -> Option<[f64; 3]> {
 
 /// Returns every method at every level, sorted by method and level.
 pub(super) fn points(job: &Job, rows: &[Row]) -> Vec<Point> {
-    let point = |way: Way, level: f64| {
-        let is_of = |row: &&Row| row.method == way.as_str() && row.level().is_some_and(|at| (at - level).abs() < 1e-9);
-        Point::of(way, level, &rows.iter().filter(is_of).collect::<Vec<_>>())
+    let point = |method: Method, level: f64| {
+        let is_of =
+            |row: &&Row| row.method == method.as_str() && row.level().is_some_and(|at| (at - level).abs() < 1e-9);
+        Point::of(method, level, &rows.iter().filter(is_of).collect::<Vec<_>>())
     };
-    job.ways.iter().flat_map(|way| job.study.levels().iter().map(move |level| point(*way, *level))).collect()
+    job.methods.iter().flat_map(|method| job.study.levels().iter().map(move |level| point(*method, *level))).collect()
 }
 
 /// Returns the printed table.
-pub(super) fn cells(job: &Job, points: &[Point]) -> Vec<Vec<String>> {
-    let head = std::iter::once(label(job.study).to_owned()).chain(job.ways.iter().map(|way| way.as_str().to_owned()));
-    let mut lines = vec![head.collect::<Vec<_>>()];
-    for level in job.study.levels() {
-        let mut line = vec![level.to_string()];
-        for point in points.iter().filter(|point| (point.level - level).abs() < 1e-9) {
-            let number = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.4}"));
-            let [x, y, turn] = point.errors.map(|error| error.map(|error| error.mean));
-            let px = number(x.zip(y).map(|(x, y)| 0.5 * (x + y)));
-            line.push(format!("{px} / {}{}", number(turn), if point.missing > 0 { "!" } else { "" }));
-        }
-        lines.push(line);
-    }
-    lines
+pub(super) fn printed_table(job: &Job, points: &[Point]) -> String {
+    let levels: Vec<(String, f64)> = job.study.levels().iter().map(|level| (level.to_string(), *level)).collect();
+    let methods: Vec<(String, Method)> =
+        job.methods.iter().map(|method| (method.as_str().to_owned(), *method)).collect();
+    cross_table(label(job.study), &levels, &methods, |level, method| {
+        let is_at = |point: &&Point| point.method == *method && (point.level - level).abs() < 1e-9;
+        points.iter().find(is_at).map_or_else(String::new, |point| summary_cell(&point.errors, point.missing))
+    })
 }
 
 /// Returns the label of the varied setting.
@@ -159,7 +117,8 @@ pub(super) fn draw(job: &Job, points: &[Point], caption: &[String]) -> String {
     let top = HEADING + LINE * caption.len() as f64 + 34.0;
     let across = LEFT + WIDTH + 20.0;
     let mut svg = log_axis::begin((2.0 * across, top + ABOVE + PLOT + BELOW), job.study.heading(), caption);
-    let entries: Vec<(Way, String)> = job.ways.iter().map(|way| (*way, way.title().to_owned())).collect();
+    let entries: Vec<(Method, String)> =
+        job.methods.iter().map(|method| (*method, method.title().to_owned())).collect();
     log_axis::legend(&mut svg, top - 26.0, &entries);
     let titles = match job.study {
         SpeckleStudy::Rate => ["mean error of the velocity, % of the speed", "mean |error| of the spin, % of it"],
@@ -176,19 +135,19 @@ pub(super) fn draw(job: &Job, points: &[Point], caption: &[String]) -> String {
             text(&mut svg, (x(place), top + PLOT + 15.0), "text-anchor=\"middle\"", &level.to_string());
         }
         text(&mut svg, (left + 0.5 * WIDTH, top + PLOT + 33.0), "text-anchor=\"middle\"", label(job.study));
-        for way in &job.ways {
+        for method in &job.methods {
             let (mut path, mut joined, mut marks) = (String::new(), false, String::new());
-            for (place, point) in points.iter().filter(|point| point.way == *way).enumerate() {
+            for (place, point) in points.iter().filter(|point| point.method == *method).enumerate() {
                 let Some(value) = point.shown(job.study)[panel] else {
                     joined = false;
                     continue;
                 };
                 let (x, y) = (x(place), top + axis.y(value));
                 let _ = write!(path, "{}{x:.1} {y:.1}", if joined { 'L' } else { 'M' });
-                log_axis::mark(&mut marks, *way, (x, y), point.missing);
+                log_axis::mark(&mut marks, *method, (x, y), point.missing);
                 joined = true;
             }
-            let _ = writeln!(svg, "<path class=\"curve\" stroke=\"{}\" d=\"{path}\"/>", log_axis::colour(*way));
+            let _ = writeln!(svg, "<path class=\"curve\" stroke=\"{}\" d=\"{path}\"/>", log_axis::colour(*method));
             svg.push_str(&marks);
         }
     }
@@ -208,7 +167,7 @@ mod tests {
         Job {
             study,
             films: study.plan(&[13], &[Speeds::OffGrid]),
-            ways: vec![Way::IcGn, Way::Rigid],
+            methods: vec![Method::IcGn, Method::Rigid],
             windows: Windows { subset_size_px: 25, step_px: 40 },
             filming: Filming { frames: 2, noise_dn: 2.0, blur_px: 0.7, seed: 1 },
         }
@@ -216,14 +175,14 @@ mod tests {
 
     /// Errors of 0.003 px along x, 0.004 px along y and 0.01 deg; the rigid method has no answer at the last level.
     fn rows(job: &Job) -> Vec<Row> {
-        let row = |film: &super::super::films_plan::Film, way: Way| {
+        let row = |film: &super::super::films_plan::Film, method: Method| {
             let [x, y] = film.velocity.px_frame;
             let step = [x + 0.003, y - 0.004, film.velocity.deg_frame + 0.01];
-            let step = Some(step).filter(|_| way == Way::IcGn || film.level + 1 < job.study.levels().len());
+            let step = Some(step).filter(|_| method == Method::IcGn || film.level + 1 < job.study.levels().len());
             let answer = Answer { step, sigma: None, points: 9, status: PointStatus::Valid };
-            Row::new((job.study, film), 0, way, &answer)
+            Row::new((job.study, film), 0, method, &answer)
         };
-        job.films.iter().flat_map(|film| job.ways.iter().map(move |way| row(film, *way))).collect()
+        job.films.iter().flat_map(|film| job.methods.iter().map(move |method| row(film, *method))).collect()
     }
 
     #[test]
@@ -237,8 +196,8 @@ mod tests {
                 assert!((fast / slow - 2.0).abs() < 0.01, "{slow} {fast}");
             }
         }
-        let line = points[0].line(job.study);
-        assert_eq!((line.rate, line.noise_dn, line.mean_x_px), (Some(1.0), None, Some(0.003)));
+        let cells = points[0].cells(job.study);
+        assert_eq!((&cells[0], &cells[4]), (&("rate", json!(1.0)), &("mean_x_px", json!(0.003))));
     }
 
     #[test]
@@ -249,7 +208,8 @@ mod tests {
         let svg = draw(&job, &points, &["caption".to_owned()]);
         assert_eq!(svg.matches("<circle").count(), 2 * (6 + 5));
         assert!(!svg.contains("NaN") && svg.contains(">16</text>"));
-        let cells = cells(&job, &points);
-        assert_eq!(cells[6], ["16", "0.0035 / 0.0100", "- / -!"]);
+        let last =
+            printed_table(&job, &points).lines().last().unwrap().split_whitespace().collect::<Vec<_>>().join(" ");
+        assert_eq!(last, "16 0.0035 / 0.0100 - / -!");
     }
 }

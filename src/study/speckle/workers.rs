@@ -1,5 +1,6 @@
 //! Worker threads that measure films; results are delivered in order.
 
+use crate::failure::Failure;
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -7,9 +8,8 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 use super::film::{self, Filming, SIDE_PX};
 use super::films_plan::{Film, SpeckleStudy};
-use super::methods::{Bench, Way, Windows};
+use super::methods::{Evaluator, Method, Windows};
 use super::row::Row;
-use crate::failure::Failure;
 use crate::image::Image;
 use crate::process::Stop;
 use crate::synth::World;
@@ -19,7 +19,7 @@ use crate::synth::World;
 pub(super) struct Job {
     pub(super) study: SpeckleStudy,
     pub(super) films: Vec<Film>,
-    pub(super) ways: Vec<Way>,
+    pub(super) methods: Vec<Method>,
     pub(super) windows: Windows,
     pub(super) filming: Filming,
 }
@@ -73,7 +73,7 @@ impl Job {
     pub(super) fn measure_single(&self, number: usize) -> Result<Vec<Row>, Failure> {
         let film = &self.films[number];
         let ball = film::ball(film.pattern, &self.filming_of(film))?;
-        self.measure(&mut Bench::new(&self.ways, self.windows, SIDE_PX)?, &ball, film)
+        self.measure(&mut Evaluator::new(&self.methods, self.windows, SIDE_PX)?, &ball, film)
     }
 
     /// Returns the balls that are still needed, per pattern and level.
@@ -99,12 +99,12 @@ impl Job {
 
     /// Runs one thread: takes the next film until there are none, a stop, or the receiver is gone.
     fn work(&self, balls: &Balls, next: &AtomicUsize, stop: &Stop, sender: &SyncSender<Done>) -> Result<(), Failure> {
-        let mut bench = Bench::new(&self.ways, self.windows, SIDE_PX)?;
+        let mut evaluator = Evaluator::new(&self.methods, self.windows, SIDE_PX)?;
         while !stop.requested() {
             let number = next.fetch_add(1, Ordering::Relaxed);
             let Some(plan) = self.films.get(number) else { break };
             let Some(ball) = balls.get(&(plan.pattern, plan.level)) else { break };
-            if sender.send((number, self.measure(&mut bench, ball, plan))).is_err() {
+            if sender.send((number, self.measure(&mut evaluator, ball, plan))).is_err() {
                 break;
             }
         }
@@ -112,16 +112,19 @@ impl Job {
     }
 
     /// Renders one film and measures it with every method.
-    fn measure(&self, bench: &mut Bench, ball: &World, plan: &Film) -> Result<Vec<Row>, Failure> {
-        let reel = film::film(ball, plan, &self.filming)?;
+    fn measure(&self, evaluator: &mut Evaluator, ball: &World, plan: &Film) -> Result<Vec<Row>, Failure> {
+        let rendered = film::film(ball, plan, &self.filming)?;
         let (mut bytes, mut before, mut after) = (Vec::new(), Image::default(), Image::default());
-        reel.draw(0, &mut bytes, &mut before)?;
+        rendered.draw(0, &mut bytes, &mut before)?;
         let mut rows = Vec::new();
         for frame in 0..self.filming.frames - 1 {
-            reel.draw(frame + 1, &mut bytes, &mut after)?;
-            let answers = bench.measure(before.view(), after.view());
+            rendered.draw(frame + 1, &mut bytes, &mut after)?;
+            let answers = evaluator.measure(before.view(), after.view());
             rows.extend(
-                self.ways.iter().zip(&answers).map(|(way, answer)| Row::new((self.study, plan), frame, *way, answer)),
+                self.methods
+                    .iter()
+                    .zip(&answers)
+                    .map(|(method, answer)| Row::new((self.study, plan), frame, *method, answer)),
             );
             std::mem::swap(&mut before, &mut after);
         }
