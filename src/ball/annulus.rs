@@ -1,7 +1,6 @@
 //! The annulus: the pixels along a rim, sorted into bins by angle.
 
 use super::RimKind;
-use super::first_harmonic::Directions;
 use crate::image::{ImageView, is_saturated};
 
 /// The number of bins processed at a time by vector instructions.
@@ -33,6 +32,13 @@ pub(super) struct Outline {
 
 /// One pixel of every bin of a block.
 pub(super) type Lane = [f32; LANES];
+
+/// The directions of the bins along a rim, padded to a multiple of [`LANES`].
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Directions<'a> {
+    pub cos: &'a [f32],
+    pub sin: &'a [f32],
+}
 
 /// The use of clipped pixels in the edge fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::annulus::LANES;
+use super::annulus::{Directions, LANES};
 
 /// The residuals from which the weight is zero; infinite for no limit.
 #[derive(Debug, Clone, Copy, Default)]
@@ -10,13 +10,6 @@ pub(super) struct Limits {
     /// The limit of residuals times the root of their weight.
     pub weighted: f32,
     pub plain: f32,
-}
-
-/// The directions of the bins along a rim, padded to a multiple of [`LANES`].
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Directions<'a> {
-    pub cos: &'a [f32],
-    pub sin: &'a [f32],
 }
 
 /// Computes the residuals of the values after subtracting `a cos + b sin + c`; `harmonic` holds a, b and c.

@@ -2,9 +2,9 @@
 
 use nalgebra::Vector3;
 
-use super::annulus::{Annulus, LANES};
+use super::annulus::{Annulus, Directions, LANES};
 use super::edge_fit::Edge;
-use super::first_harmonic::{Directions, Limits, normal_equations, residuals, reweigh};
+use super::first_harmonic::{Limits, normal_equations, residuals, reweigh};
 use crate::numeric::nth_smallest;
 
 /// The number of rounds of reweighting.

@@ -5,7 +5,7 @@ use super::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat}
 use crate::config::Pulse;
 use crate::image::FrameMeta;
 use crate::results::{Impact, VelocitySample};
-use crate::synth::{Scenario, ScenarioError, World};
+use crate::synth::{Scenario, ScenarioError, SimulatedFilm};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
@@ -34,7 +34,7 @@ pub fn load_scenario(name: &str) -> Result<Scenario, ScenarioError> {
 }
 
 /// Returns the stream format of a simulated world.
-pub fn stream_format(world: &World) -> StreamFormat {
+pub fn stream_format(world: &SimulatedFilm) -> StreamFormat {
     StreamFormat {
         width_px: world.width_px(),
         height_px: world.height_px(),
@@ -45,7 +45,7 @@ pub fn stream_format(world: &World) -> StreamFormat {
 }
 
 /// Returns the metadata of one frame of a simulated world.
-pub fn meta(world: &World, index: u64) -> FrameMeta {
+pub fn meta(world: &SimulatedFilm, index: u64) -> FrameMeta {
     let stamp_ns = world.stamp_ns(index);
     stream_format(world).meta(index, stamp_ns, stamp_ns - world.stamp_ns(0))
 }
@@ -57,7 +57,7 @@ pub fn meta(world: &World, index: u64) -> FrameMeta {
 /// the scenario in both cases, never from a clock.
 #[derive(Debug)]
 pub struct SimulatedCamera {
-    world: World,
+    world: SimulatedFilm,
     pace: Pace,
     /// The pulses of the simulated hardware trigger line.
     pulse: Option<Pulse>,
@@ -81,7 +81,7 @@ impl SimulatedCamera {
     /// [`CameraError::Setting`] if the scenario cannot be simulated, or can be rendered neither at its rate nor in
     /// advance.
     pub fn open(scenario: Scenario, pace: Pace) -> Result<Self, CameraError> {
-        let world = World::new(&scenario).map_err(|error| CameraError::Setting {
+        let world = SimulatedFilm::new(&scenario).map_err(|error| CameraError::Setting {
             feature: "scenario".to_owned(),
             value: scenario.name.clone(),
             reason: error.to_string(),
@@ -94,7 +94,7 @@ impl SimulatedCamera {
     /// # Errors
     ///
     /// [`CameraError::Setting`] if it can be rendered neither at its rate nor in advance.
-    pub fn film(world: World, pace: Pace) -> Result<Self, CameraError> {
+    pub fn film(world: SimulatedFilm, pace: Pace) -> Result<Self, CameraError> {
         let film = if pace == Pace::Live { render_if_slow(&world)? } else { None };
         Ok(Self {
             world,
@@ -138,7 +138,7 @@ impl SimulatedCamera {
     }
 
     /// Returns the simulated world.
-    pub fn world(&self) -> &World {
+    pub fn world(&self) -> &SimulatedFilm {
         &self.world
     }
 
@@ -284,7 +284,7 @@ struct ExposureStart {
 }
 
 /// Renders the whole film if rendering cannot keep up with its rate.
-fn render_if_slow(world: &World) -> Result<Option<Vec<u8>>, CameraError> {
+fn render_if_slow(world: &SimulatedFilm) -> Result<Option<Vec<u8>>, CameraError> {
     let bytes = world.frame_bytes();
     let mut frame = vec![0; bytes];
     let render_s = (0..3).map(|_| seconds(|| world.render(0, &mut frame))).fold(f64::INFINITY, f64::min);

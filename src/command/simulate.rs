@@ -7,7 +7,7 @@ use crate::failure::Failure;
 use crate::image::Frame;
 use crate::process::recording_info;
 use crate::recording::{RecordingWriter, WriterOptions};
-use crate::synth::{ScenarioError, World};
+use crate::synth::{ScenarioError, SimulatedFilm};
 use std::path::PathBuf;
 
 /// The options of `ricochet simulate`.
@@ -40,7 +40,7 @@ pub fn run(options: &SimulateOptions) -> Result<Outcome, Failure> {
         error => UsageError(format!("{}: {error}", options.scenario)),
     };
     let scenario = simulated::load_scenario(&options.scenario).map_err(named)?;
-    let world = World::new(&scenario).map_err(named)?;
+    let world = SimulatedFilm::new(&scenario).map_err(named)?;
     let config = config(&world, &options.scenario)?;
     let format = simulated::stream_format(&world);
     let camera = CameraIdentity { model: "simulated".into(), serial: options.scenario.clone() };
@@ -65,7 +65,7 @@ pub fn run(options: &SimulateOptions) -> Result<Outcome, Failure> {
     Ok(Outcome::Clean)
 }
 
-fn draw(world: &World, format: &StreamFormat, writer: &mut RecordingWriter) -> Result<(), Failure> {
+fn draw(world: &SimulatedFilm, format: &StreamFormat, writer: &mut RecordingWriter) -> Result<(), Failure> {
     let mut bytes = vec![0; format.slot_bytes()];
     let bar = progress::frames(world.frames(), "simulate");
     for index in 0..world.frames() {
@@ -81,7 +81,7 @@ fn draw(world: &World, format: &StreamFormat, writer: &mut RecordingWriter) -> R
 }
 
 /// Returns the configuration attached to the recording, which is the default for measuring it.
-fn config(world: &World, name: &str) -> Result<Config, Failure> {
+fn config(world: &SimulatedFilm, name: &str) -> Result<Config, Failure> {
     let scenario = world.scenario();
     let built_in = format!("{name}.toml");
     if let Some(text) = super::demo::built_in_config(name) {
@@ -109,7 +109,7 @@ fn config(world: &World, name: &str) -> Result<Config, Failure> {
 }
 
 /// Returns the body tables of two balls, each with a search region around its path.
-fn both(world: &World) -> String {
+fn both(world: &SimulatedFilm) -> String {
     let scenario = world.scenario();
     let diameters = [Some(scenario.body.diameter_mm), scenario.other.as_ref().map(|other| other.body.diameter_mm)];
     let table = |(number, diameter_mm): (usize, f64)| {

@@ -2,19 +2,10 @@
 
 use super::bounding_box::BoundingBox;
 use super::outline::Outline;
-use super::rigid_match::RigidMatcher;
+use super::pending_frame::BodyKey;
+use super::rigid_match::{MAX_PREDICTION_ERROR_PX, RigidMatcher};
 use crate::dic::CorrelationParams;
 use crate::results::RigidStep;
-
-/// The maximum error of the predicted position of a body that continues its motion, px.
-pub(super) const MAX_PREDICTION_ERROR_PX: f64 = 2.0;
-
-/// One body within one block.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct BodyKey {
-    pub(super) body: usize,
-    pub(super) block: u64,
-}
 
 /// The state of one body within one block.
 #[derive(Debug, Clone, Copy)]

@@ -2,8 +2,7 @@
 
 use super::outline::Outline;
 use super::params::MeasureParams;
-use super::pending_frame::PendingFrame;
-use super::target::Target;
+use super::pending_frame::{PendingFrame, Target};
 use crate::dic::{
     CenterVector, CorrelationParams, Correlator, GridPoint, RigidMotion, Sphere, Start, center_fit, fit_dilatation,
     rigid_fit_near,

@@ -1,7 +1,7 @@
 //! Consistency of a measured motion with the outlines of its body, and the reason for a missing motion.
 
-use super::measurer::Measured;
 use super::outline::Outline;
+use super::pending_frame::Measured;
 use crate::results::{Estimate, PairField, PointStatus, RigidStep};
 
 /// The minimum tolerance between the motion of the subsets and that of the outlines, px.

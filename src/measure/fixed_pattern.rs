@@ -1,9 +1,8 @@
 //! The bias of short steps by the fixed pattern of the sensor, estimated within blocks.
 
-use super::block_state::BodyKey;
 use super::outline::Outline;
 use super::params::MeasureParams;
-use super::pending_frame::PendingFrame;
+use super::pending_frame::{BodyKey, PendingFrame};
 use crate::dic::FixedPattern;
 
 /// The minimum shift of a body, px; an unmoved body looks like a fixed pattern itself.

@@ -1,6 +1,6 @@
 //! The measurement of blocks of frames: steps and displacement fields.
 
-use super::block_state::{BlockStates, BodyKey};
+use super::block_state::BlockStates;
 use super::body_motion::{center_step, dilatation, initial_motion, predicted_start, rigid_step, set_drift};
 use super::bounding_box::BoundingBox;
 use super::consistency::{self, OutlinePair};
@@ -10,26 +10,14 @@ use super::frame_image::FrameImage;
 use super::outline::{Finder, Outline};
 use super::params::{ImageSize, MeasureParams, Share};
 use super::patch_finder::FrameKey;
-use super::pending_frame::PendingFrame;
+use super::pending_frame::{BodyKey, FramePair, Interval, Measured, PendingFrame, Target};
 use super::rigid_match::{RigidMatch, RigidMatcher, is_occluded};
 use super::ring_rotation::RingRotation;
-use super::target::{FramePair, Interval, Target};
 use crate::dic::{Correlator, PreparedFrame, Start};
 use crate::image::{Frame, FrameMeta, Image};
 use crate::motion::Rotation;
 use crate::results::{BodyStep, Estimate, PairField, PointStatus, RigidStep};
 use std::collections::VecDeque;
-
-/// One body in one frame: its step and the field that the step was computed from.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Measured {
-    /// The outline of the body and its motion.
-    pub step: BodyStep,
-    /// The displacement field.
-    pub field: Option<PairField>,
-    /// Whether a match of the whole body confirms the motion.
-    pub(super) is_matched: bool,
-}
 
 /// One body from a reference to its target.
 #[derive(Clone, Copy)]

@@ -2,14 +2,13 @@
 
 use super::MeasureError;
 use super::bounding_box::BoundingBox;
-use super::params::ImageSize;
+use super::params::{BodyParams, ImageSize};
 use super::patch_finder::{PatchFinder, PatchPose};
-use crate::ball::{BallFinder, BallParams, Presence};
-use crate::dic::grid;
-use crate::dic::{CorrelationParams, GridPoint, Method, Patch, Region};
+use crate::ball::{BallFinder, Presence};
+use crate::dic::{CorrelationParams, GridPoint, Method, Region, grid};
 use crate::image::ImageView;
 use crate::results::{BodyStep, Circle, PointStatus, RigidStep, Rod};
-use crate::rod::{RodFinder, RodObservation, RodParams};
+use crate::rod::{RodFinder, RodObservation};
 
 /// The margin of the subsets to the rim, as a fraction of the radius.
 ///
@@ -18,17 +17,6 @@ pub(super) const RIM_CLEARANCE: f64 = 0.04;
 
 /// The width of the zone inside the rim that is affected by the blur of the edge, px.
 const EDGE_MARGIN_PX: f64 = 4.0;
-
-/// The kind of a body and the region it is searched in.
-#[derive(Debug, Clone, PartialEq)]
-pub enum BodyParams {
-    /// A ball.
-    Ball(BallParams),
-    /// An upright rod with tapes around it.
-    Rod(RodParams),
-    /// The pixels inside a polygon that was drawn in the first image of the stream.
-    Patch(Patch),
-}
 
 /// The detected outline of a body in one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -315,10 +303,4 @@ fn rod_circle(rod: &Rod) -> Circle {
 /// Returns the position and size of the body of a step, if it was detected.
 pub(crate) fn body_circle(step: &BodyStep) -> Option<Circle> {
     step.circle.or_else(|| step.rod.as_ref().map(rod_circle))
-}
-
-impl From<BallParams> for BodyParams {
-    fn from(ball: BallParams) -> Self {
-        Self::Ball(ball)
-    }
 }

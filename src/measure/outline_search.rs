@@ -1,10 +1,9 @@
 //! Search of the bodies in a frame: the outlines of balls and rods, the poses of patches.
 
-use super::block_state::BodyKey;
 use super::measurer::Measurer;
 use super::outline::{Finder, Outline, SearchRange};
 use super::patch_finder::{AngleRange, FrameKey};
-use super::pending_frame::OutlineOrigin;
+use super::pending_frame::{BodyKey, OutlineOrigin};
 use crate::ball::Presence;
 use crate::image::Frame;
 use crate::results::PointStatus;

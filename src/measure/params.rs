@@ -1,9 +1,10 @@
 //! Parameters of the measurement and its distribution over workers.
 
-use super::outline::BodyParams;
-use crate::dic::CorrelationParams;
+use crate::ball::BallParams;
+use crate::dic::{CorrelationParams, Patch};
 use crate::image::{Correction, DefectError, Defects, Tone};
 use crate::motion::Rotation;
+use crate::rod::RodParams;
 
 /// The parameters that the frames of a rig are measured with.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,6 +39,23 @@ impl MeasureParams {
     /// Whether the interval at `place` has this number of frames.
     pub(super) fn is_interval(&self, place: usize, frames: u64) -> bool {
         u64::from(self.intervals_frames[place]) == frames
+    }
+}
+
+/// The kind of a body and the region it is searched in.
+#[derive(Debug, Clone, PartialEq)]
+pub enum BodyParams {
+    /// A ball.
+    Ball(BallParams),
+    /// An upright rod with tapes around it.
+    Rod(RodParams),
+    /// The pixels inside a polygon that was drawn in the first image of the stream.
+    Patch(Patch),
+}
+
+impl From<BallParams> for BodyParams {
+    fn from(ball: BallParams) -> Self {
+        Self::Ball(ball)
     }
 }
 

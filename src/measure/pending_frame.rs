@@ -1,10 +1,50 @@
 //! Frames that wait until their motion is measured.
 
-use super::measurer::Measured;
 use super::outline::Outline;
 use crate::dic::PreparedFrame;
 use crate::image::FrameMeta;
-use crate::results::{BodyStep, PointStatus, RigidStep};
+use crate::results::{BodyStep, PairField, PointStatus, RigidStep};
+
+/// One body within one block.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct BodyKey {
+    pub(super) body: usize,
+    pub(super) block: u64,
+}
+
+/// The sequence numbers of a reference and its target.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Interval {
+    pub(super) from: u64,
+    pub(super) to: u64,
+}
+
+/// The prepared frames of a reference and its target.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct FramePair<'a> {
+    pub(super) reference: &'a PreparedFrame,
+    pub(super) target: &'a PreparedFrame,
+}
+
+/// A target frame, prepared around the bodies of one block.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Target<'a> {
+    pub(super) sequence: u64,
+    pub(super) prepared: &'a PreparedFrame,
+    /// Whether it is prepared only around the predicted bodies, not over the full search range.
+    pub(super) is_narrow: bool,
+}
+
+/// One body in one frame: its step and the field that the step was computed from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Measured {
+    /// The outline of the body and its motion.
+    pub step: BodyStep,
+    /// The displacement field.
+    pub field: Option<PairField>,
+    /// Whether a match of the whole body confirms the motion.
+    pub(super) is_matched: bool,
+}
 
 /// The origin of an outline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -7,10 +7,11 @@
 use crate::dic::{BodyMotion, OcclusionMap, PreparedFrame, Region, RigidBody};
 use crate::results::{BodyStep, Circle, FieldPoint, PointStatus, RigidStep};
 
-use super::block_state::{BodyKey, MAX_PREDICTION_ERROR_PX};
 use super::outline::RIM_CLEARANCE;
-use super::target::{Interval, Target};
+use super::pending_frame::{BodyKey, Interval, Target};
 
+/// The maximum error of the predicted position of a body that continues its motion, px.
+pub(super) const MAX_PREDICTION_ERROR_PX: f64 = 2.0;
 /// The rotation against the reference from which it is renewed even if the body is occluded, deg.
 const RENEW_OCCLUDED_DEG: f64 = 10.0;
 /// The visible fraction from which a body counts as not occluded.
@@ -22,7 +23,7 @@ const MAX_OCCLUDED_FRACTION: f64 = 0.003;
 const FREE_OCCLUDED_PIXELS: f64 = 2.0;
 
 /// Returns the pixels by which a ball is matched as a whole: all but its rim.
-pub fn whole_region(circle: &Circle) -> Region {
+pub fn matched_region(circle: &Circle) -> Region {
     Region::Disc { x_px: circle.x_px, y_px: circle.y_px, radius_px: circle.radius_px * (1.0 - RIM_CLEARANCE) }
 }
 
@@ -170,7 +171,7 @@ impl RigidMatcher {
         if self.has_reference(key) {
             return;
         }
-        let (region, radius_px) = (whole_region(circle), circle.radius_px * (1.0 - RIM_CLEARANCE));
+        let (region, radius_px) = (matched_region(circle), circle.radius_px * (1.0 - RIM_CLEARANCE));
         // Without texture, or at the image border, there is no reference and only the subsets are measured.
         let mut reference = self.spare.pop().unwrap_or_default();
         if reference.renew(prepared, &region).is_err() {

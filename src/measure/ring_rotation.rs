@@ -2,7 +2,7 @@
 
 use super::consistency;
 use super::outline::RIM_CLEARANCE;
-use super::target::FramePair;
+use super::pending_frame::FramePair;
 use crate::dic::PolarCorrelator;
 use crate::motion::RingLimits;
 use crate::results::{Circle, RigidStep};

@@ -2,8 +2,7 @@
 
 use super::error::MeasureError;
 use super::measurer::Measurer;
-use super::outline::BodyParams;
-use super::params::ImageSize;
+use super::params::{BodyParams, ImageSize};
 use crate::ball::BallParams;
 use crate::image::{Frame, FrameMeta, PixelFormat};
 
@@ -23,7 +22,7 @@ impl Measurer {
     /// # Errors
     ///
     /// See [`Measurer::push`].
-    pub fn rehearse(&mut self) -> Result<(), MeasureError> {
+    pub fn warm_up(&mut self) -> Result<(), MeasureError> {
         let ball = self.params.bodies.iter().find_map(|body| match body {
             BodyParams::Ball(ball) => Some(ball.clone()),
             _ => None,

@@ -11,7 +11,7 @@ use crate::image::{PixelFormat, Tone};
 use crate::measure::{BodyParams, MeasureParams};
 use crate::motion::{MotionParams, View};
 use crate::recording::{Recording, RecordingError};
-use crate::synth::{Scenario, World};
+use crate::synth::{Scenario, SimulatedFilm};
 use crate::track::TrackerParams;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -125,7 +125,7 @@ pub fn open_camera(config: &Config) -> Result<Box<dyn Camera>, CameraError> {
     let camera = &config.camera;
     Ok(match camera.source {
         config::Source::Simulated => {
-            let world = World::new(&scenario(config)?).map_err(|error| refused(config, &error))?;
+            let world = SimulatedFilm::new(&scenario(config)?).map_err(|error| refused(config, &error))?;
             let pace = if camera.paced { Pace::Live } else { Pace::OnDemand };
             Box::new(SimulatedCamera::film(world, pace)?.pulsed(camera.pulse)?)
         }
@@ -156,11 +156,11 @@ pub fn open_camera(config: &Config) -> Result<Box<dyn Camera>, CameraError> {
 /// # Errors
 ///
 /// If the scenario is unknown or invalid.
-pub fn truth_world(config: &Config) -> Result<Option<World>, CameraError> {
+pub fn truth_world(config: &Config) -> Result<Option<SimulatedFilm>, CameraError> {
     if config.camera.source != config::Source::Simulated {
         return Ok(None);
     }
-    let world = World::new(&scenario(config)?).map_err(|error| refused(config, &error))?;
+    let world = SimulatedFilm::new(&scenario(config)?).map_err(|error| refused(config, &error))?;
     Ok(Some(world))
 }
 

@@ -7,9 +7,8 @@ use crate::config::{Compression, Config, Scale};
 use crate::image::Frame;
 use crate::recording::{self, Annotations, EventRow, FinishedRecording, RecordingError, RecordingInfo};
 use crate::recording::{RecordingWriter, WriterOptions};
-use crate::results::{BodyStep, PairField, VelocitySample};
-use crate::rod;
-use crate::synth::World;
+use crate::results::{BodyStep, PairField, VelocitySample, segments};
+use crate::synth::SimulatedFilm;
 use crate::track::{TrackerParams, TrackerRows};
 use camera_part::CameraPart;
 use std::collections::BTreeMap;
@@ -77,7 +76,7 @@ impl Shot {
     /// # Errors
     ///
     /// If the file cannot be written.
-    pub fn set_truth(&mut self, camera: usize, world: Option<Rc<World>>) -> Result<(), RecordingError> {
+    pub fn set_truth(&mut self, camera: usize, world: Option<Rc<SimulatedFilm>>) -> Result<(), RecordingError> {
         self.writer.select_camera(camera);
         for impact in world.iter().flat_map(|world| world.impacts()) {
             self.writer.truth_impact(&impact)?;
@@ -245,7 +244,7 @@ fn annotations(step: &BodyStep, field: Option<&PairField>) -> Annotations {
         let tip = [x + MAGNIFICATION * f64::from(motion.u_px), y + MAGNIFICATION * f64::from(motion.v_px)];
         Some([[x, y], tip])
     };
-    let outline = step.rod.iter().flat_map(rod::segments);
+    let outline = step.rod.iter().flat_map(segments);
     let arrows = field.into_iter().flat_map(|field| field.points.iter().filter_map(vector));
     Annotations {
         circles: step.circle.iter().map(|circle| [circle.x_px, circle.y_px, circle.radius_px]).collect(),

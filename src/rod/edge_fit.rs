@@ -1,6 +1,6 @@
 //! Subpixel fit of a straight edge: one blurred step through many profiles of grey levels.
 
-use super::paint_levels::{Level, MIN_LEVELS, Paint, fit_paint, quantile};
+use super::paint_levels::{Level, MIN_LEVELS, PAINT_SIGMAS, Paint, fit_paint, quantile};
 use crate::image::{ImageView, is_saturated};
 use crate::results::{Estimate, PointStatus};
 use nalgebra::{SMatrix, SVector};
@@ -14,9 +14,8 @@ const PAINT_QUANTILE: f64 = 0.85;
 /// The margin to the edge of levels that show the paint: in px, and in standard deviations of the blur.
 const PAINT_MARGIN_PX: f64 = 2.0;
 const PAINT_MARGIN_SIGMAS: f64 = 3.2;
-/// The tolerance of paint levels: a fraction of the contrast at first, then in standard deviations.
+/// The minimum tolerance of paint levels, as a fraction of the contrast.
 const PAINT_TOLERANCE: f64 = 0.1;
-pub(super) const PAINT_SIGMAS: f64 = 3.0;
 /// The uncertainty of the level of speckled paint, as a fraction of the contrast.
 ///
 /// The smaller one is added to that of a clean tape of about the same level, if there is one. The last is the range in

@@ -2,10 +2,10 @@
 
 use super::axis::{Axis, compose};
 use super::edge_fit::{CleanPaint, Direction, Edge, ExpectedEdge, fit};
-use super::observation::RodObservation;
+use super::observation::{INSET_PX, MARGIN_PX, RodObservation};
 use super::paint_shading::clean_paint_at;
 use super::params::{RodError, RodParams};
-use super::projections::{Line, TwoTone, lines};
+use super::projections::{BinaryImage, Line, lines};
 use crate::image::ImageView;
 use crate::results::{Estimate, PointStatus, ROD_EDGES};
 
@@ -30,8 +30,6 @@ const CONTINUATION_RATIO: f64 = 0.5;
 /// The bare rod next to an edge: the number of rows, and the maximum fraction of pixels of the other shade.
 const BARE_ROWS: usize = 3;
 const MAX_BARE_FRACTION: f64 = 0.1;
-/// The margin of columns to the sides, px.
-pub(super) const INSET_PX: f64 = 3.0;
 /// The reach of profiles from an edge, and their distance from the next edge, px.
 const EDGE_REACH_PX: f64 = 24.0;
 const EDGE_MARGIN_PX: f64 = 3.0;
@@ -41,8 +39,6 @@ const SIDE_REACH_PX: usize = 8;
 const TEXTURE_MARGIN_PX: f64 = 3.0;
 /// The minimum height of a section for a subset, px.
 const MIN_SECTION_PX: f64 = 9.0;
-/// The margin of the rod around the speckled tape that is correlated with it, px.
-pub(super) const MARGIN_PX: f64 = 3.0;
 
 /// Finds one upright rod per image, the edges of its tapes and its sides.
 ///
@@ -182,7 +178,7 @@ impl RodFinder {
 
     /// Finds sides and edges to whole pixels.
     fn find_by_projections(&self, image: ImageView<'_>) -> Result<Prediction, PointStatus> {
-        let tone = TwoTone::new(image, self.region).ok_or(PointStatus::LowContrast)?;
+        let tone = BinaryImage::new(image, self.region).ok_or(PointStatus::LowContrast)?;
         let [black, white] = tone.means_dn;
         if white - black < MIN_CONTRAST_SIGMAS * noise_dn(image, self.region) {
             return Err(PointStatus::LowContrast);
@@ -205,8 +201,8 @@ impl RodFinder {
     }
 
     /// Returns the strongest two lines of opposite sign within the allowed width.
-    fn sides(&self, tone: &TwoTone) -> Option<[Line; 2]> {
-        let mut tried = lines(&tone.across(), MIN_DISTANCE_PX);
+    fn sides(&self, tone: &BinaryImage) -> Option<[Line; 2]> {
+        let mut tried = lines(&tone.column_steps(), MIN_DISTANCE_PX);
         tried.truncate(SIDES_TRIED);
         let mut best: Option<(i32, [Line; 2])> = None;
         for left in &tried {
@@ -226,7 +222,7 @@ impl RodFinder {
     /// Returns the followed edges, from the top downwards.
     fn edges(
         &self,
-        tone: &TwoTone,
+        tone: &BinaryImage,
         inside: std::ops::Range<usize>,
         sides: [usize; 2],
     ) -> Result<Vec<Line>, PointStatus> {
@@ -235,7 +231,7 @@ impl RodFinder {
         let outside: Vec<(f64, Vec<i32>)> = outer
             .into_iter()
             .filter(|columns| columns.len() >= MIN_DISTANCE_PX)
-            .map(|columns| (columns.len() as f64, tone.down(columns)))
+            .map(|columns| (columns.len() as f64, tone.row_steps(columns)))
             .collect();
         let continues_outside = |line: &Line| {
             let fraction = f64::from(line.strength) / width;
@@ -245,7 +241,7 @@ impl RodFinder {
             })
         };
         let white = tone.white_fraction(inside.clone());
-        let mut all = lines(&tone.down(inside), MIN_DISTANCE_PX);
+        let mut all = lines(&tone.row_steps(inside), MIN_DISTANCE_PX);
         all.retain(|line| f64::from(line.strength.abs()) >= MIN_EDGE_FRACTION * width && !continues_outside(line));
         let count = self.params.edges as usize;
         // A rod is black or white between its tapes: the shade with the stronger edges is taken.

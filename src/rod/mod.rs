@@ -1,6 +1,6 @@
 //! Rods: the edges of their tapes, their sides and their tilt in one image.
 //!
-//! An upright rod carries two tapes, one of them speckled. [`sums`] computes the row and column sums of the binary
+//! An upright rod carries two tapes, one of them speckled. [`projections`] computes the row and column sums of the binary
 //! image (Eq. 5 of the paper), which give its edges to whole pixels. [`RodFinder`] starts from these and fits a blurred
 //! step to the grey levels, which gives the edges to some thousandths of a pixel.
 
@@ -13,7 +13,6 @@ mod paint_shading;
 mod params;
 pub mod projections;
 
-pub use crate::results::{Segment, segments};
 pub use finder::RodFinder;
 pub use observation::RodObservation;
 pub use params::{MIN_WIDTH_PX, RodError, RodParams};

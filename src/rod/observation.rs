@@ -1,7 +1,11 @@
 //! A detected rod, with the data to follow it.
 
-use super::finder::{INSET_PX, MARGIN_PX};
 use crate::results::{Estimate, PointStatus, ROD_EDGES, Rod, RodEdge};
+
+/// The margin of columns to the sides, px.
+pub(super) const INSET_PX: f64 = 3.0;
+/// The margin of the rod around the speckled tape that is correlated with it, px.
+pub(super) const MARGIN_PX: f64 = 3.0;
 
 /// A detected rod, with the data to detect it again.
 #[derive(Debug, Clone, Copy, PartialEq)]

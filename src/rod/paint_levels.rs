@@ -1,9 +1,10 @@
 //! The level of the paint on one side of an edge, with or without speckles.
 
-use super::edge_fit::PAINT_SIGMAS;
 use crate::results::PointStatus;
 use nalgebra::{SMatrix, SVector};
 
+/// The tolerance of paint levels, in standard deviations of their noise.
+pub(super) const PAINT_SIGMAS: f64 = 3.0;
 /// The range of levels around speckled and around clean paint, in standard deviations of its noise.
 const DENSE_SIGMAS: f64 = 1.5;
 const CLEAN_SIGMAS: f64 = 3.0;

@@ -11,7 +11,7 @@ const LEVELS: usize = 256;
 
 /// A thresholded region of an image.
 #[derive(Debug, Clone, PartialEq)]
-pub struct TwoTone {
+pub struct BinaryImage {
     /// The left column of the region in the image.
     pub left: usize,
     /// The top row of the region in the image.
@@ -27,7 +27,7 @@ pub struct TwoTone {
     white: Vec<bool>,
 }
 
-impl TwoTone {
+impl BinaryImage {
     /// Thresholds a region (x, y, width, height, px) by Otsu's method (1979, doi:10.1109/TSMC.1979.4310076).
     ///
     /// Returns `None` if all its pixels are alike.
@@ -64,7 +64,7 @@ impl TwoTone {
     /// Sums the steps from black to white from each row of the region to the next, over some of its columns.
     ///
     /// These are the horizontal sums of Eq. 5. Entry k is the line between rows k and k + 1.
-    pub fn down(&self, columns: std::ops::Range<usize>) -> Vec<i32> {
+    pub fn row_steps(&self, columns: std::ops::Range<usize>) -> Vec<i32> {
         let sum = |row: usize| {
             let at = |x: usize| row * self.width + x;
             columns.clone().map(|x| self.step(at(x), at(x) + self.width)).sum()
@@ -80,7 +80,7 @@ impl TwoTone {
     }
 
     /// Sums the steps from black to white from each column to the next, over all rows: the vertical sums of Eq. 5.
-    pub fn across(&self) -> Vec<i32> {
+    pub fn column_steps(&self) -> Vec<i32> {
         let sum = |x: usize| (0..self.height).map(|y| self.step(y * self.width + x, y * self.width + x + 1)).sum();
         (0..self.width.saturating_sub(1)).map(sum).collect()
     }
@@ -161,9 +161,9 @@ mod tests {
     #[test]
     fn sums_count_the_pixels_that_change_over_a_line() {
         let image = draw(|x, y| if (10..30).contains(&x) && (15..45).contains(&y) { 200.0 } else { 30.0 });
-        let tone = TwoTone::new(image.view(), [0, 0, 40, 60]).unwrap();
+        let tone = BinaryImage::new(image.view(), [0, 0, 40, 60]).unwrap();
         assert!((tone.threshold_dn - 115.0).abs() < 2.0, "{}", tone.threshold_dn);
-        let (down, across) = (tone.down(0..40), tone.across());
+        let (down, across) = (tone.row_steps(0..40), tone.column_steps());
         assert_eq!((down.len(), across.len()), (59, 39));
         let entries = |sums: &[i32]| -> Vec<(usize, i32)> {
             sums.iter().enumerate().filter(|(_, sum)| **sum != 0).map(|(at, sum)| (at, *sum)).collect()
@@ -171,22 +171,22 @@ mod tests {
         assert_eq!(entries(&down), [(14, 20), (44, -20)]);
         assert_eq!(entries(&across), [(9, 30), (29, -30)]);
         assert_eq!(lines(&down, 4), [Line { at: 14, strength: 20 }, Line { at: 44, strength: -20 }]);
-        assert_eq!(tone.down(0..15).iter().filter(|sum| **sum != 0).copied().collect::<Vec<_>>(), [5, -5]);
+        assert_eq!(tone.row_steps(0..15).iter().filter(|sum| **sum != 0).copied().collect::<Vec<_>>(), [5, -5]);
     }
 
     #[test]
     fn a_region_is_cut_out_of_the_image() {
         let image = draw(|_, y| if y < 30 { 10.0 } else { 50.0 });
-        let tone = TwoTone::new(image.view(), [5, 20, 10, 20]).unwrap();
-        assert_eq!(lines(&tone.down(0..10), 4), [Line { at: 9, strength: 10 }]);
-        assert!(TwoTone::new(image.view(), [5, 0, 10, 20]).is_none(), "one shade alone has no threshold");
+        let tone = BinaryImage::new(image.view(), [5, 20, 10, 20]).unwrap();
+        assert_eq!(lines(&tone.row_steps(0..10), 4), [Line { at: 9, strength: 10 }]);
+        assert!(BinaryImage::new(image.view(), [5, 0, 10, 20]).is_none(), "one shade alone has no threshold");
     }
 
     #[test]
     fn a_tilted_line_is_one_line() {
         // Falls by 2 rows over 40 columns.
         let image = draw(|x, y| if y > 20 + x / 14 { 200.0 } else { 30.0 });
-        let tone = TwoTone::new(image.view(), [0, 0, 40, 60]).unwrap();
-        assert_eq!(lines(&tone.down(0..40), 4), [Line { at: 21, strength: 40 }]);
+        let tone = BinaryImage::new(image.view(), [0, 0, 40, 60]).unwrap();
+        assert_eq!(lines(&tone.row_steps(0..40), 4), [Line { at: 21, strength: 40 }]);
     }
 }

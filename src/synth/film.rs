@@ -28,7 +28,7 @@ const READ_ROUNDS: usize = 8;
 
 /// A film that is rendered frame by frame, in any order, with its ground truth.
 #[derive(Debug, Clone)]
-pub struct World {
+pub struct SimulatedFilm {
     scenario: Scenario,
     format: PixelFormat,
     /// One ball or two, from the back to the front.
@@ -126,7 +126,7 @@ impl Actor {
     }
 }
 
-impl World {
+impl SimulatedFilm {
     /// Prepares a scenario: solves its physics, places its speckles, renders the static image.
     ///
     /// # Errors
@@ -410,14 +410,14 @@ mod tests {
         MotionSetup::Constant { vx_px_frame, vy_px_frame: 0.0, omega_deg_frame: 1.0, start_px }
     }
 
-    fn world() -> World {
+    fn world() -> SimulatedFilm {
         let mut scenario = Scenario::translation(0.0, 0.0, 0.0);
         (scenario.camera.width_px, scenario.camera.height_px) = (150, 150);
         scenario.motion = motion(0.0, [74.2, 74.6]);
-        World::new(&scenario).unwrap()
+        SimulatedFilm::new(&scenario).unwrap()
     }
 
-    fn frame(world: &World, index: u64) -> Vec<u8> {
+    fn frame(world: &SimulatedFilm, index: u64) -> Vec<u8> {
         let mut bytes = vec![0; world.frame_bytes()];
         world.render(index, &mut bytes);
         bytes
@@ -427,7 +427,7 @@ mod tests {
     fn a_retake_equals_a_new_film_but_for_its_noise() {
         let first = world();
         let moved = motion(0.7, [73.1, 75.4]);
-        let own = World::new(&Scenario { motion: moved.clone(), ..first.scenario().clone() }).unwrap();
+        let own = SimulatedFilm::new(&Scenario { motion: moved.clone(), ..first.scenario().clone() }).unwrap();
         let retake = first.retake(moved.clone(), 0).unwrap();
         assert_eq!(frame(&retake, 2), frame(&own, 2), "take 0 has the first film's noise");
         let other = first.retake(moved.clone(), 1).unwrap();

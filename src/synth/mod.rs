@@ -1,6 +1,6 @@
 //! Ground truth: simulated impacts, rendered without any interpolation of images.
 //!
-//! A [`Scenario`] describes the filmed objects and the camera. A [`World`] made from it renders any frame in any order
+//! A [`Scenario`] describes the filmed objects and the camera. A [`SimulatedFilm`] made from it renders any frame in any order
 //! and returns its ground truth. Both are pure functions of the scenario: no clock, no file, no hidden state.
 
 mod background;
@@ -15,7 +15,7 @@ mod sensor;
 mod tests;
 mod trajectory;
 
-pub use film::World;
+pub use film::SimulatedFilm;
 pub use scenario::{
     BodySetup, CameraSetup, ImpactSetup, LightSetup, MotionSetup, OccluderSetup, OtherSetup, PartSetup, PatternSetup,
     RingingSetup, RodSetup, ScaleSetup, Scenario, ScenarioError, ShadeSetup, Shape, SurfaceSetup,

@@ -1,7 +1,7 @@
 //! The tracker of one body.
 
 use super::gating::ValidationGate;
-use super::tracker::TrackerRows;
+use super::rows::TrackerRows;
 use crate::impact::{Contact, Detector, DilatationRates, Event, OutOfPlane, SurfaceNode, World, deepest_so_far, solve};
 use crate::measure::body_circle;
 use crate::motion::{

@@ -1,12 +1,12 @@
-//! Sorting of steps from several workers, and tracking; live and over a recorded shot.
+//! A tracker for steps in any order, live and over a recorded shot.
 
-use super::{Order, Tracker, TrackerParams, TrackerRows};
+use super::{ReorderBuffer, Tracker, TrackerParams, TrackerRows};
 use crate::results::BodyStep;
 
-/// An [`Order`] in front of a [`Tracker`].
+/// A [`ReorderBuffer`] in front of a [`Tracker`].
 #[derive(Debug)]
 pub struct OrderedTracker {
-    order: Order,
+    buffer: ReorderBuffer,
     tracker: Tracker,
     rows: TrackerRows,
     /// Steps that the tracker received.
@@ -17,9 +17,9 @@ impl OrderedTracker {
     /// Starts at frame `first`. A frame is given up as lost once one `max_delay_frames` newer was measured.
     pub fn new(params: &TrackerParams, first: u64, max_delay_frames: u64) -> Self {
         let bodies = u32::try_from(params.motion.len()).unwrap_or(u32::MAX);
-        let mut order = Order::new(bodies, params.intervals_frames().collect(), max_delay_frames);
-        order.start_at(first);
-        Self { order, tracker: Tracker::new(params), rows: TrackerRows::default(), taken: 0 }
+        let mut buffer = ReorderBuffer::new(bodies, params.intervals_frames().collect(), max_delay_frames);
+        buffer.start_at(first);
+        Self { buffer, tracker: Tracker::new(params), rows: TrackerRows::default(), taken: 0 }
     }
 
     /// Adds a step in any order; returns the rows that became final.
@@ -29,14 +29,14 @@ impl OrderedTracker {
 
     /// Like [`push`](Self::push), and passes every step to `observe` in frame order.
     pub fn push_observed(&mut self, step: BodyStep, observe: impl FnMut(&BodyStep)) -> &mut TrackerRows {
-        self.order.push(step);
+        self.buffer.push(step);
         self.advance(observe)
     }
 
     /// Completes all frames before `end`; no step will follow.
     pub fn finish(&mut self, end: u64) -> &mut TrackerRows {
         if let Some(last) = end.checked_sub(1) {
-            self.order.finish(last);
+            self.buffer.finish(last);
         }
         self.advance(|_| {});
         self.tracker.finish(&mut self.rows);
@@ -45,16 +45,16 @@ impl OrderedTracker {
 
     /// Whether every frame before `end` is complete.
     pub fn has_all_before(&self, end: u64) -> bool {
-        self.order.has_given_all_before(end)
+        self.buffer.has_emitted_before(end)
     }
 
     /// Returns the counts of lost and late steps.
     pub fn losses(&self) -> Losses {
-        Losses { lost: self.order.lost(), late: self.order.late() }
+        Losses { lost: self.buffer.lost(), late: self.buffer.late() }
     }
 
     fn advance(&mut self, mut observe: impl FnMut(&BodyStep)) -> &mut TrackerRows {
-        while let Some(step) = self.order.pop() {
+        while let Some(step) = self.buffer.pop() {
             observe(&step);
             self.tracker.push(&step, &mut self.rows);
             self.taken += 1;

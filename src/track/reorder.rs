@@ -11,7 +11,7 @@ use crate::results::{BodyStep, PointStatus};
 /// `lost` takes its place, with a stamp interpolated between its neighbours. Steps that arrive
 /// later are dropped and counted.
 #[derive(Debug, Clone)]
-pub struct Order {
+pub struct ReorderBuffer {
     bodies: u32,
     /// The intervals of the steps of one body and frame, in output order.
     intervals_frames: Vec<u32>,
@@ -26,7 +26,7 @@ pub struct Order {
     late: u64,
 }
 
-impl Order {
+impl ReorderBuffer {
     /// Creates a buffer for steps of `bodies` bodies over these intervals, which waits at most `patience_frames`.
     pub fn new(bodies: u32, intervals_frames: Vec<u32>, patience_frames: u64) -> Self {
         Self {
@@ -103,7 +103,7 @@ impl Order {
     }
 
     /// Whether every row of the frames before `end` was emitted.
-    pub fn has_given_all_before(&self, end: u64) -> bool {
+    pub fn has_emitted_before(&self, end: u64) -> bool {
         self.next.is_some_and(|(frame, _)| frame >= end)
     }
 
@@ -208,7 +208,7 @@ mod tests {
         }
     }
 
-    fn drain(order: &mut Order) -> Vec<BodyStep> {
+    fn drain(order: &mut ReorderBuffer) -> Vec<BodyStep> {
         std::iter::from_fn(|| order.pop()).collect()
     }
 
@@ -225,7 +225,7 @@ mod tests {
             for i in (1..shuffled.len()).rev() {
                 shuffled.swap(i, random(i + 1));
             }
-            let mut order = Order::new(3, vec![1], 1_000);
+            let mut order = ReorderBuffer::new(3, vec![1], 1_000);
             order.start_at(5);
             let mut out = Vec::new();
             for s in shuffled {
@@ -239,7 +239,7 @@ mod tests {
 
     #[test]
     fn a_missing_frame_is_waited_for_and_then_lost_with_an_interpolated_stamp() {
-        let mut order = Order::new(1, vec![1], 4);
+        let mut order = ReorderBuffer::new(1, vec![1], 4);
         order.start_at(0);
         for frame in [0, 1, 3, 4, 5] {
             order.push(step(frame, 0));
@@ -256,7 +256,7 @@ mod tests {
 
     #[test]
     fn the_stream_ends_complete_whatever_is_missing() {
-        let mut order = Order::new(2, vec![1], 1_000);
+        let mut order = ReorderBuffer::new(2, vec![1], 1_000);
         order.start_at(10);
         order.push(step(11, 1));
         order.push(step(12, 0));
@@ -272,7 +272,7 @@ mod tests {
 
     #[test]
     fn nothing_comes_out_before_the_start_is_known() {
-        let mut order = Order::new(1, vec![1], 2);
+        let mut order = ReorderBuffer::new(1, vec![1], 2);
         order.push(step(7, 0));
         order.push(step(8, 0));
         assert!(order.pop().is_none());
@@ -283,7 +283,7 @@ mod tests {
 
     #[test]
     fn a_worker_that_died_is_given_up_at_once_on_request() {
-        let mut order = Order::new(1, vec![1], 1_000_000);
+        let mut order = ReorderBuffer::new(1, vec![1], 1_000_000);
         order.start_at(0);
         order.push(step(0, 0));
         order.push(step(9, 0));
@@ -294,7 +294,7 @@ mod tests {
 
     #[test]
     fn a_frame_with_no_neighbour_in_time_is_only_counted() {
-        let mut order = Order::new(1, vec![1], 10);
+        let mut order = ReorderBuffer::new(1, vec![1], 10);
         order.start_at(3);
         order.finish(5);
         assert!(order.pop().is_none());

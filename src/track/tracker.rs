@@ -3,9 +3,10 @@
 use std::collections::VecDeque;
 
 use super::body_tracker::BodyTracker;
+use super::rows::TrackerRows;
 use crate::impact::Detector;
 use crate::motion::{MotionParams, lag_frames};
-use crate::results::{Alarm, BodyStep, Impact, TrackSample, VelocitySample};
+use crate::results::BodyStep;
 
 /// The parameters of the tracker.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,19 +24,6 @@ impl TrackerParams {
     pub fn intervals_frames(&self) -> impl Iterator<Item = u32> {
         self.motion.iter().take(1).map(|motion| motion.interval_frames).chain(self.longer_frames.iter().copied())
     }
-}
-
-/// Rows that became final, in that order. The tracker appends, the caller takes them out.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct TrackerRows {
-    /// One track row per step, in the order of the steps.
-    pub tracks: Vec<TrackSample>,
-    /// One velocity row per step, in the order of the steps.
-    pub velocities: Vec<VelocitySample>,
-    /// One or several impacts per collision; the highest `revision` per `body` and `number` is valid.
-    pub impacts: Vec<Impact>,
-    /// The events of a collision before it is over.
-    pub alarms: Vec<Alarm>,
 }
 
 /// Turns steps into tracks, velocities and impacts.

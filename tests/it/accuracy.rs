@@ -8,7 +8,7 @@ use ricochet::measure::{MeasureParams, Measured, Measurer, Share};
 use ricochet::motion::Rotation;
 use ricochet::results::{AlarmKind, Impact, PointStatus, RigidStep};
 use ricochet::synth::physics::NormalLaw;
-use ricochet::synth::{MotionSetup, OccluderSetup, PartSetup, Scenario, World};
+use ricochet::synth::{MotionSetup, OccluderSetup, PartSetup, Scenario, SimulatedFilm};
 use ricochet::track::TrackerRows;
 use std::collections::BTreeMap;
 
@@ -16,14 +16,14 @@ const FRAMES: u64 = 16;
 
 /// Measures the motion of a simulated ball, each step with its truth.
 fn measure(scenario: &Scenario) -> Vec<(RigidStep, RigidStep)> {
-    let world = World::new(scenario).unwrap();
+    let world = SimulatedFilm::new(scenario).unwrap();
     let truth = |frame: u64| world.truth(frame).step;
     let rows = measured(&world);
     rows.iter().filter_map(|row| Some((row.step.step?, truth(row.step.frame)?))).collect()
 }
 
 /// Measures a simulated ball.
-fn measured(world: &World) -> Vec<Measured> {
+fn measured(world: &SimulatedFilm) -> Vec<Measured> {
     let (width, height) = (world.width_px() as usize, world.height_px() as usize);
     let params = MeasureParams {
         correlation: CorrelationParams::default(),
@@ -120,7 +120,7 @@ fn the_visible_fraction_of_a_struck_ball_is_right() {
     };
     for occluder in [None, Some(rising)] {
         for speed_px in [1.7, 2.6, 4.3, 6.4, 7.7, 9.2] {
-            let world = World::new(&struck(speed_px, occluder.clone())).unwrap();
+            let world = SimulatedFilm::new(&struck(speed_px, occluder.clone())).unwrap();
             for row in measured(&world).iter().filter(|row| row.step.frame + 1 < FRAMES) {
                 let (step, truth) = (row.step, world.truth(row.step.frame));
                 let (found, moved) = (step.step.unwrap(), truth.step.unwrap());
@@ -150,7 +150,7 @@ fn centres_between_detected_outlines_have_the_uncertainty_they_claim() {
         let mut pulls = [(0.0, 0.0); 2];
         for seed in 0..6 {
             let film = Scenario { seed: 80 + seed, occluder: occluder.clone(), ..scenario(0.37, -0.23, 0.3) };
-            let world = World::new(&film).unwrap();
+            let world = SimulatedFilm::new(&film).unwrap();
             let rows = measured(&world);
             let carried = rows.iter().filter(|row| row.step.is_carried).count();
             assert!(carried >= carried_min, "{carried} outlines were not detected");
@@ -179,7 +179,7 @@ fn the_velocity_of_a_spinning_ball_has_the_uncertainty_it_claims() {
             let (sin, cos) = (1.3 * f64::from(seed)).sin_cos();
             let mut film = scenario(0.63 * cos, 0.63 * sin, spin);
             (film.seed, film.camera.frames) = (20 + seed as u64, 32);
-            let world = World::new(&film).unwrap();
+            let world = SimulatedFilm::new(&film).unwrap();
             let row = rows_of(&world, &level_rig(film.scale.mm_per_px)).velocities[16];
             let (found, truth) = (row.velocity.unwrap(), world.truth(16).velocity.unwrap());
             for (pull, apart) in pulls.iter_mut().zip([found.vx_m_s - truth.vx_m_s, found.vy_m_s - truth.vy_m_s]) {
@@ -198,7 +198,7 @@ fn drop_of(seed: u64, intervals: &str, rotation: &str) -> (Impact, Impact) {
     let text = format!("{text}\n[rotation]\nmethod = \"{rotation}\"\n");
     let text = text.replace("[correlation]", &format!("[correlation]\ninterval_frames = {intervals}"));
     let scenario = Scenario { seed, ..Scenario::built_in("lacrosse").unwrap() };
-    let world = World::new(&scenario).unwrap();
+    let world = SimulatedFilm::new(&scenario).unwrap();
     let rows = rows_of(&world, &text);
     (*rows.impacts.last().unwrap(), world.impact().unwrap())
 }
@@ -241,7 +241,7 @@ fn cover(name: &str, rig: &str, films: u64, law: Option<&NormalLaw>) -> Vec<(&'s
         impact.contact_center_px[0] += 0.37 * seed as f64 % 1.0;
         impact.contact_start_s += 0.618 * seed as f64 % 1.0 / scenario.camera.frame_rate_hz;
         impact.law = *law.unwrap_or(&impact.law);
-        let world = World::new(&scenario).unwrap();
+        let world = SimulatedFilm::new(&scenario).unwrap();
         (rows_of(&world, rig).impacts.last().copied(), world.impact().unwrap())
     };
     let drops: Vec<(Option<Impact>, Impact)> = std::thread::scope(|scope| {
@@ -291,7 +291,7 @@ fn pulls_where_contact_begins_and_ends(name: &str, rig: &str, seed: u64, law: Op
     let MotionSetup::Impact(impact) = &mut scenario.motion else { panic!("{name} has no impact") };
     impact.contact_start_s += 0.618 * seed as f64 % 1.0 / scenario.camera.frame_rate_hz;
     impact.law = *law.unwrap_or(&impact.law);
-    let world = World::new(&scenario).unwrap();
+    let world = SimulatedFilm::new(&scenario).unwrap();
     let velocities = rows_of(&world, rig).velocities;
     let changes = |at: &usize| velocities[*at].phase != velocities[at - 1].phase;
     let limits: Vec<usize> = (1..velocities.len()).filter(changes).collect();
@@ -324,7 +324,7 @@ fn velocity_uncertainties_hold_where_contact_begins_and_ends() {
 #[test]
 fn velocity_uncertainties_include_the_bias_of_a_given_window() {
     for (name, rig, _) in rigs() {
-        let world = World::new(&Scenario { seed: 40, ..Scenario::built_in(name).unwrap() }).unwrap();
+        let world = SimulatedFilm::new(&Scenario { seed: 40, ..Scenario::built_in(name).unwrap() }).unwrap();
         let plain = rig.replace("\norder = 2", "");
         for (window, order) in [(9, 2), (15, 3), (31, 2), (31, 4)] {
             let given = format!("[velocity]\nwindow_frames = {window}\norder = {order}\n");
@@ -368,7 +368,7 @@ fn error_by_pattern(name: &str, rig: &str, seeds: u64) -> [f64; 2] {
     let off = |seed: u64| {
         let mut scenario = Scenario { seed, ..Scenario::built_in(name).unwrap() };
         scenario.camera.gain_spread = 0.01;
-        let world = World::new(&scenario).unwrap();
+        let world = SimulatedFilm::new(&scenario).unwrap();
         let speed = |impact: &Impact| impact.vn_before_m_s.unwrap();
         let (error, truth) =
             (speed(rows_of(&world, rig).impacts.last().unwrap()), speed(&world.impact().unwrap()).value);
@@ -404,7 +404,7 @@ fn the_papers_outline_method_gives_the_same_collision() {
     let text = include_str!("../../config/lacrosse.toml");
     let marked = text.replace("outline = \"edges\"", "outline = \"marked\"");
     assert_ne!(marked, text);
-    let world = World::new(&Scenario::built_in("lacrosse").unwrap()).unwrap();
+    let world = SimulatedFilm::new(&Scenario::built_in("lacrosse").unwrap()).unwrap();
     let truth = world.impact().unwrap().restitution.unwrap().value;
     let [edges, marked] = [text, &marked].map(|rig| rows_of(&world, rig));
     let off = |rows: &TrackerRows| {
@@ -424,7 +424,8 @@ fn a_collision_is_reported_while_it_lasts() {
     let text = include_str!("../../config/lacrosse.toml");
     let (mut began, mut turned, mut error) = (0.0_f64, 0.0_f64, 0.0_f64);
     for seed in 0..8 {
-        let world = World::new(&Scenario { seed: 5000 + seed, ..Scenario::built_in("lacrosse").unwrap() }).unwrap();
+        let world =
+            SimulatedFilm::new(&Scenario { seed: 5000 + seed, ..Scenario::built_in("lacrosse").unwrap() }).unwrap();
         let truth = world.impact().unwrap();
         let frames = |at_s: Option<ricochet::results::Estimate>| at_s.unwrap().value * world.frame_rate_hz();
         let rows = rows_of(&world, text);

@@ -335,7 +335,7 @@ fn search_empty_images(seeds: std::ops::Range<u64>) {
 
 #[test]
 fn balls_out_of_focus_are_found_and_their_uncertainty_grows_with_the_blur() {
-    use ricochet::synth::{MotionSetup, PatternSetup, Scenario, World};
+    use ricochet::synth::{MotionSetup, PatternSetup, Scenario, SimulatedFilm};
     let mut finder = BallFinder::new(&BallParams::new(50.0, 70.0), 192, 192).unwrap();
     for (pattern, blur_px, least) in [("e-II", 1.4, 10), ("e-I", 1.4, 12), ("f-I", 2.0, 14), ("b-I", 2.0, 16)] {
         let (mut found, mut squares, mut pulls) = (0, 0.0, 0.0);
@@ -348,7 +348,7 @@ fn balls_out_of_focus_are_found_and_their_uncertainty_grows_with_the_blur() {
             let start_px = [94.2, 95.6];
             scenario.motion =
                 MotionSetup::Constant { vx_px_frame: 0.37, vy_px_frame: 0.21, omega_deg_frame: 7.1, start_px };
-            let world = World::new(&scenario).unwrap();
+            let world = SimulatedFilm::new(&scenario).unwrap();
             for index in 0..4 {
                 let mut bytes = vec![0; world.frame_bytes()];
                 world.render(index, &mut bytes);

@@ -2,7 +2,7 @@
 
 use ricochet::config::{Config, ConfigError};
 use ricochet::motion::Rectifier;
-use ricochet::synth::{MotionSetup, Scenario, World};
+use ricochet::synth::{MotionSetup, Scenario, SimulatedFilm};
 use std::path::Path;
 
 use crate::measured_world::{level_rig, rows_of_pictures, through};
@@ -28,7 +28,7 @@ fn bare_rig() -> String {
 }
 
 /// A ball that crosses the image from the lower left to the upper right and rotates.
-fn world() -> World {
+fn world() -> SimulatedFilm {
     let mut scenario = Scenario::translation(3.17, -2.41, 1.3);
     scenario.scale.mm_per_px = 0.5142;
     (scenario.camera.frames, scenario.camera.width_px, scenario.camera.height_px) = (64, SIDE as u32, SIDE as u32);
@@ -37,12 +37,12 @@ fn world() -> World {
     if let MotionSetup::Constant { start_px, .. } = &mut scenario.motion {
         *start_px = [110.0, 290.0];
     }
-    World::new(&scenario).unwrap()
+    SimulatedFilm::new(&scenario).unwrap()
 }
 
 /// The largest error of the velocity relative to the speed, the largest relative error of the spin, the number of
 /// velocities, and the largest error of the velocity in sigmas.
-fn judge(world: &World, seen_through: &Rectifier, rig: &str, mm_per_px: f64) -> (f64, f64, usize, f64) {
+fn judge(world: &SimulatedFilm, seen_through: &Rectifier, rig: &str, mm_per_px: f64) -> (f64, f64, usize, f64) {
     let picture = |index| {
         let mut bytes = vec![0; world.frame_bytes()];
         world.render(index, &mut bytes);

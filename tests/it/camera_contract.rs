@@ -8,7 +8,7 @@ use ricochet::camera::simulated::SimulatedCamera;
 use ricochet::camera::{Camera, Next, Pace};
 use ricochet::image::{Frame, FrameMeta};
 use ricochet::recording::{RecordingInfo, RecordingWriter, WriterOptions};
-use ricochet::synth::{Scenario, World};
+use ricochet::synth::{Scenario, SimulatedFilm};
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
@@ -117,7 +117,7 @@ fn small() -> Scenario {
 fn a_simulated_camera_keeps_the_contract() {
     for pace in [Pace::OnDemand, Pace::Live] {
         let camera = SimulatedCamera::open(small(), pace).unwrap();
-        let world = World::new(&small()).unwrap();
+        let world = SimulatedFilm::new(&small()).unwrap();
         let waited = check(Box::new(camera), 50, &|number, pixels| world.render(number, pixels));
         assert_eq!(waited >= AWAY / 2, pace == Pace::Live, "{waited:?}");
     }
@@ -127,7 +127,7 @@ fn a_simulated_camera_keeps_the_contract() {
 fn a_recording_keeps_the_contract_as_a_camera() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("film.mcap");
-    let world = World::new(&small()).unwrap();
+    let world = SimulatedFilm::new(&small()).unwrap();
     let mut writer = RecordingWriter::create(&path, &RecordingInfo::default(), &WriterOptions::default()).unwrap();
     for number in 0..60 {
         let mut bytes = vec![0; world.frame_bytes()];

@@ -6,7 +6,7 @@ use ricochet::config::Config;
 use ricochet::image::Frame;
 use ricochet::measure::{Measurer, Share};
 use ricochet::process::analysis_params;
-use ricochet::synth::{CameraSetup, MotionSetup, Scenario, World};
+use ricochet::synth::{CameraSetup, MotionSetup, Scenario, SimulatedFilm};
 use serde_json::Value;
 use std::path::PathBuf;
 
@@ -53,7 +53,7 @@ fn verdict<'a>(report: &'a Value, name: &str) -> &'a str {
 
 /// The scatter of a subset's displacement between images whose noise is independent of the check's, px.
 fn true_floor(scenario: &Scenario) -> f64 {
-    let first = World::new(scenario).unwrap();
+    let first = SimulatedFilm::new(scenario).unwrap();
     let config = Config::parse(&format!("[camera]\nsource = \"simulated\"\n{BODY}\n"), "rig.toml").unwrap();
     let format = stream_format(&first);
     let (params, _) = analysis_params(&config, &format);
@@ -214,7 +214,7 @@ fn relative_shortfall(camera: &CameraSetup) -> f64 {
     let scenario = Scenario { camera: CameraSetup { frames: 40, ..camera.clone() }, ..still() };
     let slow =
         MotionSetup::Constant { start_px: [250.0, 250.0], vx_px_frame: 0.37, vy_px_frame: 0.0, omega_deg_frame: 0.0 };
-    let world = World::new(&Scenario { motion: slow, ..scenario }).unwrap();
+    let world = SimulatedFilm::new(&Scenario { motion: slow, ..scenario }).unwrap();
     let rig = format!("[camera]\nsource = \"simulated\"\n{BODY}\n[rotation]\nmethod = \"field\"\n");
     let (params, _) = analysis_params(&Config::parse(&rig, "rig.toml").unwrap(), &stream_format(&world));
     let size = (world.width_px() as usize, world.height_px() as usize);

@@ -1,6 +1,6 @@
 //! Films of cameras with defective pixels.
 
-use ricochet::synth::{CameraSetup, Scenario, World};
+use ricochet::synth::{CameraSetup, Scenario, SimulatedFilm};
 
 use crate::measured_world::rows_of_pictures;
 use crate::support::{Rig, run};
@@ -8,7 +8,7 @@ use crate::support::{Rig, run};
 /// The share of pixels that are hot or dead.
 const STUCK: f64 = 0.001;
 
-fn pictures(world: &World) -> impl Iterator<Item = Vec<u8>> {
+fn pictures(world: &SimulatedFilm) -> impl Iterator<Item = Vec<u8>> {
     (0..world.frames()).map(|index| {
         let mut bytes = vec![0; world.frame_bytes()];
         world.render(index, &mut bytes);
@@ -16,14 +16,14 @@ fn pictures(world: &World) -> impl Iterator<Item = Vec<u8>> {
     })
 }
 
-fn worlds(name: &str, seed: u64) -> [World; 2] {
+fn worlds(name: &str, seed: u64) -> [SimulatedFilm; 2] {
     let sound = Scenario { seed, ..Scenario::built_in(name).unwrap() };
     let stuck = Scenario { camera: CameraSetup { stuck_share: STUCK, ..sound.camera.clone() }, ..sound.clone() };
-    [sound, stuck].map(|scenario| World::new(&scenario).unwrap())
+    [sound, stuck].map(|scenario| SimulatedFilm::new(&scenario).unwrap())
 }
 
 /// Column and row of the pixels that differ between the two worlds in all of these frames.
-fn stuck_px([sound, stuck]: &[World; 2]) -> Vec<[u32; 2]> {
+fn stuck_px([sound, stuck]: &[SimulatedFilm; 2]) -> Vec<[u32; 2]> {
     let width = sound.width_px();
     let mut ends = vec![true; sound.frame_bytes()];
     for (sound, stuck) in pictures(sound).zip(pictures(stuck)).take(30) {
@@ -35,7 +35,7 @@ fn stuck_px([sound, stuck]: &[World; 2]) -> Vec<[u32; 2]> {
 }
 
 /// The largest error of any number of the collision in sigmas, and the name of that number.
-fn worst(world: &World, rig: &str) -> (f64, String) {
+fn worst(world: &SimulatedFilm, rig: &str) -> (f64, String) {
     let rows = rows_of_pictures(pictures(world), world, rig);
     let Some(measured) = rows.impacts.last() else { return (f64::INFINITY, "no collision".into()) };
     let truth = world.impact().unwrap().numbers();

@@ -2,7 +2,7 @@
 
 use crate::measured_world::{level_rig, rows_of_pictures};
 use ricochet::results::VelocitySample;
-use ricochet::synth::{MotionSetup, Scenario, World};
+use ricochet::synth::{MotionSetup, Scenario, SimulatedFilm};
 use ricochet::track::TrackerRows;
 
 /// One frame of a film: its pixels, the position of the ball and its motion.
@@ -12,7 +12,7 @@ struct Shot {
 }
 
 /// The frames of a world from `from` on.
-fn shots(world: &World) -> Vec<Shot> {
+fn shots(world: &SimulatedFilm) -> Vec<Shot> {
     let shot = |index| {
         let mut bytes = vec![0; world.frame_bytes()];
         world.render(index, &mut bytes);
@@ -32,7 +32,7 @@ fn moving(seed: u64, frames: u64, start_px: [f64; 2], (vx, vy, spin): (f64, f64,
 
 /// Measures the film with a rig.
 fn measure(film: &[Shot], like: &Scenario, rig: &str) -> TrackerRows {
-    rows_of_pictures(film.iter().map(|shot| shot.bytes.clone()), &World::new(like).unwrap(), rig)
+    rows_of_pictures(film.iter().map(|shot| shot.bytes.clone()), &SimulatedFilm::new(like).unwrap(), rig)
 }
 
 /// The rows of a film compared with the truth.
@@ -83,8 +83,8 @@ fn judge(film: &[Shot], rows: &TrackerRows) -> Verdict {
 fn a_ball_that_leaves_and_returns_is_reported_only_while_visible() {
     let out = moving(5, 64, [150.3, 120.7], (3.37, 0.41, 0.9));
     let back = moving(5, 64, [330.3, 140.7], (-3.37, -0.41, -0.9));
-    let mut film = shots(&World::new(&out).unwrap());
-    film.extend(shots(&World::new(&back).unwrap()));
+    let mut film = shots(&SimulatedFilm::new(&out).unwrap());
+    film.extend(shots(&SimulatedFilm::new(&back).unwrap()));
     let rows = measure(&film, &out, &level_rig(out.scale.mm_per_px));
     let verdict = judge(&film, &rows);
     assert!(verdict.wrong.is_empty());
@@ -95,7 +95,7 @@ fn a_ball_blurred_by_a_long_exposure_is_measured_right() {
     for (speed, spin) in [(2.9, 0.4), (4.1, 0.9)] {
         let mut blurred = moving(6, 28, [74.3, 110.7], (speed, 0.3, spin));
         blurred.camera.exposure_us = 0.9e6 / blurred.camera.frame_rate_hz;
-        let film = shots(&World::new(&blurred).unwrap());
+        let film = shots(&SimulatedFilm::new(&blurred).unwrap());
         let verdict = judge(&film, &measure(&film, &blurred, &level_rig(blurred.scale.mm_per_px)));
         assert!(verdict.wrong.is_empty() && verdict.measured > 24);
     }
@@ -106,7 +106,7 @@ fn a_flickering_lamp_does_not_bias_results() {
     for (share, hz) in [(0.1, 100.0), (0.4, 1200.0)] {
         let mut flickering = moving(7, 48, [100.3, 110.7], (1.13, 0.37, 0.6));
         (flickering.light.flicker, flickering.light.flicker_hz) = (share, hz);
-        let film = shots(&World::new(&flickering).unwrap());
+        let film = shots(&SimulatedFilm::new(&flickering).unwrap());
         let verdict = judge(&film, &measure(&film, &flickering, &level_rig(flickering.scale.mm_per_px)));
         assert!(verdict.wrong.is_empty() && verdict.measured > 40);
     }
@@ -120,7 +120,7 @@ fn nothing(like: &VelocitySample) -> VelocitySample {
 #[test]
 fn a_ball_that_is_dropped_three_times_in_one_film_has_three_impacts() {
     let drop = Scenario { seed: 31, ..Scenario::built_in("lacrosse").unwrap() };
-    let world = World::new(&drop).unwrap();
+    let world = SimulatedFilm::new(&drop).unwrap();
     let truth = world.impact().unwrap().restitution.unwrap().value;
     let mut film = Vec::new();
     for round in 0..3 {
@@ -144,7 +144,7 @@ fn a_ball_that_is_dropped_three_times_in_one_film_has_three_impacts() {
 /// Draws the ball of a second film in front of the frames of the first.
 fn draw_in_front(film: &mut [Shot], other: &Scenario) {
     let (radius, width) = (other.radius_px() + 0.5, other.camera.width_px as usize);
-    for (shot, second) in film.iter_mut().zip(shots(&World::new(other).unwrap())) {
+    for (shot, second) in film.iter_mut().zip(shots(&SimulatedFilm::new(other).unwrap())) {
         let (x, y) = (second.truth.center_x_px.unwrap(), second.truth.center_y_px.unwrap());
         for (place, (byte, over)) in shot.bytes.iter_mut().zip(&second.bytes).enumerate() {
             let (column, row) = ((place % width) as f64, (place / width) as f64);
@@ -162,7 +162,7 @@ fn a_second_ball_that_passes_is_not_taken_for_the_first() {
         [([-80.3, 90.7], (7.3, 1.1, 0.9)), ([300.3, 60.7], (-4.7, 0.3, -1.3)), ([-32.3, 152.7], (1.93, -0.21, 0.9))];
     for (start_px, motion) in passing {
         let like = moving(8, 80, [90.3, 150.7], (0.63, -0.21, 0.5));
-        let mut film = shots(&World::new(&like).unwrap());
+        let mut film = shots(&SimulatedFilm::new(&like).unwrap());
         draw_in_front(&mut film, &moving(9, 80, start_px, motion));
         let verdict = judge(&film, &measure(&film, &like, &level_rig(like.scale.mm_per_px)));
         assert!(verdict.wrong.is_empty() && verdict.measured > 24);

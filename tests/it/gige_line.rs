@@ -3,7 +3,7 @@
 
 use crate::fake_gige::{ADDRESS, FakeGige, Wiring};
 use crate::support::{Background, Rig, csv, frames, process, ricochet, status, succeed, wait_until};
-use ricochet::synth::{Scenario, World};
+use ricochet::synth::{Scenario, SimulatedFilm};
 use std::sync::Arc;
 
 const FRAMES: u64 = 100;
@@ -13,7 +13,7 @@ fn film() -> Vec<Vec<u8>> {
     let mut scenario = Scenario::built_in("lacrosse").unwrap();
     scenario.camera.width_px = 512;
     scenario.camera.height_px = 512;
-    let world = World::new(&scenario).unwrap();
+    let world = SimulatedFilm::new(&scenario).unwrap();
     let draw = |index| {
         let mut bytes = vec![0; world.frame_bytes()];
         world.render(index, &mut bytes);
@@ -95,7 +95,7 @@ fn the_present_exposure_of_the_camera_is_used_and_recorded() {
     let world = {
         let mut scenario = Scenario::built_in("lacrosse").unwrap();
         (scenario.camera.width_px, scenario.camera.height_px) = (256, 192);
-        World::new(&scenario).unwrap()
+        SimulatedFilm::new(&scenario).unwrap()
     };
     let draw = move |index: u64, pixels: &mut [u8]| world.render(index % FRAMES, pixels);
     let Some(camera) = FakeGige::plug_in(Wiring::Software, FRAMES, draw) else { return };

@@ -1,11 +1,11 @@
 //! Stationary light, in which bodies move and rotate.
 
-use ricochet::synth::{LightSetup, MotionSetup, Scenario, World};
+use ricochet::synth::{LightSetup, MotionSetup, Scenario, SimulatedFilm};
 
 use crate::measured_world::{level_rig, rows_of};
 
 /// A ball of 114 px that crosses the image and rotates.
-fn world(light: LightSetup, (vx, vy, spin_deg): (f64, f64, f64), seed: u64) -> World {
+fn world(light: LightSetup, (vx, vy, spin_deg): (f64, f64, f64), seed: u64) -> SimulatedFilm {
     let mut scenario = Scenario { seed, ..Scenario::translation(vx, vy, spin_deg) };
     (scenario.camera.frames, scenario.camera.width_px, scenario.camera.height_px) = (64, 360, 224);
     scenario.camera.noise_dn = 1.0;
@@ -14,11 +14,11 @@ fn world(light: LightSetup, (vx, vy, spin_deg): (f64, f64, f64), seed: u64) -> W
     if let MotionSetup::Constant { start_px, .. } = &mut scenario.motion {
         *start_px = [90.3, 102.7];
     }
-    World::new(&scenario).unwrap()
+    SimulatedFilm::new(&scenario).unwrap()
 }
 
 /// For velocities and spins, the largest relative error and the root mean square of the errors in sigmas.
-fn judge(world: &World, (vx, vy, spin_deg): (f64, f64, f64)) -> [(f64, f64); 2] {
+fn judge(world: &SimulatedFilm, (vx, vy, spin_deg): (f64, f64, f64)) -> [(f64, f64); 2] {
     let setup = world.scenario();
     let rate_hz = setup.camera.frame_rate_hz;
     let m_s = 1e-3 * setup.scale.mm_per_px * rate_hz;

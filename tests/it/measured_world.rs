@@ -4,11 +4,11 @@ use ricochet::config::Config;
 use ricochet::image::Frame;
 use ricochet::measure::{Measurer, Share};
 use ricochet::motion::Rectifier;
-use ricochet::synth::World;
+use ricochet::synth::SimulatedFilm;
 use ricochet::track::{Tracker, TrackerRows};
 
 /// Measures the frames of a world.
-pub fn rows_of(world: &World, rig: &str) -> TrackerRows {
+pub fn rows_of(world: &SimulatedFilm, rig: &str) -> TrackerRows {
     let picture = |index| {
         let mut bytes = vec![0; world.frame_bytes()];
         world.render(index, &mut bytes);
@@ -18,7 +18,7 @@ pub fn rows_of(world: &World, rig: &str) -> TrackerRows {
 }
 
 /// Measures other images with the format and times of a world's camera.
-pub fn rows_of_pictures(pictures: impl Iterator<Item = Vec<u8>>, world: &World, rig: &str) -> TrackerRows {
+pub fn rows_of_pictures(pictures: impl Iterator<Item = Vec<u8>>, world: &SimulatedFilm, rig: &str) -> TrackerRows {
     let config = Config::parse(rig, "film.toml").unwrap();
     let format = ricochet::camera::simulated::stream_format(world);
     let (measure, track) = ricochet::process::analysis_params(&config, &format);

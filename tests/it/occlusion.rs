@@ -4,7 +4,7 @@ use ricochet::config::Config;
 use ricochet::image::Frame;
 use ricochet::measure::{Measurer, Share};
 use ricochet::results::PointStatus;
-use ricochet::synth::{MotionSetup, OccluderSetup, PartSetup, Scenario, World};
+use ricochet::synth::{MotionSetup, OccluderSetup, PartSetup, Scenario, SimulatedFilm};
 
 use crate::measured_world::level_rig;
 
@@ -17,7 +17,7 @@ const SPEED_PX: [f64; 2] = [-0.9, 0.35];
 const OMEGA_DEG: f64 = 2.0;
 
 /// A ball that moves behind an edge and rotates by 2 deg per frame, so that its reference is soon far from the frame.
-fn world() -> World {
+fn world() -> SimulatedFilm {
     let mut scenario = Scenario { seed: 11, ..Scenario::built_in("lacrosse").unwrap() };
     (scenario.camera.frames, scenario.camera.width_px, scenario.camera.height_px) = (24, 256, 256);
     let (shade, texture, speed_px_frame) = (0.4, 0.03, 0.0);
@@ -32,7 +32,7 @@ fn world() -> World {
         tilt_deg_frame,
     };
     scenario.motion = MotionSetup::Piecewise { start_px: START_PX, parts: vec![part] };
-    World::new(&scenario).unwrap()
+    SimulatedFilm::new(&scenario).unwrap()
 }
 
 /// The displacement of a point of the ball from a frame to the next, px.

@@ -1,11 +1,11 @@
 //! Balls that rotate about an axis in the image plane: their pattern moves differently from their centre.
 
-use ricochet::synth::{MotionSetup, OccluderSetup, PartSetup, Scenario, World};
+use ricochet::synth::{MotionSetup, OccluderSetup, PartSetup, Scenario, SimulatedFilm};
 
 use crate::measured_world::{level_rig, rows_of};
 
 /// A ball that crosses the image and rotates by `tilt_deg_frame` per frame about the image axes x and y.
-fn crossing(tilt_deg_frame: [f64; 2], seed: u64) -> World {
+fn crossing(tilt_deg_frame: [f64; 2], seed: u64) -> SimulatedFilm {
     let mut scenario = Scenario { seed, ..Scenario::built_in("lacrosse-sphere").unwrap() };
     (scenario.camera.frames, scenario.camera.width_px, scenario.camera.height_px) = (96, 400, 280);
     scenario.occluder = None;
@@ -19,7 +19,7 @@ fn crossing(tilt_deg_frame: [f64; 2], seed: u64) -> World {
             tilt_deg_frame,
         }],
     };
-    World::new(&scenario).unwrap()
+    SimulatedFilm::new(&scenario).unwrap()
 }
 
 /// The number of values, and the root mean square and maximum of their errors over their sigmas.
@@ -86,7 +86,7 @@ fn velocity_is_that_of_the_centre_and_not_of_the_front() {
 }
 
 /// A ball that falls, is reflected within 20 frames, and then rotates about other axes.
-fn struck() -> (World, [[f64; 2]; 2]) {
+fn struck() -> (SimulatedFilm, [[f64; 2]; 2]) {
     let (before, after) = ([0.83, 3.07], [0.62, -2.41]);
     let mut scenario = Scenario { seed: 9, ..Scenario::built_in("lacrosse-sphere").unwrap() };
     (scenario.camera.frames, scenario.camera.width_px, scenario.camera.height_px) = (170, 320, 360);
@@ -106,7 +106,7 @@ fn struck() -> (World, [[f64; 2]; 2]) {
     }));
     parts.push(part(90.0, after, [-0.1, -0.5]));
     scenario.motion = MotionSetup::Piecewise { start_px: [90.3, 75.7], parts };
-    (World::new(&scenario).unwrap(), [before, after])
+    (SimulatedFilm::new(&scenario).unwrap(), [before, after])
 }
 
 #[test]
@@ -156,7 +156,7 @@ fn the_spin_is_right_where_part_of_the_ball_is_occluded() {
         let (shade, texture, speed_px_frame) = (0.4, 0.0, 0.0);
         scenario.occluder =
             Some(OccluderSetup { shade, texture, point_px, normal_deg: Some(normal_deg), speed_px_frame });
-        let world = World::new(&scenario).unwrap();
+        let world = SimulatedFilm::new(&scenario).unwrap();
         let rows = rows_of(&world, &level_rig(scenario.scale.mm_per_px));
         let (mut spins, mut speeds, mut occluded) = (Pulls::default(), Pulls::default(), 0.0_f64);
         for row in &rows.velocities {

@@ -1,12 +1,12 @@
 //! Bodies that move towards the camera or away from it.
 
 use ricochet::results::{Impact, VelocitySample};
-use ricochet::synth::{MotionSetup, Scenario, World};
+use ricochet::synth::{MotionSetup, Scenario, SimulatedFilm};
 
 use crate::measured_world::{level_rig, rows_of};
 
 /// The largest error of any velocity, in its sigmas.
-fn worst_pull(world: &World, velocities: &[VelocitySample]) -> f64 {
+fn worst_pull(world: &SimulatedFilm, velocities: &[VelocitySample]) -> f64 {
     let pull = |row: &VelocitySample| {
         let (measured, truth) = (row.velocity?, world.truth(row.frame).velocity?);
         let off = [measured.vn_m_s - truth.vn_m_s, measured.vt_m_s - truth.vt_m_s];
@@ -17,10 +17,10 @@ fn worst_pull(world: &World, velocities: &[VelocitySample]) -> f64 {
 
 /// A built-in collision of a ball that approaches the camera at a relative rate, its measured impact and its
 /// velocities.
-fn struck(name: &str, rig: &str, nearer_per_s: f64) -> (World, Impact, Vec<VelocitySample>) {
+fn struck(name: &str, rig: &str, nearer_per_s: f64) -> (SimulatedFilm, Impact, Vec<VelocitySample>) {
     let mut scenario = Scenario { seed: 71, ..Scenario::built_in(name).unwrap() };
     scenario.scale.nearer_per_s = nearer_per_s;
-    let world = World::new(&scenario).unwrap();
+    let world = SimulatedFilm::new(&scenario).unwrap();
     let rows = rows_of(&world, rig);
     (world, *rows.impacts.last().unwrap(), rows.velocities)
 }
@@ -63,7 +63,7 @@ fn a_flight_is_measured_in_the_plane_of_the_view() {
         if let MotionSetup::Constant { start_px, .. } = &mut scenario.motion {
             *start_px = [90.3, 180.7];
         }
-        let world = World::new(&scenario).unwrap();
+        let world = SimulatedFilm::new(&scenario).unwrap();
         let rig = format!("{}[rotation]\nmethod = \"{rotation}\"\n", level_rig(0.5));
         let rows = rows_of(&world, &rig);
         let radius =

@@ -2,7 +2,7 @@
 
 use ricochet::config::Config;
 use ricochet::results::PointStatus;
-use ricochet::synth::{MotionSetup, Scenario, World};
+use ricochet::synth::{MotionSetup, Scenario, SimulatedFilm};
 use ricochet::track::TrackerRows;
 
 use crate::measured_world::{rows_of, rows_of_pictures};
@@ -21,7 +21,7 @@ struct Course {
 }
 
 impl Course {
-    fn world(&self, frames: u64) -> World {
+    fn world(&self, frames: u64) -> SimulatedFilm {
         let mut scenario = Scenario::translation(self.rate[0], self.rate[1], self.rate[2]);
         scenario.seed = self.seed;
         (scenario.camera.frames, scenario.camera.width_px, scenario.camera.height_px) =
@@ -31,7 +31,7 @@ impl Course {
         if let MotionSetup::Constant { start_px, .. } = &mut scenario.motion {
             *start_px = self.start;
         }
-        World::new(&scenario).unwrap()
+        SimulatedFilm::new(&scenario).unwrap()
     }
 
     /// The position in a later frame of a point of the ball that was at `at` in the first frame.
@@ -101,7 +101,7 @@ fn a_polygon_with_a_hole_is_followed_within_thousandths_of_a_pixel() {
 }
 
 /// Two balls in one image, the second in front of the first.
-fn crossing(back: &Course, front: &Course, frames: u64) -> (World, Vec<Vec<u8>>) {
+fn crossing(back: &Course, front: &Course, frames: u64) -> (SimulatedFilm, Vec<Vec<u8>>) {
     let (behind, before) = (back.world(frames), front.world(frames));
     let picture = |index| {
         let (mut a, mut b) = (vec![0; behind.frame_bytes()], vec![0; before.frame_bytes()]);
@@ -216,7 +216,7 @@ fn a_rig_keeps_the_reference_image_of_its_patches_and_replays_to_the_byte() {
     let rig = Rig::new();
     // The falling ball of the built-in film, outlined in its first frame.
     let scenario = Scenario::built_in("lacrosse").unwrap();
-    let world = World::new(&scenario).unwrap();
+    let world = SimulatedFilm::new(&scenario).unwrap();
     let truth = world.truth(0);
     let patch = octagon([truth.center_x_px.unwrap(), truth.center_y_px.unwrap()], 40.0);
     let config = rig.config(

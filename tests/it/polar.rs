@@ -1,7 +1,7 @@
 //! Rotations from rings, against known truth: pairwise, behind something, and of balls that turn far from frame to
 //! frame.
 
-use ricochet::synth::{MotionSetup, OccluderSetup, Scenario, World};
+use ricochet::synth::{MotionSetup, OccluderSetup, Scenario, SimulatedFilm};
 use ricochet::track::TrackerRows;
 
 use crate::measured_world::{level_rig, rows_of};
@@ -43,8 +43,10 @@ fn a_ring_tells_the_spin_of_a_ball_in_full_sight_to_a_hundredth_of_a_degree() {
     for (limits, most_deg) in cases {
         for (seed, motion) in [(1, (0.13, 0.31, 0.35)), (2, (0.77, -0.53, 1.7)), (3, (-0.4, 0.23, 2.9))] {
             let scenario = film(seed, motion);
-            let rows =
-                rows_of(&World::new(&scenario).unwrap(), &rig(&scenario, &format!("method = \"ring\"\n{limits}")));
+            let rows = rows_of(
+                &SimulatedFilm::new(&scenario).unwrap(),
+                &rig(&scenario, &format!("method = \"ring\"\n{limits}")),
+            );
             let (rms, pull, count) = judge(&rows, motion.2);
             println!("ring {limits:?}, {} deg/frame: rms {rms:.5} deg, pull {pull:.2}, {count} steps", motion.2);
             assert!(rms <= most_deg && count == 23, "{limits:?} {motion:?}: {rms} {count}");
@@ -63,7 +65,7 @@ fn a_ring_shrinks_before_what_hides_the_ball() {
         scenario.occluder =
             Some(OccluderSetup { shade: 0.1, texture: 0.0, point_px, normal_deg: Some(180.0), speed_px_frame });
         let rows = rows_of(
-            &World::new(&scenario).unwrap(),
+            &SimulatedFilm::new(&scenario).unwrap(),
             &rig(&scenario, "method = \"ring\"\n[workers]\nblock_frames = 64"),
         );
         let (rms, pull, count) = judge(&rows, 0.91);
@@ -78,7 +80,8 @@ fn a_ball_that_turns_by_tens_of_degrees_a_frame_is_followed_whatever_the_method(
     for (seed, spin_deg) in [(1, 12.7), (2, -31.3), (3, 97.1)] {
         for method in ["rigid", "field", "center", "ring"] {
             let scenario = film(seed, (0.61, -0.37, spin_deg));
-            let rows = rows_of(&World::new(&scenario).unwrap(), &rig(&scenario, &format!("method = \"{method}\"")));
+            let rows =
+                rows_of(&SimulatedFilm::new(&scenario).unwrap(), &rig(&scenario, &format!("method = \"{method}\"")));
             let (rms, pull, count) = judge(&rows, spin_deg);
             println!("{spin_deg} deg/frame by {method}: rms {rms:.5} deg, pull {pull:.2}, {count} steps");
             assert!(rms <= 0.02 && count == 23, "{spin_deg} {method}: {rms} {count}");

@@ -144,7 +144,7 @@ fn first_measured(rehearses: bool, share: Share) -> (Vec<Measured>, Duration) {
     let params = analysis_params(&config, &format).0;
     let mut measurer = Measurer::new(&params, share, format.width_px as usize, format.height_px as usize).unwrap();
     if rehearses {
-        measurer.rehearse().unwrap();
+        measurer.warm_up().unwrap();
     }
     let (mut measured, mut bytes, mut first) = (Vec::new(), vec![0; world.frame_bytes()], None);
     for frame in 0..20 {

@@ -3,7 +3,7 @@
 use ricochet::dic::grid;
 use ricochet::dic::{CorrelationParams, Correlator, PreparedFrame, Region, RigidBody, Shape, Start};
 use ricochet::image::Frame;
-use ricochet::synth::{MotionSetup, OccluderSetup, PatternSetup, Scenario, World};
+use ricochet::synth::{MotionSetup, OccluderSetup, PatternSetup, Scenario, SimulatedFilm};
 
 /// The radius of the drawn ball, and of the compared region, px.
 const RADIUS_PX: f64 = 57.0;
@@ -35,7 +35,7 @@ fn occlude(mut scenario: Scenario, (vx, vy): (f64, f64), occluded: f64, angle_de
 }
 
 fn prepared(correlator: &Correlator, scenario: &Scenario, index: u64) -> PreparedFrame {
-    let world = World::new(scenario).unwrap();
+    let world = SimulatedFilm::new(scenario).unwrap();
     let mut bytes = vec![0; world.frame_bytes()];
     world.render(index, &mut bytes);
     let meta = ricochet::camera::simulated::meta(&world, index);

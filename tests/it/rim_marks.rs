@@ -5,15 +5,15 @@
 use ricochet::ball::{BallFinder, BallParams};
 use ricochet::image::ImageView;
 use ricochet::results::Circle;
-use ricochet::synth::{LightSetup, MotionSetup, PatternSetup, Scenario, ShadeSetup, Shape, World};
+use ricochet::synth::{LightSetup, MotionSetup, PatternSetup, Scenario, ShadeSetup, Shape, SimulatedFilm};
 
 use crate::measured_world::rows_of;
 
-fn sphere(seed: u64) -> World {
-    World::new(&Scenario { seed, ..Scenario::built_in("lacrosse-sphere").unwrap() }).unwrap()
+fn sphere(seed: u64) -> SimulatedFilm {
+    SimulatedFilm::new(&Scenario { seed, ..Scenario::built_in("lacrosse-sphere").unwrap() }).unwrap()
 }
 
-fn found(world: &World, frame: u64, [low, high]: [f64; 2]) -> Option<Circle> {
+fn found(world: &SimulatedFilm, frame: u64, [low, high]: [f64; 2]) -> Option<Circle> {
     let (width, height) = (world.width_px() as usize, world.height_px() as usize);
     let mut finder = BallFinder::new(&BallParams::new(low, high), width, height).unwrap();
     let mut bytes = vec![0; world.frame_bytes()];
@@ -80,7 +80,7 @@ fn no_ball_is_found_in_speckled_paint() {
             omega_deg_frame: 0.0,
             start_px: [128.0, 112.0],
         };
-        let world = World::new(&scenario).unwrap();
+        let world = SimulatedFilm::new(&scenario).unwrap();
         for radii in [[20.0, 28.0], [28.0, 40.0], [40.0, 65.0]] {
             let circle = found(&world, 0, radii);
             assert!(circle.is_none(), "seed {seed}, {radii:?}: {circle:?}");

@@ -4,7 +4,7 @@ use crate::support::{Rig, csv, run, succeed};
 use ricochet::image::{Frame, Image};
 use ricochet::results::{Phase, PointStatus, Rod, VelocitySample};
 use ricochet::rod::{RodFinder, RodParams, projections};
-use ricochet::synth::{MotionSetup, Scenario, World, physics::NormalLaw};
+use ricochet::synth::{MotionSetup, Scenario, SimulatedFilm, physics::NormalLaw};
 use ricochet::track::TrackerRows;
 
 mod scene;
@@ -16,12 +16,12 @@ const EDGES: [f64; 4] = [-25.0, 25.0, 45.0, 65.0];
 /// The region of `config/rod.toml`.
 const REGION: [u32; 4] = [0, 0, 64, 136];
 
-fn film(name: &str, seed: u64) -> World {
-    World::new(&Scenario { seed, ..Scenario::built_in(name).unwrap() }).unwrap()
+fn film(name: &str, seed: u64) -> SimulatedFilm {
+    SimulatedFilm::new(&Scenario { seed, ..Scenario::built_in(name).unwrap() }).unwrap()
 }
 
 /// One frame as a camera would record it, with noise.
-fn picture(world: &World, index: u64, bytes: &mut [u8]) -> Image {
+fn picture(world: &SimulatedFilm, index: u64, bytes: &mut [u8]) -> Image {
     world.render(index, bytes);
     let meta = ricochet::camera::simulated::meta(world, index);
     let mut image = Image::new(world.width_px() as usize, world.height_px() as usize);
@@ -86,7 +86,7 @@ fn changing_light_along_the_rod_does_not_bias_the_edges_of_a_speckled_tape() {
         for seed in [3, 11, 29, 42] {
             let mut scenario = Scenario { seed, ..Scenario::built_in("rod").unwrap() };
             scenario.light.gradient_y = gradient_y;
-            let world = World::new(&scenario).unwrap();
+            let world = SimulatedFilm::new(&scenario).unwrap();
             let finder = RodFinder::new(&params(), 64, 160).unwrap();
             let mut bytes = vec![0; world.frame_bytes()];
             for index in (0..world.frames()).step_by(8) {
@@ -155,14 +155,15 @@ fn black_and_white_projections_find_the_same_edges_within_a_pixel() {
     let mut bytes = vec![0; world.frame_bytes()];
     for index in [0, 60, 120, 200] {
         let image = picture(&world, index, &mut bytes);
-        let tone = projections::TwoTone::new(image.view(), REGION.map(|number| number as usize)).unwrap();
+        let tone = projections::BinaryImage::new(image.view(), REGION.map(|number| number as usize)).unwrap();
         let truth = world.truth(index).center_y_px.unwrap();
-        let lines = projections::lines(&tone.down(20..43), 4);
+        let lines = projections::lines(&tone.row_steps(20..43), 4);
         for edge in EDGES {
             let nearest = lines[..8].iter().map(|line| (line.at as f64 + 0.5 - truth - edge).abs());
             assert!(nearest.fold(f64::INFINITY, f64::min) <= 1.0, "frame {index}: {edge} is not among {lines:?}");
         }
-        let mut sides: Vec<usize> = projections::lines(&tone.across(), 4)[..2].iter().map(|line| line.at).collect();
+        let mut sides: Vec<usize> =
+            projections::lines(&tone.column_steps(), 4)[..2].iter().map(|line| line.at).collect();
         sides.sort_unstable();
         let middle = world.truth(index).center_x_px.unwrap();
         assert!((sides[0] as f64 + 0.5 - middle + 15.0).abs() <= 1.0, "{sides:?}");
@@ -239,13 +240,13 @@ fn an_edge_that_leaves_the_image_is_missing_and_the_others_are_still_measured() 
 }
 
 /// Measures a film with `config/rod.toml`.
-fn measure(world: &World) -> TrackerRows {
+fn measure(world: &SimulatedFilm) -> TrackerRows {
     crate::measured_world::rows_of(world, include_str!("../../config/rod.toml"))
 }
 
 /// Root mean square and maximum error of the normal velocity in these phases of the truth, percent of the approach
 /// speed.
-fn velocity_error(rows: &TrackerRows, world: &World, phases: &[Phase]) -> [f64; 2] {
+fn velocity_error(rows: &TrackerRows, world: &SimulatedFilm, phases: &[Phase]) -> [f64; 2] {
     let (mut squares, mut count, mut largest) = (0.0, 0.0, 0.0_f64);
     for row in &rows.velocities {
         let truth: VelocitySample = world.truth(row.frame);
@@ -294,7 +295,7 @@ fn a_soft_contact_is_measured_as_well() {
     let mut scenario = Scenario::built_in("rod").unwrap();
     let MotionSetup::Impact(impact) = &mut scenario.motion else { unreachable!() };
     impact.law = NormalLaw::HuntCrossley { stiffness_n_m15: 7.40e7, damping_s_m: 0.783 };
-    let world = World::new(&scenario).unwrap();
+    let world = SimulatedFilm::new(&scenario).unwrap();
     let rows = measure(&world);
     let [contact, worst] = velocity_error(&rows, &world, &[Phase::Contact]);
     let [free, _] = velocity_error(&rows, &world, &[Phase::Flight, Phase::Rebound]);

@@ -5,7 +5,7 @@ use ricochet::config::Config;
 use ricochet::image::Frame;
 use ricochet::measure::{Measurer, Share};
 use ricochet::process::analysis_params;
-use ricochet::synth::{MotionSetup, Scenario, World};
+use ricochet::synth::{MotionSetup, Scenario, SimulatedFilm};
 use ricochet::track::TrackerRows;
 
 use crate::measured_world::{level_rig, rows_of_pictures};
@@ -16,7 +16,7 @@ const ROD: &str = include_str!("../../config/rod.toml");
 
 /// A recording whose rows are read within `share` of a frame's time; upwards if negative.
 struct Recording {
-    world: World,
+    world: SimulatedFilm,
     pictures: Vec<Vec<u8>>,
     row_time_us: f64,
 }
@@ -27,7 +27,7 @@ impl Recording {
         let camera = &mut scenario.camera;
         camera.row_time_us = share * 1e6 / camera.frame_rate_hz / f64::from(camera.height_px);
         let row_time_us = camera.row_time_us;
-        let world = World::new(&scenario).unwrap();
+        let world = SimulatedFilm::new(&scenario).unwrap();
         let picture = |index| {
             let mut bytes = vec![0; world.frame_bytes()];
             world.render(index, &mut bytes);
@@ -75,7 +75,7 @@ struct Errors {
 }
 
 impl Errors {
-    fn of(world: &World, rows: &TrackerRows) -> Self {
+    fn of(world: &SimulatedFilm, rows: &TrackerRows) -> Self {
         let (mut off, mut spins, mut radii, mut seen) = (Self::default(), 0, 0.0, 0.0);
         for (row, track) in rows.velocities.iter().zip(&rows.tracks) {
             let truth = world.truths(row.frame)[row.body as usize];
@@ -217,19 +217,19 @@ fn each_row_is_drawn_at_its_own_time() {
         let rolled = |start_px| {
             let mut scenario = spun(speed_px, 0.0, start_px, 3);
             scenario.camera.row_time_us = share * 100.0 / 280.0;
-            World::new(&scenario).unwrap().render_light(1)
+            SimulatedFilm::new(&scenario).unwrap().render_light(1)
         };
         let picture = rolled([140.0, 110.0]);
         for row in [60, 110, 150] {
             // A row that is exposed later equals that row of a frame taken then.
             let later = share / 280.0 * (row as f64 - if share < 0.0 { 279.0 } else { 0.0 });
             let start_px = [140.0 + later * speed_px[0], 110.0 + later * speed_px[1]];
-            let at_once = World::new(&spun(speed_px, 0.0, start_px, 3)).unwrap().render_light(1);
+            let at_once = SimulatedFilm::new(&spun(speed_px, 0.0, start_px, 3)).unwrap().render_light(1);
             let apart = |image: &ricochet::image::Image| {
                 let of = |x| (image.view().at(x, row).unwrap() - picture.view().at(x, row).unwrap()).abs();
                 (0..280).map(of).fold(0.0, f32::max)
             };
-            let still = World::new(&spun(speed_px, 0.0, [140.0, 110.0], 3)).unwrap().render_light(1);
+            let still = SimulatedFilm::new(&spun(speed_px, 0.0, [140.0, 110.0], 3)).unwrap().render_light(1);
             assert!(apart(&at_once) < 0.05 && apart(&still) > 5.0, "{row}: {} {}", apart(&at_once), apart(&still));
         }
     }

@@ -7,7 +7,7 @@ use ricochet::dic::rigid_fit;
 use ricochet::dic::{CorrelationParams, Shape};
 use ricochet::process::Stop;
 use ricochet::results::{Displacement, FieldPoint, PointStatus};
-use ricochet::synth::{MotionSetup, Scenario, World};
+use ricochet::synth::{MotionSetup, Scenario, SimulatedFilm};
 use std::path::{Path, PathBuf};
 
 const SIZE_PX: (u32, u32) = (320, 240);
@@ -27,7 +27,7 @@ pub fn write_frames(rig: &Rig, shift_px: [f64; 2], angle_deg: f64, frames: u64) 
         omega_deg_frame: angle_deg,
         start_px: CENTER_PX,
     };
-    let world = World::new(&scenario).unwrap();
+    let world = SimulatedFilm::new(&scenario).unwrap();
     let mut bytes = vec![0; world.frame_bytes()];
     let mut save = |index: u64| {
         world.render(index, &mut bytes);

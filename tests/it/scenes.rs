@@ -7,14 +7,14 @@ use ricochet::dic::grid;
 use ricochet::dic::{CorrelationParams, Correlator, PreparedFrame, Region, RigidBody, Start};
 use ricochet::recording::Recording;
 use ricochet::results::{PointStatus, VelocitySample};
-use ricochet::synth::{MotionSetup, PartSetup, PatternSetup, Scenario, Shape, World};
+use ricochet::synth::{MotionSetup, PartSetup, PatternSetup, Scenario, Shape, SimulatedFilm};
 
-fn built_in(name: &str) -> World {
-    World::new(&Scenario::built_in(name).unwrap()).unwrap()
+fn built_in(name: &str) -> SimulatedFilm {
+    SimulatedFilm::new(&Scenario::built_in(name).unwrap()).unwrap()
 }
 
 /// FNV-1a of a frame.
-fn checksum(world: &World, index: u64) -> u64 {
+fn checksum(world: &SimulatedFilm, index: u64) -> u64 {
     let mut bytes = vec![0xaa; world.frame_bytes()];
     world.render(index, &mut bytes);
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |sum, byte| (sum ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3))
@@ -82,7 +82,7 @@ fn piecewise_motion_changes_speed_at_its_times_and_never_jumps() {
     let mut scenario =
         plain(Shape::Disc, vec![part(3.5, 1.0, -0.5, 2.0), part(2.0, 0.0, 0.0, -1.0), part(1.0, -2.0, 0.25, 0.0)]);
     scenario.camera.exposure_us = 60.0;
-    let world = World::new(&scenario).unwrap();
+    let world = SimulatedFilm::new(&scenario).unwrap();
     // Frame n shows n frames of motion. The last part continues.
     let expected = [
         (0, [80.0, 80.0], 0.0),
@@ -112,8 +112,8 @@ fn one_part_of_motion_equals_a_constant_motion() {
     let constant = Scenario::translation(0.37, 0.13, 0.35);
     let MotionSetup::Constant { start_px, .. } = constant.motion else { unreachable!() };
     let motion = MotionSetup::Piecewise { start_px, parts: vec![part(1.0, 0.37, 0.13, 0.35)] };
-    let pieces = World::new(&Scenario { motion, ..constant.clone() }).unwrap();
-    let constant = World::new(&constant).unwrap();
+    let pieces = SimulatedFilm::new(&Scenario { motion, ..constant.clone() }).unwrap();
+    let constant = SimulatedFilm::new(&constant).unwrap();
     let (here, there) = (pieces.render_light(9), constant.render_light(9));
     let worst = here.view().data().iter().zip(there.view().data()).fold(0f32, |most, (a, b)| most.max((a - b).abs()));
     assert!(worst < 1e-3, "{worst} DN");
@@ -121,7 +121,7 @@ fn one_part_of_motion_equals_a_constant_motion() {
 
 #[test]
 fn a_sphere_that_spins_in_the_image_plane_rotates_like_a_rigid_image() {
-    let world = World::new(&plain(Shape::Sphere, vec![part(9.0, 0.0, 0.0, 90.0)])).unwrap();
+    let world = SimulatedFilm::new(&plain(Shape::Sphere, vec![part(9.0, 0.0, 0.0, 90.0)])).unwrap();
     let (before, after) = (world.render_light(0), world.render_light(1));
     let mut worst = 0f32;
     for y in 0..161 {
@@ -139,7 +139,7 @@ fn light_is_stationary_while_the_ball_rotates() {
         let mut scenario = plain(shape, vec![part(9.0, 0.0, 0.0, 90.0)]);
         scenario.body.pattern.coverage = 0.0;
         (scenario.light.side, scenario.light.limb, scenario.light.gradient_x) = (0.3, 0.2, 0.1);
-        let world = World::new(&scenario).unwrap();
+        let world = SimulatedFilm::new(&scenario).unwrap();
         let (before, after) = (world.render_light(0), world.render_light(1));
         assert_eq!(before, after);
         let at = |x: usize| before.view().at(x, 80).unwrap();
@@ -148,7 +148,7 @@ fn light_is_stationary_while_the_ball_rotates() {
 }
 
 /// The mean difference of two images in a square around a point, one of them shifted, DN.
-fn apart(before: &World, at: [usize; 2], shift: [isize; 2]) -> f32 {
+fn apart(before: &SimulatedFilm, at: [usize; 2], shift: [isize; 2]) -> f32 {
     let (first, second) = (before.render_light(0), before.render_light(1));
     let mut sum = 0.0;
     for dy in -8..=8isize {
@@ -169,7 +169,7 @@ fn a_sphere_that_rotates_about_an_image_axis_moves_its_front_sideways() {
     let turn_deg = (2.0f64 / 60.0).to_degrees();
     for (tilt_deg_frame, shift) in [([0.0, turn_deg], [2, 0]), ([turn_deg, 0.0], [0, 2]), ([0.0, -turn_deg], [-2, 0])] {
         let turning = PartSetup { tilt_deg_frame, ..part(9.0, 0.0, 0.0, 0.0) };
-        let world = World::new(&plain(Shape::Sphere, vec![turning])).unwrap();
+        let world = SimulatedFilm::new(&plain(Shape::Sphere, vec![turning])).unwrap();
         let (moved, still) = (apart(&world, [80, 80], shift), apart(&world, [80, 80], [0, 0]));
         assert!(moved < 1.5 && still > 15.0, "{tilt_deg_frame:?}: {moved} {still} DN");
         // At 60 deg from the viewing direction the displacement is half as large.
@@ -181,7 +181,7 @@ fn a_sphere_that_rotates_about_an_image_axis_moves_its_front_sideways() {
     }
 }
 
-fn prepared(correlator: &Correlator, world: &World, index: u64) -> PreparedFrame {
+fn prepared(correlator: &Correlator, world: &SimulatedFilm, index: u64) -> PreparedFrame {
     correlator.prepare(world.render_light(index).view())
 }
 
@@ -191,7 +191,7 @@ fn bias(shape: Shape, name: &str) -> [f64; 3] {
     let step = [0.1237, 0.0861, 0.047];
     let mut scenario = plain(shape, vec![part(1.0, step[0], step[1], step[2])]);
     (scenario.camera.frames, scenario.body.pattern) = (FRAMES, PatternSetup::paper(name).unwrap());
-    let world = World::new(&scenario).unwrap();
+    let world = SimulatedFilm::new(&scenario).unwrap();
     let correlator = Correlator::new(&CorrelationParams::default(), 161, 161).unwrap();
     let pictures: Vec<PreparedFrame> = (0..FRAMES).map(|index| prepared(&correlator, &world, index)).collect();
     let mut sums = [0.0; 3];
@@ -264,7 +264,7 @@ fn the_front_ball_occludes_the_other_and_is_never_occluded() {
     // In frame 70 the middle of the small ball has its own grey level.
     let mut alone = Scenario::built_in("passing").unwrap();
     let other = alone.other.take().unwrap();
-    let back = World::new(&alone).unwrap().render_light(70);
+    let back = SimulatedFilm::new(&alone).unwrap().render_light(70);
     let both = world.render_light(70);
     let front = world.truths(70)[1];
     let (x, y) = (front.center_x_px.unwrap().round() as usize, front.center_y_px.unwrap().round() as usize);
@@ -319,7 +319,7 @@ fn a_film_of_two_balls_holds_the_truth_of_both_and_its_measurement_agrees() {
 fn refused(scenario: &Scenario, old: &str, new: &str) -> String {
     let text = toml::to_string(scenario).unwrap();
     assert!(text.contains(old), "{old:?} is not in\n{text}");
-    match Scenario::from_toml(&text.replacen(old, new, 1)).and_then(|scenario| World::new(&scenario)) {
+    match Scenario::from_toml(&text.replacen(old, new, 1)).and_then(|scenario| SimulatedFilm::new(&scenario)) {
         Ok(_) => panic!("{new:?} was accepted"),
         Err(error) => error.to_string(),
     }
@@ -365,14 +365,14 @@ fn bad_scenes_get_one_clear_line_each() {
     }
     let mut none = pair.clone();
     none.motion = MotionSetup::Piecewise { start_px: [80.0; 2], parts: Vec::new() };
-    let error = World::new(&none).unwrap_err().to_string();
+    let error = SimulatedFilm::new(&none).unwrap_err().to_string();
     assert!(error.starts_with("motion.parts (number) = 0 is out of range: allowed is 1 to 1000"), "{error}");
     let mut rod = Scenario::built_in("rod").unwrap();
     rod.other.clone_from(&pair.other);
-    assert_eq!(World::new(&rod).unwrap_err().to_string(), "other is out of place: a rod is filmed alone");
+    assert_eq!(SimulatedFilm::new(&rod).unwrap_err().to_string(), "other is out of place: a rod is filmed alone");
     let mut round = Scenario::built_in("rod").unwrap();
     round.body.shape = Shape::Sphere;
-    assert!(World::new(&round).unwrap_err().to_string().ends_with("body.shape must be left out"));
+    assert!(SimulatedFilm::new(&round).unwrap_err().to_string().ends_with("body.shape must be left out"));
 }
 
 /// The scenario files of docs/scenarios.md.
@@ -383,7 +383,7 @@ fn the_scenarios_of_the_manual_can_be_rendered() {
     assert!(files.len() >= 2);
     for file in files {
         let scenario = Scenario::from_toml(file).unwrap_or_else(|error| panic!("{error} in\n{file}"));
-        let world = World::new(&scenario).unwrap();
+        let world = SimulatedFilm::new(&scenario).unwrap();
         let mut bytes = vec![0; world.frame_bytes()];
         world.render(world.frames() / 2, &mut bytes);
         assert_eq!(simulated::stream_format(&world).width_px, scenario.camera.width_px);
@@ -421,6 +421,6 @@ fn a_plane_is_speckled_from_edge_to_edge_and_moves_like_its_truth() {
     assert!((0..world.frames()).all(|index| world.truth(index).status == PointStatus::Valid));
     let mut striking = Scenario::built_in("lacrosse").unwrap();
     striking.body.shape = Shape::Plane;
-    let refused = World::new(&striking).unwrap_err().to_string();
+    let refused = SimulatedFilm::new(&striking).unwrap_err().to_string();
     assert!(refused.contains("motion.kind") && refused.contains("a plane strikes nothing"), "{refused}");
 }

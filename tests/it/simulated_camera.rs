@@ -5,7 +5,7 @@
 use ricochet::camera::simulated::SimulatedCamera;
 use ricochet::camera::{Camera, CameraError, Next, Pace, Slot};
 use ricochet::image::FrameMeta;
-use ricochet::synth::{Scenario, World};
+use ricochet::synth::{Scenario, SimulatedFilm};
 use std::ptr::NonNull;
 use std::time::{Duration, Instant};
 
@@ -42,7 +42,7 @@ fn frame(next: Next) -> (Slot, FrameMeta) {
 #[test]
 fn on_demand_every_frame_comes_in_order_as_rendered() {
     let scenario = small(10_000.0, 8);
-    let world = World::new(&scenario).unwrap();
+    let world = SimulatedFilm::new(&scenario).unwrap();
     let mut camera = SimulatedCamera::open(scenario, Pace::OnDemand).unwrap();
     assert_eq!((camera.pace(), camera.slots()), (Pace::OnDemand, 1));
     let format = camera.format();
@@ -107,7 +107,7 @@ fn a_film_too_fast_to_draw_is_drawn_in_advance_with_the_same_pixels() {
     let scenario = small(2_000_000.0, 20);
     let mut scenario = scenario;
     scenario.camera.exposure_us = 0.1;
-    let world = World::new(&scenario).unwrap();
+    let world = SimulatedFilm::new(&scenario).unwrap();
     let mut camera = SimulatedCamera::open(scenario, Pace::Live).unwrap();
     let mut memory = Memory::new(20, camera.format().slot_bytes());
     (0..20).for_each(|token| camera.queue(memory.slot(token)));

@@ -2,17 +2,17 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use ricochet::results::{ForceLaw, Phase, PointStatus};
-use ricochet::synth::{MotionSetup, PatternSetup, Scenario, Shape, World};
+use ricochet::synth::{MotionSetup, PatternSetup, Scenario, Shape, SimulatedFilm};
 
-fn world(scenario: &Scenario) -> World {
-    World::new(scenario).unwrap()
+fn world(scenario: &Scenario) -> SimulatedFilm {
+    SimulatedFilm::new(scenario).unwrap()
 }
 
 fn lacrosse() -> Scenario {
     Scenario::built_in("lacrosse").unwrap()
 }
 
-fn frame(world: &World, index: u64) -> Vec<u8> {
+fn frame(world: &SimulatedFilm, index: u64) -> Vec<u8> {
     let mut bytes = vec![0xaa; world.frame_bytes()];
     world.render(index, &mut bytes);
     bytes
@@ -125,7 +125,7 @@ fn the_rod_bounces_as_in_the_paper_with_its_tape_at_the_true_position() {
 fn a_ringing_rod_oscillates_about_a_rigid_one() {
     let (still, ringing) =
         (world(&Scenario::built_in("rod").unwrap()), world(&Scenario::built_in("rod-ringing").unwrap()));
-    let speed = |world: &World, index: u64| world.truth(index).velocity.unwrap().vy_m_s;
+    let speed = |world: &SimulatedFilm, index: u64| world.truth(index).velocity.unwrap().vy_m_s;
     assert!((speed(&still, 90) - speed(&ringing, 90)).abs() < 1e-12, "before first touch nothing rings");
     let swings: Vec<f64> = (99..239).map(|index| speed(&ringing, index) - speed(&still, index)).collect();
     let crossings = swings.windows(2).filter(|pair| pair[0] * pair[1] < 0.0).count();
@@ -141,7 +141,7 @@ fn a_rod_refuses_the_keys_of_a_ball() {
     if let MotionSetup::Impact(impact) = &mut spinning.motion {
         impact.omega_rad_s = 1.0;
     }
-    let error = World::new(&spinning).unwrap_err().to_string();
+    let error = SimulatedFilm::new(&spinning).unwrap_err().to_string();
     assert_eq!(error, "body.rod stands upright and does not turn: its spin must be 0");
     let mut bell = lacrosse();
     if let (MotionSetup::Impact(impact), MotionSetup::Impact(rod)) =
@@ -149,7 +149,7 @@ fn a_rod_refuses_the_keys_of_a_ball() {
     {
         impact.ringing = rod.ringing;
     }
-    assert!(World::new(&bell).unwrap_err().to_string().ends_with("motion.ringing needs one"));
+    assert!(SimulatedFilm::new(&bell).unwrap_err().to_string().ends_with("motion.ringing needs one"));
 }
 
 #[test]
@@ -328,7 +328,7 @@ fn a_scenario_survives_toml() {
 fn refused(old: &str, new: &str) -> String {
     let text = toml::to_string(&lacrosse()).unwrap();
     assert!(text.contains(old), "{old:?} is not in\n{text}");
-    match Scenario::from_toml(&text.replacen(old, new, 1)).and_then(|scenario| World::new(&scenario)) {
+    match Scenario::from_toml(&text.replacen(old, new, 1)).and_then(|scenario| SimulatedFilm::new(&scenario)) {
         Ok(_) => panic!("{new:?} was accepted"),
         Err(error) => error.to_string(),
     }
@@ -402,7 +402,7 @@ fn bad_scenarios_get_one_clear_line_each() {
 fn an_occluder_needs_a_position() {
     let mut scenario = plain(0.0, 0.0);
     scenario.occluder = lacrosse().occluder;
-    let error = World::new(&scenario).unwrap_err().to_string();
+    let error = SimulatedFilm::new(&scenario).unwrap_err().to_string();
     assert!(error.starts_with("occluder.point_px is missing"), "{error}");
 }
 

@@ -1,11 +1,11 @@
 //! Films of cameras with a tone curve: grey levels that are a power of the light.
 
-use ricochet::synth::{Scenario, World};
+use ricochet::synth::{Scenario, SimulatedFilm};
 
 use crate::measured_world::rows_of_pictures;
 
 /// The frames as a camera of this gamma records them, rounded again with a dither that depends on the position only.
-fn pictures(world: &World, gamma: f64) -> impl Iterator<Item = Vec<u8>> {
+fn pictures(world: &SimulatedFilm, gamma: f64) -> impl Iterator<Item = Vec<u8>> {
     (0..world.frames()).map(move |index| {
         let mut bytes = vec![0; world.frame_bytes()];
         world.render(index, &mut bytes);
@@ -21,7 +21,7 @@ fn pictures(world: &World, gamma: f64) -> impl Iterator<Item = Vec<u8>> {
 
 /// The error of the radius, px, and the largest error, in sigmas, of the numbers of the collision that a tone curve
 /// affects most.
-fn off(world: &World, gamma: f64, rig: &str) -> (f64, f64) {
+fn off(world: &SimulatedFilm, gamma: f64, rig: &str) -> (f64, f64) {
     let rows = rows_of_pictures(pictures(world, gamma), world, rig);
     let radii = rows.tracks.iter().filter_map(|track| Some(track.radius_px? - world.truth(track.frame).radius_px?));
     let (sum, count) = radii.fold((0.0, 0.0), |(sum, count), off| (sum + off, count + 1.0));
@@ -36,7 +36,7 @@ fn off(world: &World, gamma: f64, rig: &str) -> (f64, f64) {
 fn a_known_tone_curve_is_corrected() {
     let rig = include_str!("../../config/lacrosse.toml");
     let corrected = |gamma: f64| rig.replacen("[camera]", &format!("[camera]\ngamma = {gamma}"), 1);
-    let world = World::new(&Scenario { seed: 71, ..Scenario::built_in("lacrosse").unwrap() }).unwrap();
+    let world = SimulatedFilm::new(&Scenario { seed: 71, ..Scenario::built_in("lacrosse").unwrap() }).unwrap();
     for gamma in [0.7, 0.45] {
         let (bent, straight) = (off(&world, gamma, rig), off(&world, gamma, &corrected(gamma)));
         println!(

@@ -9,8 +9,8 @@ use ricochet::image::Frame;
 use ricochet::measure::{Measurer, Share};
 use ricochet::process::analysis_params;
 use ricochet::recording::Recording;
-use ricochet::synth::{MotionSetup, Scenario, World};
-use ricochet::track::Order;
+use ricochet::synth::{MotionSetup, Scenario, SimulatedFilm};
+use ricochet::track::ReorderBuffer;
 use ricochet::trigger::Decision;
 use std::io::{Read, Write};
 
@@ -25,17 +25,17 @@ impl Dice {
 }
 
 /// The decisions of the trigger over a whole film.
-fn decide(world: &World, config: &Config) -> Vec<Decision> {
+fn decide(world: &SimulatedFilm, config: &Config) -> Vec<Decision> {
     decide_on(world, config, |_| ())
 }
 
 /// The decisions over a film whose images are changed on the way.
-fn decide_on(world: &World, config: &Config, change: impl Fn(&mut Vec<u8>)) -> Vec<Decision> {
+fn decide_on(world: &SimulatedFilm, config: &Config, change: impl Fn(&mut Vec<u8>)) -> Vec<Decision> {
     let format = stream_format(world);
     let (measure, tracker) = analysis_params(config, &format);
     let mut measurer =
         Measurer::new(&measure, Share::ALL, format.width_px as usize, format.height_px as usize).unwrap();
-    let mut order = Order::new(1, tracker.intervals_frames().collect(), u64::MAX);
+    let mut order = ReorderBuffer::new(1, tracker.intervals_frames().collect(), u64::MAX);
     order.start_at(0);
     let mut trigger = config.measured_trigger(format.frame_rate_hz, format.exposure_us).unwrap();
     let (mut measured, mut bytes, mut decisions) = (Vec::new(), vec![0; world.frame_bytes()], Vec::new());
@@ -91,7 +91,7 @@ fn drop_once(number: u64) -> (f64, i64) {
     let MotionSetup::Impact(impact) = &scenario.motion else { panic!("a drop") };
     let seen_s = impact.contact_start_s - 0.5e-6 * scenario.camera.exposure_us;
     let config = rig(edge(&scenario), 0.0, "mode = \"predicted-contact\"");
-    let decisions = decide(&World::new(&scenario).unwrap(), &config);
+    let decisions = decide(&SimulatedFilm::new(&scenario).unwrap(), &config);
     assert_eq!(decisions.len(), 1, "drop {number} at {} m/s: {decisions:#?}", impact.vn_m_s);
     let error = decisions[0].frame as f64 - seen_s * scenario.camera.frame_rate_hz;
     println!("drop {number}: {:.2} m/s, {} error {error:.2}", impact.vn_m_s, decisions[0].what);
@@ -116,20 +116,20 @@ fn predicted_contact_fires_within_two_frames_of_the_contact_in_a_hundred_drops()
 }
 
 /// The ball of the drops, in uniform motion from `start_px` by `step_px` per frame, with nothing in its way.
-fn even(start_px: [f64; 2], step_px: [f64; 2], frames: u64) -> World {
+fn even(start_px: [f64; 2], step_px: [f64; 2], frames: u64) -> SimulatedFilm {
     let mut scenario = Scenario::built_in("lacrosse").unwrap();
     (scenario.camera.width_px, scenario.camera.height_px, scenario.camera.frames) = (320, 288, frames);
     (scenario.light.flicker, scenario.light.flicker_hz) = (0.08, 120.0);
     scenario.occluder = None;
     scenario.motion =
         MotionSetup::Constant { vx_px_frame: step_px[0], vy_px_frame: step_px[1], omega_deg_frame: 0.2, start_px };
-    World::new(&scenario).unwrap()
+    SimulatedFilm::new(&scenario).unwrap()
 }
 
 #[test]
 fn a_ball_that_does_not_touch_the_surface_predicts_no_contact() {
     let floor = [[0.0, 220.3], [319.0, 220.3]];
-    let none = |what: &str, edge, world: &World| {
+    let none = |what: &str, edge, world: &SimulatedFilm| {
         let decisions = decide(world, &rig(edge, 0.0, "mode = \"predicted-contact\""));
         assert_eq!(decisions, [], "{what}");
     };
@@ -186,7 +186,7 @@ fn after_a_short_flight_the_contact_is_reported_when_it_happens() {
         (impact.contact_start_s, impact.vn_m_s) = (before_frames * 1e-4 + 1e-5, vn_m_s);
         scenario.camera.frames = 50;
         let decisions =
-            decide(&World::new(&scenario).unwrap(), &rig(edge(&scenario), 0.0, "mode = \"predicted-contact\""));
+            decide(&SimulatedFilm::new(&scenario).unwrap(), &rig(edge(&scenario), 0.0, "mode = \"predicted-contact\""));
         assert_eq!(decisions.len(), 1, "{before_frames} frames: {decisions:#?}");
         let error = decisions[0].frame as f64 - before_frames;
         println!("{before_frames} frames before: {} error {error:.2}", decisions[0].what);

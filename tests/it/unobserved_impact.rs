@@ -1,13 +1,13 @@
 //! Balls that are struck between two frames by something outside the measurement.
 
-use ricochet::synth::{MotionSetup, PartSetup, Scenario, World};
+use ricochet::synth::{MotionSetup, PartSetup, Scenario, SimulatedFilm};
 use ricochet::track::TrackerRows;
 
 use crate::measured_world::{level_rig, rows_of};
 
 /// A ball of 114 px whose motion changes abruptly, and its motion before and after: along x and y (up), px per frame,
 /// and about the viewing axis and the image axes, deg per frame.
-fn world(name: &str, seed: u64, struck_frames: f64, parts: [[f64; 5]; 2]) -> World {
+fn world(name: &str, seed: u64, struck_frames: f64, parts: [[f64; 5]; 2]) -> SimulatedFilm {
     let mut scenario = Scenario { seed, ..Scenario::built_in(name).unwrap() };
     (scenario.camera.frames, scenario.camera.width_px, scenario.camera.height_px) = (64, 320, 280);
     scenario.camera.exposure_us = 2.0;
@@ -22,11 +22,11 @@ fn world(name: &str, seed: u64, struck_frames: f64, parts: [[f64; 5]; 2]) -> Wor
     };
     let parts = vec![part(struck_frames, parts[0]), part(64.0 - struck_frames, parts[1])];
     scenario.motion = MotionSetup::Piecewise { start_px: [120.3, 130.7], parts };
-    World::new(&scenario).unwrap()
+    SimulatedFilm::new(&scenario).unwrap()
 }
 
 /// The largest errors of velocities, spins and centres in sigmas, and of centres in px.
-fn worst(world: &World, rows: &TrackerRows) -> ([f64; 3], f64) {
+fn worst(world: &SimulatedFilm, rows: &TrackerRows) -> ([f64; 3], f64) {
     let (mut pulls, mut center_px) = ([0.0_f64; 3], 0.0_f64);
     for (row, track) in rows.velocities.iter().zip(&rows.tracks) {
         let truth = world.truth(row.frame);

@@ -17,7 +17,7 @@ use crate::image::{Frame, FrameMeta, Image};
 use crate::measure::{BodyParams, MeasureParams, Measured, Measurer, OUTLINE_INTERVAL_FRAMES, Share};
 use crate::motion::Rotation;
 use crate::results::{Circle, FieldPoint};
-use crate::synth::{Scenario, World};
+use crate::synth::{Scenario, SimulatedFilm};
 
 /// Motion of the ball per frame, px, px and deg.
 const MOTION: (f64, f64, f64) = (0.37, -0.21, 0.13);
@@ -93,7 +93,7 @@ impl Film {
     fn new() -> Result<Self, Failure> {
         let mut scenario = Scenario::translation(MOTION.0, MOTION.1, MOTION.2);
         scenario.camera.frames = 64;
-        let world = World::new(&scenario)?;
+        let world = SimulatedFilm::new(&scenario)?;
         let drawn = (0..world.frames()).map(|index| {
             let mut bytes = vec![0; world.frame_bytes()];
             world.render(index, &mut bytes);

@@ -132,11 +132,11 @@ fn by_the_paper(
 mod tests {
     use super::*;
     use crate::camera::simulated;
-    use crate::synth::{Scenario, World};
+    use crate::synth::{Scenario, SimulatedFilm};
 
     /// The paper's rod as simulated.
-    fn film() -> (World, Vec<Still>, RodParams) {
-        let world = World::new(&Scenario::built_in("rod").unwrap()).unwrap();
+    fn film() -> (SimulatedFilm, Vec<Still>, RodParams) {
+        let world = SimulatedFilm::new(&Scenario::built_in("rod").unwrap()).unwrap();
         let rod = RodParams::new(4);
         let mut bytes = vec![0; world.frame_bytes()];
         let stills = (0..world.frames()).map(|index| {

@@ -9,7 +9,7 @@ use crate::process::setup::{SUCCESSION, analysis_params, expected_format, limits
 use crate::process::status_reporter::{FrameStamp, StatusReporter};
 use crate::process::stream_state::StreamState;
 use crate::results::{BodyStep, PairField};
-use crate::synth::World;
+use crate::synth::SimulatedFilm;
 use crate::track::TrackerParams;
 use std::collections::VecDeque;
 use std::rc::Rc;
@@ -26,7 +26,7 @@ pub(super) struct CameraFeed<'a> {
     pub(super) params: TrackerParams,
     /// Ground truth of a simulated camera; made before frames come, because it takes a tenth of a second of a
     /// processor.
-    pub(super) truth: Option<Rc<World>>,
+    pub(super) truth: Option<Rc<SimulatedFilm>>,
     pub(super) format: StreamFormat,
     pub(super) limits: Limits,
     pub(super) held: VecDeque<FrameSample>,

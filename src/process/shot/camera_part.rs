@@ -2,7 +2,7 @@
 
 use super::FrameRange;
 use crate::results::{BodyStep, PairField, PointStatus};
-use crate::synth::World;
+use crate::synth::SimulatedFilm;
 use crate::track::OrderedTracker;
 use crate::track::TrackerParams;
 use std::rc::Rc;
@@ -14,7 +14,7 @@ pub(super) struct CameraPart {
     /// The interval whose displacements are drawn, frames.
     pub(super) shortest_frames: u32,
     pub(super) range: FrameRange,
-    pub(super) truth: Option<Rc<World>>,
+    pub(super) truth: Option<Rc<SimulatedFilm>>,
     pub(super) next_frame: u64,
     /// Number of frames missing between the first and the newest.
     pub(super) lost: u64,

@@ -8,7 +8,7 @@ use crate::console::UsageError;
 use crate::dic::grid;
 use crate::dic::{CorrelationParams, GridPoint};
 use crate::image::{Frame, Image};
-use crate::synth::{MotionSetup, Scenario, World};
+use crate::synth::{MotionSetup, Scenario, SimulatedFilm};
 
 /// Displacements of the rendered pattern, px, one per pair of frames.
 ///
@@ -94,7 +94,7 @@ fn draw_pair([u, v]: [f64; 2]) -> Result<Pair, Failure> {
     scenario.body.diameter_mm = DIAMETER_PX * scenario.scale.mm_per_px;
     scenario.motion =
         MotionSetup::Constant { vx_px_frame: u, vy_px_frame: v, omega_deg_frame: 0.0, start_px: CENTER_PX };
-    let world = World::new(&scenario)?;
+    let world = SimulatedFilm::new(&scenario)?;
     let mut bytes = vec![0; world.frame_bytes()];
     let mut frame = |index: u64| -> Result<Image, Failure> {
         world.render(index, &mut bytes);

@@ -10,7 +10,7 @@ use crate::motion::subset_walk;
 use crate::numeric::{Stream, key};
 use crate::process::analysis_params;
 use crate::results::{BodyStep, Circle, Estimate, PointStatus, RigidStep, Rod, VelocitySample};
-use crate::synth::World;
+use crate::synth::SimulatedFilm;
 use crate::track::{Tracker, TrackerParams, TrackerRows};
 
 /// Purpose of these random numbers in the key of the generator.
@@ -29,7 +29,7 @@ pub(super) struct Course {
 }
 
 impl Course {
-    pub(super) fn new(rig: &Rig, world: &World, noise: Noise) -> Self {
+    pub(super) fn new(rig: &Rig, world: &SimulatedFilm, noise: Noise) -> Self {
         let (measure, mut params) = analysis_params(&rig.config, &rig.format());
         params.motion.truncate(1);
         let frames: Vec<_> = (0..world.frames()).map(|index| (world.truth(index), world.angle_deg(index))).collect();

@@ -7,10 +7,10 @@ use crate::console::UsageError;
 use crate::dic::{Correlator, Region, RigidBody};
 use crate::failure::Failure;
 use crate::image::{Frame, Image};
-use crate::measure::{MeasureParams, Measured, Measurer, Share, whole_region};
+use crate::measure::{MeasureParams, Measured, Measurer, Share, matched_region};
 use crate::process::analysis_params;
 use crate::results::{BodyStep, Circle, PointStatus};
-use crate::synth::World;
+use crate::synth::SimulatedFilm;
 use std::ops::Range;
 
 /// Number of frames that are rendered and measured to see how the body is tracked.
@@ -59,7 +59,7 @@ impl Noise {
     /// # Errors
     ///
     /// When the body cannot be tracked in the rendered frames.
-    pub(super) fn of(rig: &Rig, world: &World) -> Result<Self, Failure> {
+    pub(super) fn of(rig: &Rig, world: &SimulatedFilm) -> Result<Self, Failure> {
         let origin = &rig.config.origin;
         let longest = u64::from(rig.config.intervals_frames[0]);
         let is_seen = |index: &u64| {
@@ -107,7 +107,7 @@ impl Noise {
 }
 
 /// Returns the steps of a few frames over the shortest interval, measured as the rig does.
-fn measured(rig: &Rig, world: &World, frames: Range<u64>) -> Result<Vec<BodyStep>, Failure> {
+fn measured(rig: &Rig, world: &SimulatedFilm, frames: Range<u64>) -> Result<Vec<BodyStep>, Failure> {
     let (params, _) = analysis_params(&rig.config, &rig.format());
     let mut rows = steps(&params, world, frames)?;
     rows.retain(|step| step.interval_frames == rig.config.intervals_frames[0]);
@@ -119,7 +119,11 @@ fn measured(rig: &Rig, world: &World, frames: Range<u64>) -> Result<Vec<BodyStep
 /// # Errors
 ///
 /// When the settings cannot be used.
-pub(super) fn steps(params: &MeasureParams, film: &World, frames: Range<u64>) -> Result<Vec<BodyStep>, Failure> {
+pub(super) fn steps(
+    params: &MeasureParams,
+    film: &SimulatedFilm,
+    frames: Range<u64>,
+) -> Result<Vec<BodyStep>, Failure> {
     let (width, height) = (film.width_px() as usize, film.height_px() as usize);
     let mut measurer = Measurer::new(params, Share::ALL, width, height)?;
     let (mut rows, mut bytes): (Vec<Measured>, _) = (Vec::new(), vec![0; film.frame_bytes()]);
@@ -160,7 +164,7 @@ fn between_pixels(moved: [f64; 2]) -> f64 {
 pub(super) fn pixels_of(rig: &Rig, [x_px, y_px]: [f64; 2]) -> Region {
     let radius_px = rig.scenario.radius_px();
     let (sigma_center_px, sigma_radius_px, visible_fraction) = (0.0, 0.0, 1.0);
-    whole_region(&Circle { x_px, y_px, radius_px, sigma_center_px, sigma_radius_px, visible_fraction })
+    matched_region(&Circle { x_px, y_px, radius_px, sigma_center_px, sigma_radius_px, visible_fraction })
 }
 
 /// Returns the reported sigma of subset fits, root mean square per pose; a step has the noise of two poses.

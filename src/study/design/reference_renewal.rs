@@ -10,7 +10,7 @@ use crate::camera::simulated;
 use crate::dic::{Correlator, PreparedFrame, RigidBody};
 use crate::failure::Failure;
 use crate::image::{Frame, Image};
-use crate::synth::World;
+use crate::synth::SimulatedFilm;
 
 /// Number of renderings: the error of an update is known to 15 %, the scatter of a pose to 4 %.
 const TAKES: u64 = 24;
@@ -54,7 +54,7 @@ struct Parts {
 /// # Errors
 ///
 /// When a film cannot be rendered or the settings cannot be used.
-pub(super) fn matched(rig: &Rig, world: &World, (first, last): (u64, u64)) -> Result<Matched, Failure> {
+pub(super) fn matched(rig: &Rig, world: &SimulatedFilm, (first, last): (u64, u64)) -> Result<Matched, Failure> {
     let (width, height) = (world.width_px() as usize, world.height_px() as usize);
     let correlator = Correlator::new(&rig.config.correlation(), width, height)?;
     let mut renewed = RENEWED_AT.map(|at| first + (at * (last - first) / 16).max(1)).to_vec();
@@ -106,7 +106,7 @@ fn parts(takes: &[Vec<[f64; 3]>], k: usize) -> Parts {
     Parts { shared: (between / free - mean / frames as f64).max(0.0), own }
 }
 
-fn picture(film: &World, correlator: &Correlator, index: u64) -> Result<PreparedFrame, Failure> {
+fn picture(film: &SimulatedFilm, correlator: &Correlator, index: u64) -> Result<PreparedFrame, Failure> {
     let (mut bytes, mut image) = (vec![0; film.frame_bytes()], Image::default());
     film.render(index, &mut bytes);
     Frame { meta: simulated::meta(film, index), bytes: &bytes }.unpack(&mut image)?;
@@ -115,7 +115,7 @@ fn picture(film: &World, correlator: &Correlator, index: u64) -> Result<Prepared
 
 /// Matches every frame with the first, and the last frames with each updated reference; returns `None` if a match
 /// fails.
-fn follow(rig: &Rig, film: &World, frames: &[u64], pictures: &[PreparedFrame], renewed: usize) -> Option<Take> {
+fn follow(rig: &Rig, film: &SimulatedFilm, frames: &[u64], pictures: &[PreparedFrame], renewed: usize) -> Option<Take> {
     let pose = |index: &u64| {
         let truth = film.truth(*index);
         Some([truth.center_x_px?, truth.center_y_px?, film.angle_deg(*index)])

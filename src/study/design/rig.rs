@@ -6,7 +6,7 @@ use crate::console::UsageError;
 use crate::failure::Failure;
 use crate::image::PixelFormat;
 use crate::process;
-use crate::synth::{MotionSetup, PartSetup, Scenario, World};
+use crate::synth::{MotionSetup, PartSetup, Scenario, SimulatedFilm};
 
 /// Maximum motion during the exposure, as a fraction of the radius.
 const BLUR_SHARE: f64 = 0.25;
@@ -68,8 +68,9 @@ impl Rig {
     /// # Errors
     ///
     /// When the scenario cannot be rendered.
-    pub(super) fn world(&self) -> Result<World, Failure> {
-        World::new(&self.scenario).map_err(|error| UsageError(format!("{}: {error}", self.config.origin)).into())
+    pub(super) fn world(&self) -> Result<SimulatedFilm, Failure> {
+        SimulatedFilm::new(&self.scenario)
+            .map_err(|error| UsageError(format!("{}: {error}", self.config.origin)).into())
     }
 
     /// Returns the format of the camera's frames.

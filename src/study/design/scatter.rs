@@ -6,7 +6,7 @@ use super::rig::Rig;
 use crate::failure::Failure;
 use crate::process::Stop;
 use crate::results::{BodyVelocity, Impact, Phase, VelocitySample};
-use crate::synth::World;
+use crate::synth::SimulatedFilm;
 use crate::track::TrackerRows;
 use std::num::NonZeroUsize;
 
@@ -186,7 +186,7 @@ impl Prediction {
     }
 }
 
-fn truth(world: &World) -> Vec<VelocitySample> {
+fn truth(world: &SimulatedFilm) -> Vec<VelocitySample> {
     (0..world.frames()).map(|index| world.truth(index)).collect()
 }
 

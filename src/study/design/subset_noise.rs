@@ -10,7 +10,7 @@ use crate::failure::Failure;
 use crate::motion::subset_walk;
 use crate::process::analysis_params;
 use crate::results::BodyStep;
-use crate::synth::World;
+use crate::synth::SimulatedFilm;
 
 /// Number of renderings and of consecutive long steps: the ratio is known to 7 %.
 const TAKES: u64 = 16;
@@ -33,7 +33,7 @@ pub(super) struct Stepped {
 /// # Errors
 ///
 /// When a film cannot be rendered or the settings cannot be used.
-pub(super) fn stepped(rig: &Rig, world: &World, first: u64) -> Result<Stepped, Failure> {
+pub(super) fn stepped(rig: &Rig, world: &SimulatedFilm, first: u64) -> Result<Stepped, Failure> {
     let intervals = &rig.config.intervals_frames;
     let short = intervals[0];
     let long = intervals.get(1).copied().unwrap_or(short * LONG);

@@ -3,7 +3,7 @@
 use super::films_plan::{Film, Speeds};
 use crate::failure::Failure;
 use crate::image::{Frame, Image};
-use crate::synth::{MotionSetup, PatternSetup, Scenario, ScenarioError, World};
+use crate::synth::{MotionSetup, PatternSetup, Scenario, ScenarioError, SimulatedFilm};
 
 /// Side of the frames, px.
 pub(super) const SIDE_PX: u32 = 160;
@@ -44,7 +44,7 @@ pub(super) fn radius_px(pattern: usize) -> f64 {
 /// # Errors
 ///
 /// [`ScenarioError`] when the noise is out of range.
-pub(super) fn ball(pattern: usize, filming: &Filming) -> Result<World, ScenarioError> {
+pub(super) fn ball(pattern: usize, filming: &Filming) -> Result<SimulatedFilm, ScenarioError> {
     let mut scenario = Scenario::translation(0.0, 0.0, 0.0);
     scenario.seed = filming.seed.wrapping_add(pattern as u64);
     let camera = &mut scenario.camera;
@@ -56,7 +56,7 @@ pub(super) fn ball(pattern: usize, filming: &Filming) -> Result<World, ScenarioE
     }
     scenario.motion =
         MotionSetup::Constant { vx_px_frame: 0.0, vy_px_frame: 0.0, omega_deg_frame: 0.0, start_px: [MIDDLE_PX; 2] };
-    World::new(&scenario)
+    SimulatedFilm::new(&scenario)
 }
 
 /// Returns the film of a moving ball, with a subpixel start position of its own.
@@ -64,7 +64,7 @@ pub(super) fn ball(pattern: usize, filming: &Filming) -> Result<World, ScenarioE
 /// # Errors
 ///
 /// [`ScenarioError`] when the velocity is out of range.
-pub(super) fn film(ball: &World, film: &Film, filming: &Filming) -> Result<RenderedFilm, ScenarioError> {
+pub(super) fn film(ball: &SimulatedFilm, film: &Film, filming: &Filming) -> Result<RenderedFilm, ScenarioError> {
     let take = 1 + film.number as u64 + if film.speeds == Speeds::Paper { 0 } else { TAKES };
     let [vx_px_frame, vy_px_frame] = film.velocity.px_frame;
     let half = 0.5 * (filming.frames - 1) as f64;
@@ -81,7 +81,7 @@ pub(super) fn film(ball: &World, film: &Film, filming: &Filming) -> Result<Rende
 /// A film whose frames can be rendered.
 #[derive(Debug)]
 pub(super) struct RenderedFilm {
-    world: World,
+    world: SimulatedFilm,
 }
 
 impl RenderedFilm {

@@ -105,7 +105,7 @@ fn spline_coefficients(line: &mut [f64]) {
 mod tests {
     use super::*;
     use crate::image::Image;
-    use crate::synth::{MotionSetup, Scenario, World};
+    use crate::synth::{MotionSetup, Scenario, SimulatedFilm};
 
     /// Renders a static image and the same ball moved, both without interpolation.
     fn pair([vx_px_frame, vy_px_frame]: [f64; 2]) -> (Image, Image) {
@@ -113,7 +113,7 @@ mod tests {
         (scenario.camera.width_px, scenario.camera.height_px) = (150, 150);
         scenario.motion =
             MotionSetup::Constant { vx_px_frame, vy_px_frame, omega_deg_frame: 0.0, start_px: [74.2, 74.6] };
-        let world = World::new(&scenario).unwrap();
+        let world = SimulatedFilm::new(&scenario).unwrap();
         (world.render_light(0), world.render_light(1))
     }
 

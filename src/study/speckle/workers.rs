@@ -12,7 +12,7 @@ use super::methods::{Evaluator, Method, Windows};
 use super::row::Row;
 use crate::image::Image;
 use crate::process::Stop;
-use crate::synth::World;
+use crate::synth::SimulatedFilm;
 
 /// The settings that determine the results of a study.
 #[derive(Debug, Clone)]
@@ -25,7 +25,7 @@ pub(super) struct Job {
 }
 
 /// The balls by pattern and level.
-type Balls = BTreeMap<(usize, usize), World>;
+type Balls = BTreeMap<(usize, usize), SimulatedFilm>;
 
 /// The index of a film, and its rows or error.
 type Done = (usize, Result<Vec<Row>, Failure>);
@@ -112,7 +112,7 @@ impl Job {
     }
 
     /// Renders one film and measures it with every method.
-    fn measure(&self, evaluator: &mut Evaluator, ball: &World, plan: &Film) -> Result<Vec<Row>, Failure> {
+    fn measure(&self, evaluator: &mut Evaluator, ball: &SimulatedFilm, plan: &Film) -> Result<Vec<Row>, Failure> {
         let rendered = film::film(ball, plan, &self.filming)?;
         let (mut bytes, mut before, mut after) = (Vec::new(), Image::default(), Image::default());
         rendered.draw(0, &mut bytes, &mut before)?;

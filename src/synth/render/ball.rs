@@ -3,7 +3,9 @@
 use super::blurred_edge::{
     BlurredDisc, EdgedDisc, REACH_SIGMA, bivariate_cdf, gauss_legendre, normal_cdf, total_sigma_px,
 };
+use super::half_plane::HalfPlane;
 use super::occluder::{Axes, DiscOutline, Occluder, coverage, disc_chord, visible_chords};
+use super::patch::{Canvas, Patch, splat};
 use super::speckle_pattern::{Line, Pattern, Speckle};
 use super::speckled_sphere::SpeckledSphere;
 use crate::synth::scenario::{LightSetup, Scenario};
@@ -12,28 +14,6 @@ use std::ops::Range;
 
 /// The distance beyond which a half-plane occluders a pixel fully or not at all, in standard deviations.
 pub(crate) const EDGE_SIGMA: f64 = 4.5;
-
-/// A half-plane in front of the ball.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct HalfPlane {
-    /// A point of the edge, px.
-    pub(crate) point_px: [f64; 2],
-    /// The outward unit vector, image axes (y down).
-    pub(crate) normal: [f64; 2],
-}
-
-impl HalfPlane {
-    /// Returns the distance outside the edge, negative inside, px.
-    pub(crate) fn distance_px(&self, x_px: f64, y_px: f64) -> f64 {
-        (x_px - self.point_px[0]) * self.normal[0] + (y_px - self.point_px[1]) * self.normal[1]
-    }
-
-    /// Returns the fraction of a disc that it leaves visible.
-    pub(crate) fn visible_fraction(&self, center_px: [f64; 2], radius_px: f64) -> f64 {
-        let part = (self.distance_px(center_px[0], center_px[1]) / radius_px).clamp(-1.0, 1.0);
-        1.0 - (part.acos() - part * (1.0 - part * part).sqrt()) / std::f64::consts::PI
-    }
-}
 
 /// The positions of all moving objects at one moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -102,20 +82,6 @@ impl BallLight {
         let depth = (1.0 - (dx * dx + dy * dy) * self.per_radius2).max(0.0).sqrt();
         (1.0 + self.slope[0] * dx + self.slope[1] * dy) * (1.0 - self.limb * (1.0 - depth))
     }
-}
-
-/// The contribution of the ball to the static image, on the rectangle around it.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Patch {
-    /// The first column and row in the image.
-    pub(crate) left: usize,
-    pub(crate) top: usize,
-    pub(crate) width: usize,
-    pub(crate) height: usize,
-    /// The coverage of each pixel by the ball, row-major.
-    pub(crate) coverage: Vec<f32>,
-    /// The light from the ball before the illumination of the room, DN, row-major.
-    pub(crate) light_dn: Vec<f32>,
 }
 
 impl Ball {
@@ -345,38 +311,10 @@ impl Ball {
     }
 }
 
-/// A patch whose ink is drawn: the coverage of its pixels by speckles and lines, row-major.
-pub(crate) struct Canvas<'a> {
-    pub(crate) patch: &'a Patch,
-    pub(crate) ink: &'a mut [f32],
-}
-
 /// A speckle of a pattern, with its position and that of the ball's centre from the patch's corner, px.
 struct PlacedSpeckle<'a> {
     pattern: &'a Pattern,
     speckle: &'a Speckle,
     place_px: [f64; 2],
     center_px: [f64; 2],
-}
-
-/// Adds a coverage to every cell within `reach` of a position; `coverage` takes coordinates relative to it, px.
-pub(crate) fn splat(place_px: [f64; 2], reach: f64, canvas: &mut Canvas<'_>, coverage: impl Fn(f32, f32) -> f32) {
-    let Canvas { patch, ink } = canvas;
-    let [x, y] = place_px;
-    let first_row = (y - reach).ceil().max(0.0) as usize;
-    let end_row = ((y + reach).floor() + 1.0).clamp(0.0, patch.height as f64) as usize;
-    for row in first_row..end_row {
-        let dy = row as f64 - y;
-        let half = (reach * reach - dy * dy).max(0.0).sqrt();
-        let first = (x - half).ceil().max(0.0) as usize;
-        let end = ((x + half).floor() + 1.0).clamp(0.0, patch.width as f64) as usize;
-        if first >= end {
-            continue;
-        }
-        let (mut dx, dy) = ((first as f64 - x) as f32, dy as f32);
-        for cell in &mut ink[row * patch.width + first..row * patch.width + end] {
-            *cell += coverage(dx, dy);
-            dx += 1.0;
-        }
-    }
 }

@@ -2,16 +2,20 @@
 
 mod ball;
 mod blurred_edge;
+mod half_plane;
 mod occluder;
+mod patch;
 mod rod;
 mod speckle_pattern;
 mod speckled_sphere;
 mod spherical_cap;
 mod texture;
 
-pub(in crate::synth) use ball::{Ball, EDGE_SIGMA, HalfPlane, Moment, Patch, Surface};
+pub(in crate::synth) use ball::{Ball, EDGE_SIGMA, Moment, Surface};
 pub(in crate::synth) use blurred_edge::{normal_cdf, total_sigma_px};
+pub(in crate::synth) use half_plane::HalfPlane;
 pub(in crate::synth) use occluder::{DiscOutline, Occluder, visible_fraction};
+pub(in crate::synth) use patch::Patch;
 pub(in crate::synth) use rod::Rod;
 pub(in crate::synth) use speckle_pattern::{Field, Pattern};
 pub(in crate::synth) use speckled_sphere::SpeckledSphere;

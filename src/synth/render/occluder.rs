@@ -1,7 +1,7 @@
 //! Occluders of a ball, and the visible parts of its speckles.
 
-use super::ball::HalfPlane;
 use super::blurred_edge::{gauss_legendre, normal_cdf};
+use super::half_plane::HalfPlane;
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::sync::LazyLock;
 

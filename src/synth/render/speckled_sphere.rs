@@ -1,7 +1,7 @@
 //! Speckles on a full sphere, which can rotate about any axis.
 
-use super::ball::{Canvas, splat};
 use super::occluder::{Axes, Occluder, coverage, visible_chords};
+use super::patch::{Canvas, splat};
 use super::speckle_pattern::{TRIALS, areas_px2, draw_sizes};
 use super::spherical_cap::{CapTable, SphericalCap};
 use crate::numeric::Stream;

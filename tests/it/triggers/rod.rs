@@ -3,7 +3,7 @@
 use super::{Dice, decide, decide_on};
 use crate::measured_world::through;
 use ricochet::config::Config;
-use ricochet::synth::{MotionSetup, Scenario, World};
+use ricochet::synth::{MotionSetup, Scenario, SimulatedFilm};
 
 /// The distances from the middle of the speckled tape and from its lowest edge to the end of the rod, px.
 const BELOW_PX: [f64; 2] = [85.0, 20.0];
@@ -43,7 +43,7 @@ fn the_contact_of_a_rods_end_is_predicted_within_two_frames_in_fifty_drops() {
         let one = |number| {
             let (scenario, edge_px, contact) = drop_scenario(number);
             let config = rig(edge_px, "mode = \"predicted-contact\"");
-            let decisions = decide(&World::new(&scenario).unwrap(), &config);
+            let decisions = decide(&SimulatedFilm::new(&scenario).unwrap(), &config);
             assert_eq!(decisions.len(), 1, "drop {number}: {decisions:#?}");
             println!("drop {number}: {} error {:.2}", decisions[0].what, decisions[0].frame as f64 - contact);
             decisions[0].frame as f64 - contact
@@ -62,7 +62,7 @@ fn gap_triggers_fire_at_their_threshold_and_a_distant_surface_is_not_touched() {
     let (mut scenario, edge_px, contact) = drop_scenario(0);
     let MotionSetup::Impact(impact) = &mut scenario.motion else { panic!("a drop") };
     impact.vn_m_s = -2.0;
-    let world = World::new(&scenario).unwrap();
+    let world = SimulatedFilm::new(&scenario).unwrap();
     // 2 m/s at 40 000 frames/s are 0.05 mm per frame, and gravity adds little: 1 mm is 20 frames before contact.
     let gap = decide(&world, &rig(edge_px, "mode = \"gap\"\ngap_mm = 1"));
     assert_eq!(gap.len(), 1, "{gap:?}");
@@ -87,7 +87,7 @@ fn the_contact_of_a_rod_seen_obliquely_is_predicted_with_the_calibration() {
         let MotionSetup::Impact(impact) = &mut scenario.motion else { panic!("a drop") };
         // The image ends elsewhere than the plane.
         impact.contact_center_px[0] = 30.0 + 0.37 * number as f64;
-        let world = World::new(&scenario).unwrap();
+        let world = SimulatedFilm::new(&scenario).unwrap();
         let calibrated = |mm: f64, edge: [[f64; 2]; 2], end_mm: f64| {
             let text = format!(
                 "[camera]\nsource = \"simulated\"\n[surface]\nedge = {edge:?}\n\
