@@ -34,12 +34,12 @@ pub fn show(page: &Path, selector: &str) -> Option<Shown> {
     let (picture, log) = (folder.path().join("page.png"), folder.path().join("net.json"));
     let options = [format!("--screenshot={}", picture.display()), format!("--log-net-log={}", log.display())];
     let output = run(program, folder.path(), page, &options);
-    let log = String::from_utf8_lossy(&output.stderr).into_owned();
+    let messages = String::from_utf8_lossy(&output.stderr).into_owned();
     let (boxes, content_px) = measure(program, folder.path(), page, selector);
     Some(Shown {
         picture: image::open(&picture).unwrap().into_rgb8(),
         requests: requests(&std::fs::read_to_string(&log).unwrap()),
-        console: log.lines().filter(|line| line.contains(":CONSOLE")).map(str::to_owned).collect(),
+        console: messages.lines().filter(|line| line.contains(":CONSOLE")).map(str::to_owned).collect(),
         boxes,
         content_px,
     })

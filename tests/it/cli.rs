@@ -300,7 +300,11 @@ fn images_that_do_not_match_are_refused_with_their_sizes() {
     let message = refused(2, ["field", text(&small), text(&large)]);
     assert_eq!(
         message,
-        format!("{} is 40 x 30 px, {} is 80 x 60 px: both images need the same size", small.display(), large.display())
+        format!(
+            "{} is 40 x 30 px but {} is 80 x 60 px: both images need the same size",
+            small.display(),
+            large.display()
+        )
     );
     let message = refused(2, ["field", text(&small), text(&small), "--subset", "61"]);
     assert!(message.contains("61") && message.contains("40 x 30"), "{message}");
