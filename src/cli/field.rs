@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use crate::command::field::{Begin, Corners, FieldOptions, Roi};
 use crate::config::{Config, ConfigError};
 use crate::dic::{self, CorrelationParams, Interpolation, Method, Shape, WindowShape};
-use crate::plot::color_map::Quantity;
+use crate::plot::Quantity;
 
 /// The arguments of `field`.
 #[derive(Debug, Args)]

@@ -9,6 +9,7 @@ mod pages;
 mod phantom;
 mod photron;
 mod sequence;
+mod still;
 mod video;
 
 pub use error::ImportError;

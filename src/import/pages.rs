@@ -1,6 +1,6 @@
 //! TIFF files of one or several pages: each page is a frame.
 
-use super::sequence::Still;
+use super::still::Still;
 use super::{ImportError, memory_limit_bytes, open_file};
 use image::{DynamicImage, ImageBuffer};
 use std::fs::File;

@@ -35,7 +35,7 @@ struct Cine {
     is_packed: bool,
     /// The 12-bit level of each packed 10-bit code.
     linear: Vec<u16>,
-    /// Where the table of the images' offsets begins in the file.
+    /// The offset of the table of the images' offsets in the file.
     offsets: u64,
 }
 

@@ -1,9 +1,9 @@
 //! Sequences of still images: PNG, TIFF, BMP and PGM, 8 and 16 bit, or the pages of one TIFF file.
 
 use super::pages::Stack;
-use super::{Footage, ImportError, Shape, extension, frame_rate, memory_limit_bytes, open_file};
-use crate::image::grey_pixels;
-use image::{DynamicImage, ImageReader, Limits};
+use super::still::Still;
+use super::{Footage, ImportError, extension, frame_rate, memory_limit_bytes, open_file};
+use image::{ImageReader, Limits};
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
@@ -99,28 +99,6 @@ fn numbers_in_names(inputs: &[PathBuf]) -> Option<Vec<u64>> {
             name[start..end].parse().ok()
         })
         .collect()
-}
-
-/// A grey image.
-pub(super) struct Still {
-    shape: Shape,
-    /// Packed little-endian pixels.
-    bytes: Vec<u8>,
-}
-
-impl Still {
-    /// Takes a decoded picture of the file `path`; `None` stands for one in another format.
-    ///
-    /// # Errors
-    ///
-    /// [`ImportError::Invalid`] for a picture that is not grey.
-    pub(super) fn new(path: &Path, picture: Option<DynamicImage>) -> Result<Self, ImportError> {
-        let size = picture.as_ref().map(|picture| (picture.width(), picture.height())).unwrap_or_default();
-        let (format, bytes) = picture
-            .and_then(grey_pixels)
-            .ok_or_else(|| ImportError::invalid(path, "not a grey image of 8 or 16 bit"))?;
-        Ok(Self { shape: Shape::new(path, size.0.into(), size.1.into(), format)?, bytes })
-    }
 }
 
 /// Opens a TIFF file; `None` for any other file.

@@ -69,7 +69,7 @@ const MARGIN_PX: u32 = 3;
 
 /// The range of values in a map.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Range {
+struct Range {
     low: f32,
     high: f32,
 }
@@ -111,7 +111,7 @@ fn color(share: f32) -> Rgb<u8> {
 }
 
 /// A colour map and its legend.
-pub struct Map {
+pub struct ColorMap {
     /// The drawn map.
     pub picture: RgbImage,
     /// The quantity and its range, or that no point is valid.
@@ -122,30 +122,31 @@ pub struct Map {
 ///
 /// The squares touch without overlap. Points without a valid displacement stay grey. The colour bar below is labelled
 /// with the minimum on the left and the maximum on the right.
-pub fn map(image: ImageView<'_>, field: &[FieldPoint], quantity: Quantity, step_px: u32) -> Map {
+pub fn draw_map(image: ImageView<'_>, field: &[FieldPoint], quantity: Quantity, step_px: u32) -> ColorMap {
     let mut picture = grey(image);
     let (name, unit) = quantity.title();
     let Some(range) = Range::of(field, quantity) else {
-        return Map { picture, legend: format!("map of {name}: no valid subset") };
+        return ColorMap { picture, legend: format!("map of {name}: no valid subset") };
     };
     for point in field {
         if let Some(value) = quantity.of(point) {
-            square(&mut picture, (point.x_px, point.y_px), step_px, color(range.share(value)));
+            square(&mut picture, point, step_px, color(range.share(value)));
         }
     }
     let [low, high] = range.texts();
-    Map { picture: with_bar(&picture, &low, &high), legend: format!("map of {name} from {low} to {high}{unit}") }
+    let legend = format!("map of {name} from {low} to {high}{unit}");
+    ColorMap { picture: with_bar(&picture, &low, &high), legend }
 }
 
-/// Fills a square around a pixel; an even side extends one pixel further to the left and up.
-fn square(picture: &mut RgbImage, (x, y): (f32, f32), side_px: u32, color: Rgb<u8>) {
+/// Fills a square around a point; an even side extends one pixel further to the left and up.
+fn square(picture: &mut RgbImage, point: &FieldPoint, side_px: u32, color: Rgb<u8>) {
     let range = |center: f32, size: u32| {
         let start = center.round() as i64 - i64::from(side_px / 2);
         let end = (start + i64::from(side_px)).clamp(0, i64::from(size));
         start.clamp(0, i64::from(size)) as u32..end as u32
     };
-    for row in range(y, picture.height()) {
-        for column in range(x, picture.width()) {
+    for row in range(point.y_px, picture.height()) {
+        for column in range(point.x_px, picture.width()) {
             picture.put_pixel(column, row, color);
         }
     }
@@ -166,8 +167,8 @@ fn with_bar(picture: &RgbImage, low: &str, high: &str) -> RgbImage {
         (top..top + BAR_PX).for_each(|row| all.put_pixel(MARGIN_PX + column, row, color));
     }
     let row = top + BAR_PX + MARGIN_PX;
-    pixel_font::write(&mut all, (MARGIN_PX, row), scale, low);
-    pixel_font::write(&mut all, (width - MARGIN_PX - right, row), scale, high);
+    pixel_font::write(&mut all, MARGIN_PX, row, scale, low);
+    pixel_font::write(&mut all, width - MARGIN_PX - right, row, scale, high);
     all
 }
 
@@ -209,7 +210,7 @@ mod tests {
     fn each_point_has_the_colour_of_its_value_and_invalid_ones_stay_grey() {
         let levels = Image::from_vec(vec![100.0; 96 * 40], 96, 40).unwrap();
         let field = [point(12.0, Some(-1.0)), point(20.0, Some(0.5)), point(28.0, None), point(36.0, Some(2.0))];
-        let map = map(levels.view(), &field, Quantity::U, 8);
+        let map = draw_map(levels.view(), &field, Quantity::U, 8);
         assert_eq!(map.legend, "map of u from -1.00 to 2.00 px");
         let at = |x: u32, y: u32| *map.picture.get_pixel(x, y);
         let grey = Rgb([255; 3]);
@@ -235,10 +236,10 @@ mod tests {
         for ((word, quantity), expected) in Quantity::WORDS.into_iter().zip([1.0, -1.0, 0.9, 0.003_535_534]) {
             assert!((range(quantity) - expected).abs() < 1e-6, "{word}: {}", range(quantity));
         }
-        let one = map(Image::new(30, 30).view(), &field, Quantity::Zncc, 8);
+        let one = draw_map(Image::new(30, 30).view(), &field, Quantity::Zncc, 8);
         assert_eq!(one.legend, "map of zncc from 0.9000 to 0.9000");
         assert_eq!(*one.picture.get_pixel(12, 12), color(0.5));
-        let none = map(Image::new(30, 30).view(), &field[1..], Quantity::V, 8);
+        let none = draw_map(Image::new(30, 30).view(), &field[1..], Quantity::V, 8);
         assert_eq!(none.legend, "map of v: no valid subset");
     }
 }

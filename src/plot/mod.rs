@@ -1,7 +1,16 @@
-//! Charts and pictures: numbers as text, curves over time, colour maps, arrows and letters in images.
+//! Charts and pictures: numbers as text, SVG charts and figures, colour maps and vectors over images.
 
-pub(crate) mod arrows;
-pub mod color_map;
-pub(crate) mod number;
-pub(crate) mod pixel_font;
-pub(crate) mod time_chart;
+mod arrows;
+mod color_map;
+mod figure;
+mod log_chart;
+mod number;
+mod pixel_font;
+mod time_chart;
+
+pub use arrows::draw_vectors;
+pub use color_map::{ColorMap, Quantity, draw_map};
+pub use figure::{Figure, px};
+pub use log_chart::{CurveStyle, LogAxis, LogChart, LogCurve, LogValue, Marker, PlotArea, draw_legend};
+pub use number::{EstimateText, fixed, format_estimate, three_digits};
+pub use time_chart::{TimeChart, TimeCurve, TimePoint, Timeline};

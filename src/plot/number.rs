@@ -2,67 +2,6 @@
 
 use crate::results::Estimate;
 
-/// One column of the `impact` table as the page shows it.
-#[derive(Debug, Clone, Copy)]
-pub struct Quantity {
-    /// The column.
-    pub column: &'static str,
-    /// The name on the page.
-    pub label: &'static str,
-    /// The unit on the page; empty for a plain number.
-    pub unit: &'static str,
-    /// The factor from the column's unit to the page's.
-    pub factor: f64,
-}
-
-const fn quantity(column: &'static str, label: &'static str, unit: &'static str, factor: f64) -> Quantity {
-    Quantity { column, label, unit, factor }
-}
-
-/// Every number of a collision, grouped as the page shows them.
-pub const GROUPS: [(&str, &[Quantity]); 4] = [
-    (
-        "Normal",
-        &[
-            quantity("vn_before_m_s", "velocity before", "m/s", 1.0),
-            quantity("vn_after_m_s", "velocity after", "m/s", 1.0),
-            quantity("restitution", "restitution", "", 1.0),
-        ],
-    ),
-    (
-        "Tangential",
-        &[
-            quantity("vt_before_m_s", "velocity before", "m/s", 1.0),
-            quantity("vt_after_m_s", "velocity after", "m/s", 1.0),
-            quantity("restitution_tangential", "restitution", "", 1.0),
-            quantity("impulse_ratio", "impulse ratio", "", 1.0),
-        ],
-    ),
-    (
-        "Spin",
-        &[quantity("omega_before_rad_s", "before", "rad/s", 1.0), quantity("omega_after_rad_s", "after", "rad/s", 1.0)],
-    ),
-    (
-        "Contact",
-        &[
-            quantity("start_s", "start", "ms", 1e3),
-            quantity("deepest_s", "deepest", "ms", 1e3),
-            quantity("end_s", "end", "ms", 1e3),
-            quantity("contact_time_s", "duration", "ms", 1e3),
-            quantity("slip_end_s", "slip ends", "ms", 1e3),
-            quantity("force_start_s", "force above 2 % from", "ms", 1e3),
-            quantity("force_end_s", "force above 2 % until", "ms", 1e3),
-            quantity("compression_max_mm", "maximum compression", "mm", 1.0),
-            quantity("acceleration_max_m_s2", "maximum acceleration", "m/s²", 1.0),
-            quantity("force_max_n", "maximum force", "N", 1.0),
-            quantity("energy_lost_j", "energy loss", "J", 1.0),
-            quantity("gravity_m_s2", "gravity in flight", "m/s²", 1.0),
-            quantity("growth_before_per_s", "apparent growth before", "%/s", 1e2),
-            quantity("growth_after_per_s", "apparent growth after", "%/s", 1e2),
-        ],
-    ),
-];
-
 /// Returns the decimals that show two digits of `sigma` (GUM, 7.2.6), or six digits of `value` without `sigma`.
 fn decimals(value: f64, sigma: f64) -> usize {
     let leading = |number: f64| number.abs().log10().floor();
@@ -119,7 +58,6 @@ pub fn three_digits(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::results::Impact;
 
     fn texts(value: f64, sigma: f64) -> [String; 2] {
         let text = format_estimate(Estimate { value, sigma }, 1.0);
@@ -134,14 +72,5 @@ mod tests {
         assert_eq!(texts(12_345.6, 234.0), ["12346", "234"]);
         assert_eq!(texts(-0.001, 0.5), ["0.00", "0.50"]);
         assert_eq!(texts(1.25, 0.0), ["1.25000", ""]);
-    }
-
-    #[test]
-    fn every_number_of_a_collision_is_on_the_page_once() {
-        let mut columns: Vec<_> = GROUPS.iter().flat_map(|(_, group)| group.iter().map(|q| q.column)).collect();
-        let mut expected = Impact::unknown(0, 0, 0).numbers().map(|(name, _)| name).to_vec();
-        columns.sort_unstable();
-        expected.sort_unstable();
-        assert_eq!(columns, expected);
     }
 }

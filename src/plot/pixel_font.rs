@@ -27,17 +27,17 @@ fn rows(letter: char) -> [u8; 5] {
 }
 
 /// Returns the width of a number, px.
-pub fn width(text: &str, scale: u32) -> u32 {
+pub(super) fn width(text: &str, scale: u32) -> u32 {
     (text.chars().count() as u32 * PITCH).saturating_sub(1) * scale
 }
 
 /// Returns the height of a number, px.
-pub fn height(scale: u32) -> u32 {
+pub(super) fn height(scale: u32) -> u32 {
     DOWN * scale
 }
 
 /// Draws a number in black with its top left corner at a pixel; clips it at the edge.
-pub fn write(picture: &mut RgbImage, (left, top): (u32, u32), scale: u32, text: &str) {
+pub(super) fn write(picture: &mut RgbImage, left: u32, top: u32, scale: u32, text: &str) {
     for (place, letter) in text.chars().enumerate() {
         let start = left + place as u32 * PITCH * scale;
         let bits = rows(letter);
@@ -59,7 +59,7 @@ mod tests {
     #[test]
     fn a_number_reads_as_it_is_written() {
         let mut picture = RgbImage::from_pixel(width("-4.1", 1), height(1), Rgb([255; 3]));
-        write(&mut picture, (0, 0), 1, "-4.1");
+        write(&mut picture, 0, 0, 1, "-4.1");
         let line = |y: u32| -> String {
             (0..picture.width()).map(|x| if picture.get_pixel(x, y).0[0] == 0 { '#' } else { ' ' }).collect()
         };

@@ -1,8 +1,8 @@
 //! Curves over time as SVG, coloured by the style sheet of the page.
 
+use super::figure::{polyline, px};
 use super::number::fixed;
 use maud::{Markup, html};
-use std::fmt::Write as _;
 
 /// Width of a chart in its own units; the page scales it.
 const WIDTH: f64 = 900.0;
@@ -18,7 +18,7 @@ const POINTS_MAX: usize = 1600;
 
 /// One point of a curve.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Point {
+pub struct TimePoint {
     /// Time, ms.
     pub x: f64,
     /// The value.
@@ -29,13 +29,13 @@ pub struct Point {
 
 /// A curve with its label.
 #[derive(Debug, Clone)]
-pub struct Curve {
+pub struct TimeCurve {
     /// Class of the style sheet: `a`, `b`, `c` or `truth`.
     pub class: &'static str,
     /// Text at its end; empty for none.
     pub label: &'static str,
     /// Unbroken stretches; nothing was measured between one and the next.
-    pub stretches: Vec<Vec<Point>>,
+    pub stretches: Vec<Vec<TimePoint>>,
 }
 
 /// The time axis that all charts of a body share.
@@ -49,11 +49,11 @@ pub struct Timeline {
 
 /// A chart.
 #[derive(Debug, Clone)]
-pub struct Chart {
+pub struct TimeChart {
     /// Description for readers who cannot see it.
     pub title: String,
     /// The curves, back to front.
-    pub curves: Vec<Curve>,
+    pub curves: Vec<TimeCurve>,
     /// Height of the plot alone.
     pub height: f64,
     /// Whether the time axis has numbers.
@@ -77,31 +77,33 @@ impl Scale {
     }
 }
 
-/// Draws a chart; `None` when there is no point to draw.
-pub fn draw(chart: &Chart, time: &Timeline) -> Option<Markup> {
-    let y = range(&chart.curves)?;
-    let x = if time.span[1] > time.span[0] { time.span } else { [time.span[0] - 0.5, time.span[0] + 0.5] };
-    let scale = Scale { x, y, height: chart.height };
-    let total = TOP + chart.height + if chart.has_axis { AXIS } else { 6.0 };
-    Some(html! {
-        svg class="chart" viewBox={ "0 0 " (WIDTH) " " (total) } role="img" aria-label=(chart.title) {
-            @for contact in &time.contacts { (draw_contact(&scale, contact)) }
-            (grid(&scale))
-            @if chart.has_axis { (axis(&scale)) }
-            @for curve in &chart.curves {
-                @for stretch in &curve.stretches {
-                    @let stretch = thinned(stretch, &scale);
-                    (band(&scale, curve.class, &stretch))
-                    (line(&scale, curve.class, &stretch))
+impl TimeChart {
+    /// Draws the chart; `None` when there is no point to draw.
+    pub fn draw(&self, time: &Timeline) -> Option<Markup> {
+        let y = range(&self.curves)?;
+        let x = if time.span[1] > time.span[0] { time.span } else { [time.span[0] - 0.5, time.span[0] + 0.5] };
+        let scale = Scale { x, y, height: self.height };
+        let total = TOP + self.height + if self.has_axis { AXIS } else { 6.0 };
+        Some(html! {
+            svg class="chart" viewBox={ "0 0 " (WIDTH) " " (total) } role="img" aria-label=(self.title) {
+                @for contact in &time.contacts { (draw_contact(&scale, contact)) }
+                (grid(&scale))
+                @if self.has_axis { (axis(&scale)) }
+                @for curve in &self.curves {
+                    @for stretch in &curve.stretches {
+                        @let stretch = thinned(stretch, &scale);
+                        (band(&scale, curve.class, &stretch))
+                        (line(&scale, curve.class, &stretch))
+                    }
                 }
+                (labels(&scale, &self.curves))
             }
-            (labels(&scale, &chart.curves))
-        }
-    })
+        })
+    }
 }
 
 /// The range of all values with their bands, and a margin.
-fn range(curves: &[Curve]) -> Option<[f64; 2]> {
+fn range(curves: &[TimeCurve]) -> Option<[f64; 2]> {
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     for point in curves.iter().flat_map(|curve| curve.stretches.iter().flatten()) {
         low = low.min(point.y - 2.0 * point.sigma);
@@ -125,11 +127,6 @@ fn ticks(span: [f64; 2], count: f64) -> (Vec<f64>, usize) {
     ((first..=last).map(|k| k as f64 * step).collect(), decimals)
 }
 
-/// Formats a coordinate to a tenth of a unit.
-fn tenths(coordinate: f64) -> String {
-    format!("{coordinate:.1}")
-}
-
 /// Shades a contact from start to end and marks its three moments.
 fn draw_contact(scale: &Scale, contact: &[Option<f64>; 3]) -> Markup {
     let [start, deepest, end] = *contact;
@@ -138,11 +135,11 @@ fn draw_contact(scale: &Scale, contact: &[Option<f64>; 3]) -> Markup {
     let marks = [(start, "edge"), (deepest, "deepest"), (end, "edge")];
     html! {
         @if let Some((left, right)) = shade.filter(|(left, right)| right > left) {
-            rect class="contact" x=(tenths(left)) y=(TOP) width=(tenths(right - left)) height=(scale.height) {}
+            rect class="contact" x=(px(left)) y=(TOP) width=(px(right - left)) height=(scale.height) {}
         }
         @for (moment, class) in marks {
             @if let Some(moment) = moment.filter(is_inside) {
-                path class=(class) d={ "M" (tenths(scale.x(moment))) " " (TOP) "V" (TOP + scale.height) } {}
+                path class=(class) d={ "M" (px(scale.x(moment))) " " (TOP) "V" (TOP + scale.height) } {}
             }
         }
     }
@@ -154,8 +151,8 @@ fn grid(scale: &Scale) -> Markup {
         @for level in levels {
             @let y = scale.y(level);
             path class=(if level.abs() < 1e-12 { "zero" } else { "grid" })
-                d={ "M" (LEFT) " " (tenths(y)) "H" (WIDTH - RIGHT) } {}
-            text class="tick" x=(tenths(LEFT - 8.0)) y=(tenths(y + 4.0)) text-anchor="end" { (fixed(level, decimals)) }
+                d={ "M" (LEFT) " " (px(y)) "H" (WIDTH - RIGHT) } {}
+            text class="tick" x=(px(LEFT - 8.0)) y=(px(y + 4.0)) text-anchor="end" { (fixed(level, decimals)) }
         }
     }
 }
@@ -166,21 +163,21 @@ fn axis(scale: &Scale) -> Markup {
     html! {
         path class="axis" d={ "M" (LEFT) " " (low) "H" (right) } {}
         @for moment in moments {
-            @let x = tenths(scale.x(moment));
+            @let x = px(scale.x(moment));
             path class="axis" d={ "M" (x) " " (low) "v5" } {}
-            text class="tick" x=(x) y=(tenths(low + 19.0)) text-anchor="middle" { (fixed(moment, decimals)) }
+            text class="tick" x=(x) y=(px(low + 19.0)) text-anchor="middle" { (fixed(moment, decimals)) }
         }
-        text class="tick unit" x=(right + 10.0) y=(tenths(low + 19.0)) { "ms" }
+        text class="tick unit" x=(right + 10.0) y=(px(low + 19.0)) { "ms" }
     }
 }
 
 /// The points of a stretch; of more than [`POINTS_MAX`], the lowest and the highest of each column.
-fn thinned(stretch: &[Point], scale: &Scale) -> Vec<Point> {
+fn thinned(stretch: &[TimePoint], scale: &Scale) -> Vec<TimePoint> {
     if stretch.len() <= POINTS_MAX {
         return stretch.to_vec();
     }
-    let mut kept: Vec<Point> = Vec::with_capacity(POINTS_MAX + 2);
-    let column = |point: &Point| scale.x(point.x).floor() as i64;
+    let mut kept: Vec<TimePoint> = Vec::with_capacity(POINTS_MAX + 2);
+    let column = |point: &TimePoint| scale.x(point.x).floor() as i64;
     for points in stretch.chunk_by(|a, b| column(a) == column(b)) {
         let lowest = (0..points.len()).min_by(|a, b| points[*a].y.total_cmp(&points[*b].y)).unwrap_or(0);
         let highest = (0..points.len()).max_by(|a, b| points[*a].y.total_cmp(&points[*b].y)).unwrap_or(0);
@@ -193,35 +190,31 @@ fn thinned(stretch: &[Point], scale: &Scale) -> Vec<Point> {
 }
 
 fn path(scale: &Scale, points: impl Iterator<Item = (f64, f64)>) -> String {
-    let mut path = String::new();
-    for (k, (x, y)) in points.enumerate() {
-        let _ = write!(path, "{}{:.1} {:.1}", if k == 0 { 'M' } else { 'L' }, scale.x(x), scale.y(y));
-    }
-    path
+    polyline(points.map(|(x, y)| Some((scale.x(x), scale.y(y)))))
 }
 
 /// Draws a band of two standard uncertainties to either side.
-fn band(scale: &Scale, class: &str, points: &[Point]) -> Markup {
+fn band(scale: &Scale, class: &str, points: &[TimePoint]) -> Markup {
     let has_band = points.len() > 1 && points.iter().any(|point| point.sigma > 0.0);
     let above = points.iter().map(|p| (p.x, p.y + 2.0 * p.sigma));
     let below = points.iter().rev().map(|p| (p.x, p.y - 2.0 * p.sigma));
     html! { @if has_band { path class={ "band " (class) } d={ (path(scale, above.chain(below))) "Z" } {} } }
 }
 
-fn line(scale: &Scale, class: &str, points: &[Point]) -> Markup {
+fn line(scale: &Scale, class: &str, points: &[TimePoint]) -> Markup {
     html! {
         @match points {
             [] => {}
-            [alone] => circle class={ "dot " (class) } cx=(tenths(scale.x(alone.x))) cy=(tenths(scale.y(alone.y))) r="1.6" {},
+            [alone] => circle class={ "dot " (class) } cx=(px(scale.x(alone.x))) cy=(px(scale.y(alone.y))) r="1.6" {},
             _ => path class={ "line " (class) } d=(path(scale, points.iter().map(|p| (p.x, p.y)))) {}
         }
     }
 }
 
 /// Writes the label of each curve at its end, moved apart where two would overlap.
-fn labels(scale: &Scale, curves: &[Curve]) -> Markup {
+fn labels(scale: &Scale, curves: &[TimeCurve]) -> Markup {
     let labelled = curves.iter().filter(|curve| !curve.label.is_empty());
-    let mut ends: Vec<(f64, &Curve)> =
+    let mut ends: Vec<(f64, &TimeCurve)> =
         labelled.filter_map(|curve| Some((scale.y(curve.stretches.iter().flatten().last()?.y), curve))).collect();
     ends.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut free = TOP;
@@ -231,7 +224,7 @@ fn labels(scale: &Scale, curves: &[Curve]) -> Markup {
     }
     html! {
         @for (y, curve) in ends {
-            text class={ "label " (curve.class) } x=(WIDTH - RIGHT + 8.0) y=(tenths(y + 4.0)) { (curve.label) }
+            text class={ "label " (curve.class) } x=(WIDTH - RIGHT + 8.0) y=(px(y + 4.0)) { (curve.label) }
         }
     }
 }
@@ -240,9 +233,9 @@ fn labels(scale: &Scale, curves: &[Curve]) -> Markup {
 mod tests {
     use super::*;
 
-    fn chart(points: Vec<Point>) -> Chart {
-        let curves = vec![Curve { class: "a", label: "vn", stretches: vec![points] }];
-        Chart { title: "t".into(), curves, height: 100.0, has_axis: true }
+    fn chart(points: Vec<TimePoint>) -> TimeChart {
+        let curves = vec![TimeCurve { class: "a", label: "vn", stretches: vec![points] }];
+        TimeChart { title: "t".into(), curves, height: 100.0, has_axis: true }
     }
 
     #[test]
@@ -257,12 +250,13 @@ mod tests {
 
     #[test]
     fn an_empty_chart_draws_nothing() {
-        assert!(draw(&chart(Vec::new()), &Timeline { span: [0.0, 1.0], contacts: Vec::new() }).is_none());
+        assert!(chart(Vec::new()).draw(&Timeline { span: [0.0, 1.0], contacts: Vec::new() }).is_none());
     }
 
     #[test]
     fn thinning_keeps_a_single_peak() {
-        let mut points: Vec<Point> = (0..100_000).map(|k| Point { x: f64::from(k), y: 0.0, sigma: 0.0 }).collect();
+        let mut points: Vec<TimePoint> =
+            (0..100_000).map(|k| TimePoint { x: f64::from(k), y: 0.0, sigma: 0.0 }).collect();
         points[54_321].y = 1.0;
         let scale = Scale { x: [0.0, 99_999.0], y: [0.0, 1.0], height: 100.0 };
         let thin = thinned(&points, &scale);
@@ -273,9 +267,9 @@ mod tests {
 
     #[test]
     fn a_contact_is_shaded_where_it_lies_in_the_picture() {
-        let points = vec![Point { x: 0.0, y: 0.0, sigma: 0.1 }, Point { x: 10.0, y: 1.0, sigma: 0.1 }];
+        let points = vec![TimePoint { x: 0.0, y: 0.0, sigma: 0.1 }, TimePoint { x: 10.0, y: 1.0, sigma: 0.1 }];
         let time = Timeline { span: [0.0, 10.0], contacts: vec![[Some(5.0), Some(6.0), Some(20.0)]] };
-        let svg = draw(&chart(points), &time).unwrap().into_string();
+        let svg = chart(points).draw(&time).unwrap().into_string();
         assert!(svg.contains("<rect class=\"contact\" x=\"435.0\" y=\"10\" width=\"373.0\""), "{svg}");
         assert_eq!((svg.matches("class=\"edge\"").count(), svg.matches("class=\"deepest\"").count()), (1, 1));
         assert!(svg.contains("band a") && !svg.contains("NaN"));

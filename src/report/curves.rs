@@ -1,9 +1,7 @@
 //! The curves of one body.
 
 use super::shot::Shot;
-use crate::plot::number;
-use crate::plot::time_chart;
-use crate::plot::time_chart::{Chart, Curve, Point, Timeline};
+use crate::plot::{TimeChart, TimeCurve, TimePoint, Timeline, format_estimate};
 use crate::results::{BodyVelocity, Estimate, VelocitySample};
 use maud::{Markup, PreEscaped, html};
 
@@ -100,15 +98,15 @@ impl<'a> Drawer<'a> {
     fn velocity(&self, velocity: &VelocityChart) -> Markup {
         let VelocityChart { title, heading, unit, value, sigma } = velocity;
         let curves = self.pair(|row| row.velocity.map(|v| (value(&v), sigma(&v))));
-        let chart = Chart { title: (*title).into(), curves, height: 130.0, has_axis: false };
+        let chart = TimeChart { title: (*title).into(), curves, height: 130.0, has_axis: false };
         let note = self.typical(|row| row.velocity.map(|v| sigma(&v)));
         self.figure(&html! { (heading) ", " (unit) }, note.as_ref(), &chart)
     }
 
-    fn figure(&self, heading: &Markup, note: Option<&Markup>, chart: &Chart) -> Markup {
+    fn figure(&self, heading: &Markup, note: Option<&Markup>, chart: &TimeChart) -> Markup {
         html! {
             figure {
-                @match time_chart::draw(chart, &self.time) {
+                @match chart.draw(&self.time) {
                     Some(svg) => {
                         figcaption { b { (heading) } span { @if let Some(note) = note { (note) } } }
                         (svg)
@@ -124,11 +122,11 @@ impl<'a> Drawer<'a> {
         &self,
         rows: &[&VelocitySample],
         number: impl Fn(&VelocitySample) -> Option<(f64, f64)>,
-    ) -> Vec<Vec<Point>> {
+    ) -> Vec<Vec<TimePoint>> {
         let point = |row: &&VelocitySample| {
             let (y, sigma) = number(row).filter(|(y, _)| y.is_finite())?;
             let sigma = if sigma.is_finite() { sigma } else { 0.0 };
-            Some((row.frame, Point { x: 1e3 * self.shot.seconds(row.stamp_ns), y, sigma }))
+            Some((row.frame, TimePoint { x: 1e3 * self.shot.seconds(row.stamp_ns), y, sigma }))
         };
         stretches(rows.iter().filter_map(point))
     }
@@ -138,16 +136,16 @@ impl<'a> Drawer<'a> {
         class: &'static str,
         label: &'static str,
         number: impl Fn(&VelocitySample) -> Option<f64>,
-    ) -> Curve {
-        Curve { class, label, stretches: self.stretches(&self.rows, |row| Some((number(row)?, 0.0))) }
+    ) -> TimeCurve {
+        TimeCurve { class, label, stretches: self.stretches(&self.rows, |row| Some((number(row)?, 0.0))) }
     }
 
     /// The measured curve and the true one.
-    pub(super) fn pair(&self, number: impl Fn(&VelocitySample) -> Option<(f64, f64)>) -> Vec<Curve> {
+    pub(super) fn pair(&self, number: impl Fn(&VelocitySample) -> Option<(f64, f64)>) -> Vec<TimeCurve> {
         let truth = self.stretches(&self.truth, |row| number(row).map(|(y, _)| (y, 0.0)));
         vec![
-            Curve { class: "a", label: "", stretches: self.stretches(&self.rows, &number) },
-            Curve { class: "truth", label: "", stretches: truth },
+            TimeCurve { class: "a", label: "", stretches: self.stretches(&self.rows, &number) },
+            TimeCurve { class: "truth", label: "", stretches: truth },
         ]
     }
 
@@ -155,7 +153,7 @@ impl<'a> Drawer<'a> {
     fn typical(&self, sigma: impl Fn(&VelocitySample) -> Option<f64>) -> Option<Markup> {
         let mut sigmas: Vec<f64> = self.rows.iter().filter_map(|row| sigma(row)).filter(|s| s.is_finite()).collect();
         sigmas.sort_by(f64::total_cmp);
-        let text = |sigma: f64| number::format_estimate(Estimate { value: 0.0, sigma }, 1.0).sigma;
+        let text = |sigma: f64| format_estimate(Estimate { value: 0.0, sigma }, 1.0).sigma;
         let (median, highest) = (text(*sigmas.get(sigmas.len() / 2)?), text(*sigmas.last()?));
         Some(html! { i { "σ" } " " (median) " typical, " (highest) " at most" })
     }
@@ -170,7 +168,7 @@ impl<'a> Drawer<'a> {
         let x = self.curve("b", "right", |row| Some(factor * (row.center_x_px? - x0)));
         let y = self.curve("a", "up", |row| Some(factor * (y0 - row.center_y_px?)));
         let title = "Displacement of the centre from its first position";
-        let chart = Chart { title: title.into(), curves: vec![x, y], height: 130.0, has_axis: false };
+        let chart = TimeChart { title: title.into(), curves: vec![x, y], height: 130.0, has_axis: false };
         self.figure(&html! { (title) ", " (unit) }, None, &chart)
     }
 
@@ -178,20 +176,20 @@ impl<'a> Drawer<'a> {
     fn radius(&self) -> Option<Markup> {
         let radius = self.curve("a", "", |row| row.radius_px);
         let is_round = !radius.stretches.is_empty();
-        let chart = Chart { title: "Radius".into(), curves: vec![radius], height: 70.0, has_axis: false };
+        let chart = TimeChart { title: "Radius".into(), curves: vec![radius], height: 70.0, has_axis: false };
         is_round.then(|| self.figure(&html! { "Radius, px" }, None, &chart))
     }
 
     fn visible_fraction(&self) -> Markup {
         let visible = self.curve("a", "", |row| Some(100.0 * row.visible_fraction?));
-        let chart = Chart { title: "Visible fraction".into(), curves: vec![visible], height: 70.0, has_axis: true };
+        let chart = TimeChart { title: "Visible fraction".into(), curves: vec![visible], height: 70.0, has_axis: true };
         self.figure(&html! { "Visible fraction, %" }, None, &chart)
     }
 }
 
 /// Joins the points of consecutive frames into stretches.
-pub(super) fn stretches(points: impl Iterator<Item = (u64, Point)>) -> Vec<Vec<Point>> {
-    let mut stretches: Vec<Vec<Point>> = Vec::new();
+pub(super) fn stretches(points: impl Iterator<Item = (u64, TimePoint)>) -> Vec<Vec<TimePoint>> {
+    let mut stretches: Vec<Vec<TimePoint>> = Vec::new();
     let mut last_frame = None;
     for (frame, point) in points {
         match stretches.last_mut() {

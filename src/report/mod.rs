@@ -11,6 +11,7 @@ mod curves;
 mod page;
 mod paper_figures;
 mod picture;
+mod quantities;
 mod repeat;
 mod shot;
 mod snapshot;

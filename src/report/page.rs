@@ -1,8 +1,9 @@
 //! The page of one recording.
 
+use super::quantities::{GROUPS, Quantity};
 use super::shot::Shot;
 use super::{curves, snapshot};
-use crate::plot::number::{GROUPS, Quantity, fixed, format_estimate, three_digits};
+use crate::plot::{fixed, format_estimate, three_digits};
 use crate::results::{Estimate, Impact, PointStatus};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use std::collections::BTreeMap;

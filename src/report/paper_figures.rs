@@ -3,15 +3,13 @@
 use super::curves::{Drawer, stretches};
 use super::shot::{Shot, Snapshot};
 use super::snapshot;
-use crate::plot::number::{fixed, three_digits};
-use crate::plot::time_chart;
-use crate::plot::time_chart::{Chart, Curve, Point};
+use crate::plot::{self, TimeChart, TimeCurve, TimePoint, fixed, three_digits};
 use crate::results::{BodyVelocity, ROD_EDGES, TrackSample, VelocitySample};
-use maud::{Markup, PreEscaped, html};
+use maud::{Markup, html};
 
 /// Width of a figure, px.
 const WIDTH: f64 = 900.0;
-/// Height of the heading, of a panel's title, of its plot, and of its axis, px.
+/// Height of heading and note, of a panel's title, of its plot, and of its axis, px.
 const HEADING: f64 = 70.0;
 const TITLE: f64 = 26.0;
 const PLOT: f64 = 200.0;
@@ -19,18 +17,6 @@ const AXIS: f64 = 56.0;
 /// Side of a picture, and height of the lines below it, px.
 const PICTURE: f64 = 284.0;
 const CAPTION: f64 = 96.0;
-
-/// The style sheet of a figure: a white page, and the colours of the light page.
-const STYLE: &str = "text{font:13px system-ui,sans-serif;fill:#14181f}.head{font-size:17px;font-weight:600}\
-    .title{font-weight:600}.note,.tick{fill:#5c6675;font-size:12px}.grid{stroke:#dfe3e9;fill:none}\
-    .zero,.axis{stroke:#5c6675;fill:none}.contact{fill:#fbe9c8}path.edge{stroke:#c9a45a;fill:none}\
-    path.deepest{stroke:#c9a45a;fill:none;stroke-dasharray:2 3}.line{fill:none;stroke-width:1.9}\
-    .line.a{stroke:#0b62c4}.line.truth{stroke:#d9730d;stroke-width:1.5;stroke-dasharray:5 4}\
-    .line.b{stroke:#1b7f4b}.dot.b{fill:#1b7f4b}.label.b{fill:#1b7f4b}.band.b{fill:#1b7f4b}.band{opacity:.28;fill:#0b62c4}.dot.a{fill:#0b62c4}.label.a{fill:#0b62c4}.label.truth{fill:#d9730d}\
-    .line.c{stroke:#8a3ffc}.dot.c{fill:#8a3ffc}.label.c{fill:#8a3ffc}\
-    .outline{fill:none;stroke:#35e06f;stroke-width:1.6px;vector-effect:non-scaling-stroke}\
-    .arrow,.casing{fill:none;stroke:#ffd21f;stroke-width:1.5px;vector-effect:non-scaling-stroke}\
-    .casing{stroke:#000;stroke-width:3.6px;opacity:.6}image{image-rendering:pixelated}";
 
 /// One figure.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -70,7 +56,7 @@ const PLOT_NOTE: &str =
 const BY_THE_PAPER: &str = "normal velocity by the paper's settings, m/s: 5 spline points, highest grid point";
 
 /// A panel of a figure: its title and curves.
-type Panel = (&'static str, Vec<Curve>);
+type Panel = (&'static str, Vec<TimeCurve>);
 
 /// A number of a row with its uncertainty.
 type Number<'a> = &'a dyn Fn(&VelocitySample) -> Option<(f64, f64)>;
@@ -114,7 +100,7 @@ pub fn figures(shot: &Shot, experiment: &Experiment<'_>) -> Vec<Figure> {
         pictures(shot, experiment.name),
     ];
     let named = names.into_iter().zip(drawings).filter(|(name, _)| !name.is_empty());
-    named.filter_map(|(name, svg)| Some(Figure { name, svg: svg?.into_string() + "\n" })).collect()
+    named.filter_map(|(name, svg)| Some(Figure { name, svg: svg? })).collect()
 }
 
 /// The axes of the surface, with the true position in the first frame as origin.
@@ -149,28 +135,15 @@ impl SurfaceAxes {
     }
 }
 
-/// Draws a figure around its content: a white page with a heading and a note.
-fn figure(height: f64, title: &str, note: &str, content: &Markup) -> Markup {
-    html! {
-        svg xmlns="http://www.w3.org/2000/svg" width=(WIDTH) height=(height)
-            viewBox={ "0 0 " (WIDTH) " " (height) } {
-            style { (PreEscaped(STYLE)) }
-            rect width=(WIDTH) height=(height) fill="#fff" {}
-            text class="head" x="20" y="30" { (title) }
-            text class="note" x="20" y="52" { (note) }
-            (content)
-        }
-    }
-}
-
 /// The measured curve and the true one, labelled.
-fn pair(drawer: &Drawer<'_>, number: Number<'_>) -> Vec<Curve> {
-    let named = |curve: Curve| Curve { label: if curve.class == "truth" { "truth" } else { "measured" }, ..curve };
+fn pair(drawer: &Drawer<'_>, number: Number<'_>) -> Vec<TimeCurve> {
+    let named =
+        |curve: TimeCurve| TimeCurve { label: if curve.class == "truth" { "truth" } else { "measured" }, ..curve };
     drawer.pair(number).into_iter().map(named).collect()
 }
 
 /// The heights of the edges of a rod's tapes.
-fn edges(shot: &Shot, experiment: &Experiment<'_>) -> Vec<Curve> {
+fn edges(shot: &Shot, experiment: &Experiment<'_>) -> Vec<TimeCurve> {
     const LABELS: [&str; ROD_EDGES] = ["edge 1", "edge 2", "edge 3", "edge 4"];
     let height = |row: &TrackSample, edge: usize| row.rod?.edges[edge]?.y_px;
     let first = (0..ROD_EDGES).filter_map(|edge| shot.rods.iter().find_map(|row| height(row, edge)));
@@ -178,23 +151,23 @@ fn edges(shot: &Shot, experiment: &Experiment<'_>) -> Vec<Curve> {
     let curve = |edge: usize| {
         let point = |row: &TrackSample| {
             let height = height(row, edge)?;
-            let point = Point {
+            let point = TimePoint {
                 x: 1e3 * shot.seconds(row.stamp_ns),
                 y: experiment.mm_per_px * (lowest_px - height.value),
                 sigma: experiment.mm_per_px * height.sigma,
             };
             Some((row.frame, point))
         };
-        Curve { class: "b", label: LABELS[edge], stretches: stretches(shot.rods.iter().filter_map(point)) }
+        TimeCurve { class: "b", label: LABELS[edge], stretches: stretches(shot.rods.iter().filter_map(point)) }
     };
     (0..ROD_EDGES).map(curve).filter(|curve| !curve.stretches.is_empty()).collect()
 }
 
 /// The curves of the same film by other settings.
-fn beside<'a>(shot: &'a Shot, experiment: &Experiment<'a>) -> impl Iterator<Item = Curve> + use<'a> {
+fn beside<'a>(shot: &'a Shot, experiment: &Experiment<'a>) -> impl Iterator<Item = TimeCurve> + use<'a> {
     const CLASSES: [&str; 2] = ["b", "c"];
-    let point = |(stamp_ns, y): &(u64, f64)| Point { x: 1e3 * shot.seconds(*stamp_ns), y: *y, sigma: 0.0 };
-    experiment.beside.iter().zip(CLASSES.into_iter().cycle()).map(move |(beside, class)| Curve {
+    let point = |(stamp_ns, y): &(u64, f64)| TimePoint { x: 1e3 * shot.seconds(*stamp_ns), y: *y, sigma: 0.0 };
+    experiment.beside.iter().zip(CLASSES.into_iter().cycle()).map(move |(beside, class)| TimeCurve {
         class,
         label: beside.label,
         stretches: vec![beside.points.iter().map(point).collect()],
@@ -202,14 +175,14 @@ fn beside<'a>(shot: &'a Shot, experiment: &Experiment<'a>) -> impl Iterator<Item
 }
 
 /// Draws panels one below the other; `None` when one of them has no point.
-fn plots(drawer: &Drawer<'_>, title: &str, panels: Vec<Panel>) -> Option<Markup> {
+fn plots(drawer: &Drawer<'_>, title: &str, panels: Vec<Panel>) -> Option<String> {
     let each = TITLE + PLOT + AXIS;
     let height = HEADING + each * panels.len() as f64;
     let drawn: Option<Vec<_>> = panels
         .into_iter()
         .map(|(label, curves)| {
-            let chart = Chart { title: label.to_owned(), curves, height: PLOT, has_axis: true };
-            Some((label, time_chart::draw(&chart, drawer.time())?))
+            let chart = TimeChart { title: label.to_owned(), curves, height: PLOT, has_axis: true };
+            Some((label, chart.draw(drawer.time())?))
         })
         .collect();
     let content = html! {
@@ -220,11 +193,11 @@ fn plots(drawer: &Drawer<'_>, title: &str, panels: Vec<Panel>) -> Option<Markup>
             text class="tick" x=(0.5 * WIDTH) y=(top + each - 4.0) text-anchor="middle" { "time, ms" }
         }
     };
-    Some(figure(height, title, PLOT_NOTE, &content))
+    Some(plot::Figure { heading: title, caption: &[PLOT_NOTE.to_owned()] }.draw(WIDTH, height, &content))
 }
 
 /// Draws the field at start, deepest moment and end of the first collision; `None` without pictures of it.
-fn pictures(shot: &Shot, experiment: &str) -> Option<Markup> {
+fn pictures(shot: &Shot, experiment: &str) -> Option<String> {
     let is_shown = |shown: &&Snapshot| shown.impact.1 == 0 && shown.field.is_some() && shown.picture.is_some();
     let shown: Vec<&Snapshot> = shot.snapshots.iter().filter(is_shown).collect();
     if shown.is_empty() {
@@ -241,7 +214,8 @@ fn pictures(shot: &Shot, experiment: &str) -> Option<Markup> {
         "green: detected outline; yellow: motion of each subset to the next frame, enlarged {} times",
         snapshot::gain_text(gain)
     );
-    Some(figure(HEADING + PICTURE + CAPTION, &title, &note, &content))
+    let figure = plot::Figure { heading: &title, caption: &[note] };
+    Some(figure.draw(WIDTH, HEADING + PICTURE + CAPTION, &content))
 }
 
 fn picture(shot: &Shot, snapshot: &Snapshot, gain: f64, left: f64) -> Markup {

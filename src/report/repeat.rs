@@ -1,9 +1,10 @@
 //! The page of several recordings: how well their numbers repeat.
 
 use super::page::{document, utc};
+use super::quantities::{GROUPS, Quantity};
 use super::shot::Shot;
 use super::spread::Spread;
-use crate::plot::number::{GROUPS, Quantity, fixed, format_estimate};
+use crate::plot::{fixed, format_estimate, px};
 use crate::results::{Estimate, Impact};
 use maud::{Markup, html};
 use std::collections::BTreeSet;
@@ -149,11 +150,6 @@ fn dots(values: &[(usize, Estimate)], spread: &Spread) -> Markup {
             }
         }
     }
-}
-
-/// Formats a coordinate to a tenth of a pixel.
-fn px(coordinate: f64) -> String {
-    format!("{coordinate:.1}")
 }
 
 fn recordings(shots: &[Shot]) -> Markup {

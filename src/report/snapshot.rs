@@ -2,7 +2,7 @@
 
 use super::picture::{Crop, data_url};
 use super::shot::{Shot, Snapshot};
-use crate::plot::number::{fixed, three_digits};
+use crate::plot::{fixed, three_digits};
 use crate::results::{Impact, PairField};
 use maud::{Markup, html};
 use std::fmt::Write as _;

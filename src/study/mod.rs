@@ -5,7 +5,6 @@ pub mod convergence;
 pub mod design;
 mod output_files;
 pub mod speckle;
-mod svg;
 
 pub use convergence::ConvergenceOptions;
 pub use design::DesignOptions;

@@ -18,7 +18,7 @@ use crate::image::ImageView;
 use crate::process::Stop;
 use crate::results::{FieldPoint, PointStatus};
 
-pub use crate::plot::color_map::Quantity;
+pub use crate::plot::Quantity;
 pub use roi::{Corners, Roi};
 pub use start::Begin;
 use table::Layout;
@@ -153,9 +153,9 @@ fn save_picture(
 ) -> Result<Option<String>, FieldError> {
     let step_px = options.params.step_px;
     let (drawn, legend) = match options.map {
-        None => (crate::plot::arrows::arrows(reference, field, step_px), None),
+        None => (crate::plot::draw_vectors(reference, field, step_px), None),
         Some(quantity) => {
-            let map = crate::plot::color_map::map(reference, field, quantity, step_px);
+            let map = crate::plot::draw_map(reference, field, quantity, step_px);
             (map.picture, Some(map.legend))
         }
     };

@@ -1,12 +1,13 @@
 //! The output of the convergence study: table, JSON and figure.
 
 use crate::failure::Failure;
+use crate::plot::CurveStyle;
 use std::path::Path;
 
 use serde_json::{Value, json};
 
 use super::criterion::{Stage, settled};
-use super::figure::{self, Curve, Look, Panel};
+use super::figure::{self, Curve, DASHED, DISCS, DOTTED, Panel, SQUARES};
 use super::image_pairs::DRAWN_PX;
 use super::{ConvergenceOptions, Method, Peak, Row, SPLINE_POINTS};
 use crate::console::table;
@@ -131,7 +132,7 @@ impl Study<'_> {
         if options.reference.is_none() {
             panels.push(self.errors());
         }
-        figure::draw(&["Convergence of spline-fft with the number of spline points".to_owned(), of, verdict], &panels)
+        figure::draw("Convergence of spline-fft with the number of spline points", &[of, verdict], &panels)
     }
 
     fn changes(&self) -> Panel {
@@ -139,16 +140,12 @@ impl Study<'_> {
         let bound_px = |points: u32| Some(0.5 / f64::from(points + 1));
         let tolerance_px = self.options.tolerance_px;
         let mut curves = self.curves(change_px);
-        let line = |look: Look, name: String, values_px| Curve { look, name, values_px, ring: None };
-        curves.push(line(
-            Look::Dashed,
-            format!("tolerance {tolerance_px} px"),
-            [Some(tolerance_px); SPLINE_POINTS.len()],
-        ));
-        curves.push(line(Look::Dotted, "half a grid step".to_owned(), SPLINE_POINTS.map(bound_px)));
+        let line = |style: CurveStyle, name: String, values_px| Curve { style, name, values_px, ring: None };
+        curves.push(line(DASHED, format!("tolerance {tolerance_px} px"), [Some(tolerance_px); SPLINE_POINTS.len()]));
+        curves.push(line(DOTTED, "half a grid step".to_owned(), SPLINE_POINTS.map(bound_px)));
         Panel {
-            title: "Change against the previous number of points; the larger of u and v".to_owned(),
-            label: "99 % quantile of the change, px".to_owned(),
+            title: "99 % quantile of the change against the previous number of points, px; the larger of u and v"
+                .to_owned(),
             curves,
         }
     }
@@ -157,24 +154,24 @@ impl Study<'_> {
         let mut curves = self.curves(|row| row.error.map(|error| error.rms_px));
         let ic_gn = self.rows.iter().find(|row| row.method == Method::IcGn).and_then(|row| row.error);
         let values_px = [ic_gn.map(|error| error.rms_px); SPLINE_POINTS.len()];
-        curves.push(Curve { look: Look::Dashed, name: "ic-gn".to_owned(), values_px, ring: None });
-        Panel { title: "Error against the truth".to_owned(), label: "rms error, px".to_owned(), curves }
+        curves.push(Curve { style: DASHED, name: "ic-gn".to_owned(), values_px, ring: None });
+        Panel { title: "Error against the truth: rms error, px".to_owned(), curves }
     }
 
     /// Returns a curve with and one without the peak fit, ringed at convergence.
     fn curves(&self, value_px: impl Fn(&Row) -> Option<f64>) -> Vec<Curve> {
-        let curve = |(look, peak, name): (Look, Peak, &str)| {
+        let curve = |(style, peak, name): (CurveStyle, Peak, &str)| {
             let rows = self.of(peak);
             let row = |wanted: u32| rows.iter().find(|(points, _)| *points == wanted);
             Curve {
-                look,
+                style,
                 name: name.to_owned(),
                 values_px: SPLINE_POINTS.map(|points| row(points).and_then(|(_, row)| value_px(row))),
                 ring: self.settled(peak).and_then(|settled| SPLINE_POINTS.iter().position(|p| *p == settled)),
             }
         };
-        let looks = [(Look::Discs, Peak::Fitted, "with the peak fit"), (Look::Squares, Peak::Highest, "without it")];
-        looks.into_iter().map(curve).collect()
+        let styles = [(DISCS, Peak::Fitted, "with the peak fit"), (SQUARES, Peak::Highest, "without it")];
+        styles.into_iter().map(curve).collect()
     }
 
     /// Returns the files, and the text or JSON object to print.

@@ -3,11 +3,12 @@
 use std::fmt::Write as _;
 
 use super::films_plan::{SpeckleStudy, Speeds};
-use super::log_axis::{self, HEADING, LINE, LogAxis};
+use super::method_style::{self, LEGEND};
 use super::methods::Method;
 use super::summary::Group;
-use crate::study::svg::text;
+use crate::plot::{self, LogAxis, PlotArea, px};
 use crate::synth::PatternSetup;
+use maud::{Markup, html};
 
 /// Left margin of a panel, and heights of its plot, title and labels, px.
 const LEFT: f64 = 58.0;
@@ -58,24 +59,20 @@ impl Figure<'_> {
 
     /// Draws the figure.
     pub(super) fn draw(&self) -> String {
-        let top = HEADING + LINE * self.caption.len() as f64 + 34.0;
+        let figure = plot::Figure { heading: self.study.heading(), caption: self.caption };
+        let top = figure.content_top() + LEGEND;
         let (across, down) = (LEFT + self.width() + 14.0, ABOVE + PLOT + BELOW);
-        let size = ((across * self.speeds.len() as f64).max(760.0), top + 3.0 * down);
-        let mut svg = log_axis::begin(size, self.study.heading(), self.caption);
-        let entries: Vec<(Method, String)> =
-            self.methods.iter().map(|method| (*method, method.title().to_owned())).collect();
-        log_axis::legend(&mut svg, top - 26.0, &entries);
-        for (row, title) in TITLES.iter().enumerate() {
-            let axis = self.axis(row);
-            for (column, speeds) in self.speeds.iter().enumerate() {
-                let corner = (across * column as f64, top + down * row as f64);
-                let title = format!("{title}; {} speeds", speeds.as_str());
-                text(&mut svg, (corner.0 + 14.0, corner.1 + 14.0), "class=\"title\"", &title);
-                self.panel(&mut svg, (corner.0 + LEFT, corner.1 + ABOVE), axis, (row, *speeds));
+        let content = html! {
+            (method_style::legend(figure.content_top() + 8.0, self.methods))
+            @for (row, title) in TITLES.iter().enumerate() {
+                @for (column, speeds) in self.speeds.iter().enumerate() {
+                    @let (left, top) = (across * column as f64, top + down * row as f64);
+                    text class="title" x=(px(left + 14.0)) y=(px(top + 14.0)) { (title) "; " (speeds.as_str()) " speeds" }
+                    (self.panel(row, *speeds, PlotArea { left: left + LEFT, top: top + ABOVE, width: self.width() }))
+                }
             }
-        }
-        svg.push_str("</svg>\n");
-        svg
+        };
+        figure.draw((across * self.speeds.len() as f64).max(760.0), top + 3.0 * down, &content)
     }
 
     /// Returns the axis, which both sets of speeds share, and so do x and y.
@@ -85,44 +82,66 @@ impl Figure<'_> {
         let known = rows.clone().filter_map(|row| paper[row]);
         let means = self.groups.iter().flat_map(|group| rows.clone().filter_map(|row| group.errors[row]));
         let ends = means.flat_map(|error| [error.mean, error.mean + error.spread.unwrap_or(0.0)]);
-        LogAxis::around(ends.chain(known), PLOT)
+        LogAxis::around(ends.chain(known), PLOT, 0.0)
     }
 
-    fn panel(&self, svg: &mut String, (left, top): (f64, f64), axis: LogAxis, (row, speeds): (usize, Speeds)) {
-        axis.draw(svg, (left, top), self.width());
-        if let Some(best) = best_of_the_paper(self.study)[row] {
-            let y = top + axis.y(best);
-            let _ = writeln!(svg, "<path class=\"level\" d=\"M{left} {y:.1}h{}\"/>", self.width());
-        }
-        let mut spreads = String::new();
-        for (place, method) in self.methods.iter().enumerate() {
-            let mut bars = String::new();
-            for (number, pattern) in self.patterns.iter().enumerate() {
-                let x = left + 0.5 * GAP + number as f64 * self.pitch() + place as f64 * BAR;
-                let group = self.groups.iter().find(|g| (g.pattern, g.speeds, g.method) == (*pattern, speeds, *method));
-                let Some(error) = group.and_then(|group| group.errors[row]) else {
-                    text(svg, (x + 0.5 * BAR, top + PLOT - 2.0), "text-anchor=\"middle\"", "\u{d7}");
-                    continue;
-                };
-                if group.is_some_and(|group| group.missing > 0) {
-                    text(svg, (x + 0.5 * BAR, top + 8.0), "text-anchor=\"middle\"", "!");
-                }
-                let y = axis.y(error.mean);
-                let _ = write!(bars, "M{x:.1} {:.1}v{:.1}h{:.1}v{:.1}z", top + PLOT, y - PLOT, BAR - 1.0, PLOT - y);
-                if let Some(spread) = error.spread {
-                    let (high, low) = (axis.y(error.mean + spread), axis.y((error.mean - spread).max(0.0)));
-                    let _ = write!(spreads, "M{:.1} {:.1}v{:.1}", x + 0.5 * (BAR - 1.0), top + high, low - high);
+    fn panel(&self, row: usize, speeds: Speeds, plot: PlotArea) -> Markup {
+        let PlotArea { left, top, width } = plot;
+        let axis = self.axis(row);
+        html! {
+            (axis.draw(plot))
+            @if let Some(best) = best_of_the_paper(self.study)[row] {
+                path class="level" d={ "M" (left) " " (px(top + axis.y(best))) "h" (width) } {}
+            }
+            @for (place, method) in self.methods.iter().enumerate() {
+                @let bars = self.bars(place, row, speeds, plot);
+                path fill=(method_style::style(*method).color) d=(bars.bars) {}
+                path class="spread" d=(bars.spreads) {}
+                @for (x, y, sign) in &bars.signs { text class="tick" x=(px(*x)) y=(px(*y)) text-anchor="middle" { (sign) } }
+            }
+            @for (number, pattern) in self.patterns.iter().enumerate() {
+                @let x = left + (number as f64 + 0.5) * self.pitch();
+                text class="tick" x=(px(x)) y=(px(top + PLOT + 15.0)) text-anchor="middle" {
+                    (PatternSetup::PAPER[*pattern].replace('-', ""))
                 }
             }
-            let _ = writeln!(svg, "<path fill=\"{}\" d=\"{bars}\"/>", log_axis::colour(*method));
-        }
-        let _ = writeln!(svg, "<path class=\"spread\" d=\"{spreads}\"/>");
-        for (number, pattern) in self.patterns.iter().enumerate() {
-            let x = left + (number as f64 + 0.5) * self.pitch();
-            let name = PatternSetup::PAPER[*pattern].replace('-', "");
-            text(svg, (x, top + PLOT + 15.0), "text-anchor=\"middle\"", &name);
         }
     }
+
+    /// Draws the bars of the method at `place` in its list.
+    fn bars(&self, place: usize, row: usize, speeds: Speeds, plot: PlotArea) -> Bars {
+        let (method, axis) = (self.methods[place], self.axis(row));
+        let mut drawn = Bars::default();
+        for (number, pattern) in self.patterns.iter().enumerate() {
+            let x = plot.left + 0.5 * GAP + number as f64 * self.pitch() + place as f64 * BAR;
+            let group = self.groups.iter().find(|g| (g.pattern, g.speeds, g.method) == (*pattern, speeds, method));
+            let Some(error) = group.and_then(|group| group.errors[row]) else {
+                drawn.signs.push((x + 0.5 * BAR, plot.top + PLOT - 2.0, '\u{d7}'));
+                continue;
+            };
+            if group.is_some_and(|group| group.missing > 0) {
+                drawn.signs.push((x + 0.5 * BAR, plot.top + 8.0, '!'));
+            }
+            let (foot, y) = (plot.top + PLOT, axis.y(error.mean));
+            let _ = write!(drawn.bars, "M{x:.1} {foot:.1}v{:.1}h{:.1}v{:.1}z", y - PLOT, BAR - 1.0, PLOT - y);
+            if let Some(spread) = error.spread {
+                let (high, low) = (axis.y(error.mean + spread), axis.y((error.mean - spread).max(0.0)));
+                let middle = x + 0.5 * (BAR - 1.0);
+                let _ = write!(drawn.spreads, "M{middle:.1} {:.1}v{:.1}", plot.top + high, low - high);
+            }
+        }
+        drawn
+    }
+}
+
+/// The bars of one method in a panel.
+#[derive(Default)]
+struct Bars {
+    /// The path of the bars, and of their standard deviations.
+    bars: String,
+    spreads: String,
+    /// Signs for missing values, with their places, px.
+    signs: Vec<(f64, f64, char)>,
 }
 
 #[cfg(test)]
@@ -158,10 +177,10 @@ mod tests {
         assert_eq!(svg.matches('\u{d7}').count(), 3, "one in each panel");
         // Panels with bars of the first method: two patterns each; "v-H" is the height of a bar.
         let heights: Vec<f64> = svg
-            .lines()
-            .filter(|line| line.starts_with("<path fill=\"#d55e00\"") && line.matches('M').count() == 2)
-            .flat_map(|line| {
-                line.split('v').skip(1).step_by(2).map(|part| part.split('h').next().unwrap().parse().unwrap())
+            .split('<')
+            .filter(|tag| tag.starts_with("path fill=\"#d55e00\""))
+            .flat_map(|tag| {
+                tag.split('v').skip(1).step_by(2).map(|part| part.split('h').next().unwrap().parse().unwrap())
             })
             .collect();
         assert_eq!(heights.len(), 6);

@@ -7,7 +7,7 @@
 mod bar_figure;
 mod film;
 mod films_plan;
-mod log_axis;
+mod method_style;
 mod methods;
 mod output;
 mod peak_figure;

@@ -1,28 +1,26 @@
 //! Fig. 7: splined windows against splined peaks over the speed, and their cost.
 
 use crate::failure::Failure;
-use std::fmt::Write as _;
 use std::time::Instant;
 
+use maud::html;
 use serde_json::json;
 
 use super::film::{self, SIDE_PX};
 use super::films_plan::Speeds;
-use super::log_axis::{self, HEADING, LINE, LogAxis};
+use super::method_style::{self, LEGEND};
 use super::methods::{Evaluator, Method};
 use super::row::Row;
 use super::summary::{ErrorStatistics, statistics_cells};
 use super::workers::Job;
 use crate::image::Image;
+use crate::plot::{CurveStyle, Figure, LogAxis, LogChart, LogCurve, LogValue, PlotArea, draw_legend};
 use crate::study::output_files::Cell;
-use crate::study::svg::text;
 
-/// Width and height of a plot, and its margins, px.
+/// Width and height of a plot, and its left margin, px.
 const WIDTH: f64 = 440.0;
 const PLOT: f64 = 240.0;
 const LEFT: f64 = 66.0;
-const ABOVE: f64 = 28.0;
-const BELOW: f64 = 46.0;
 
 /// Number of timings per method; the minimum is reported, since other load only adds time.
 const TURNS: usize = 9;
@@ -133,64 +131,48 @@ pub(super) fn costs(job: &Job) -> Result<Vec<Cost>, Failure> {
 
 /// Draws the figure.
 pub(super) fn draw(job: &Job, points: &[Point], costs: &[Cost], caption: &[String]) -> String {
-    let top = HEADING + LINE * caption.len() as f64 + 34.0;
+    let figure = Figure { heading: job.study.heading(), caption };
     let shown: Vec<Speeds> =
         Speeds::ALL.into_iter().filter(|speeds| points.iter().any(|point| point.speeds == *speeds)).collect();
-    let across = LEFT + WIDTH + 20.0;
-    let legend_lines = job.methods.len().div_ceil(3) as f64;
-    let below = top + 20.0 * (legend_lines - 1.0);
-    let size = ((across * shown.len() as f64).max(760.0), below + ABOVE + PLOT + BELOW);
-    let mut svg = log_axis::begin(size, job.study.heading(), caption);
     let entry = |(method, cost): (&Method, &Cost)| {
-        (*method, format!("{} ({:.0} us a window)", method.title(), cost.us_per_window))
+        (method_style::style(*method), format!("{} ({:.0} us a window)", method.title(), cost.us_per_window))
     };
-    let entries: Vec<(Method, String)> = job.methods.iter().zip(costs).map(entry).collect();
-    for (number, entries) in entries.chunks(3).enumerate() {
-        log_axis::legend(&mut svg, top - 26.0 + 20.0 * number as f64, entries);
-    }
-    let means = points.iter().filter_map(|point| point.error).map(|error| error.mean);
-    let axis = LogAxis::around(means, PLOT);
-    for (column, speeds) in shown.iter().enumerate() {
-        let (left, top) = (across * column as f64 + LEFT, below + ABOVE);
-        let title = format!("mean |error| along x, px/frame; {} speeds", speeds.as_str());
-        text(&mut svg, (left - LEFT + 14.0, top - 12.0), "class=\"title\"", &title);
-        axis.draw(&mut svg, (left, top), WIDTH);
-        for tenth in (0..=20).step_by(2) {
-            let x = left + WIDTH * 0.1 * f64::from(tenth) / MAX_PX;
-            text(&mut svg, (x, top + PLOT + 15.0), "text-anchor=\"middle\"", &format!("{:.1}", 0.1 * f64::from(tenth)));
+    let entries: Vec<(CurveStyle, String)> = job.methods.iter().zip(costs).map(entry).collect();
+    let legend_lines = entries.chunks(3).len() as f64;
+    let top = figure.content_top() + LEGEND * legend_lines + LogChart::TITLE;
+    let across = LEFT + WIDTH + 20.0;
+    let content = html! {
+        @for (line, entries) in entries.chunks(3).enumerate() {
+            (draw_legend(figure.content_top() + 8.0 + LEGEND * line as f64, entries))
         }
-        let middle = left + 0.5 * WIDTH;
-        text(&mut svg, (middle, top + PLOT + 33.0), "text-anchor=\"middle\"", "speed along x, px/frame");
-        for method in &job.methods {
-            let of = points.iter().filter(|point| (point.speeds, point.method) == (*speeds, *method));
-            curve(&mut svg, (left, top), axis, *method, of);
+        @for (column, speeds) in shown.iter().enumerate() {
+            @let title = format!("mean |error| along x, px/frame; {} speeds", speeds.as_str());
+            @let plot = PlotArea { left: across * column as f64 + LEFT, top, width: WIDTH };
+            (chart(job, points, *speeds, &title).draw(plot))
         }
-    }
-    svg.push_str("</svg>\n");
-    svg
+    };
+    figure.draw((across * shown.len() as f64).max(760.0), top + PLOT + LogChart::LABELS, &content)
 }
 
-/// Draws the curve of one method, with a gap where there is no answer.
-fn curve<'a>(
-    svg: &mut String,
-    (left, top): (f64, f64),
-    axis: LogAxis,
-    method: Method,
-    points: impl Iterator<Item = &'a Point>,
-) {
-    let (mut path, mut joined, mut marks) = (String::new(), false, String::new());
-    for point in points {
-        let Some(error) = point.error else {
-            joined = false;
-            continue;
+/// Returns the chart of one set of speeds.
+fn chart<'a>(job: &Job, points: &[Point], speeds: Speeds, title: &'a str) -> LogChart<'a> {
+    let tick = |tenth: i32| (0.1 * f64::from(tenth) / MAX_PX, format!("{:.1}", 0.1 * f64::from(tenth)));
+    let curve = |method: &Method| {
+        let value = |point: &Point| {
+            let y = point.error?.mean;
+            Some(LogValue { x: point.speed_px_frame / MAX_PX, y, is_incomplete: point.missing > 0 })
         };
-        let (x, y) = (left + WIDTH * point.speed_px_frame / MAX_PX, top + axis.y(error.mean));
-        let _ = write!(path, "{}{x:.1} {y:.1}", if joined { 'L' } else { 'M' });
-        log_axis::mark(&mut marks, method, (x, y), point.missing);
-        joined = true;
+        let is_shown = |point: &&Point| (point.speeds, point.method) == (speeds, *method);
+        let values = points.iter().filter(is_shown).map(value).collect();
+        LogCurve { style: method_style::style(*method), values, ring: None }
+    };
+    LogChart {
+        title,
+        x_label: "speed along x, px/frame",
+        x_ticks: (0..=20).step_by(2).map(tick).collect(),
+        axis: LogAxis::around(points.iter().filter_map(|point| point.error).map(|error| error.mean), PLOT, 0.0),
+        curves: job.methods.iter().map(curve).collect(),
     }
-    let _ = writeln!(svg, "<path class=\"curve\" stroke=\"{}\" d=\"{path}\"/>", log_axis::colour(method));
-    svg.push_str(&marks);
 }
 
 #[cfg(test)]
@@ -244,8 +226,8 @@ mod tests {
             job.methods.iter().map(|method| Cost { method: method.as_str(), us_per_window: 7.0 }).collect::<Vec<_>>();
         let figure = draw(&job, &points, &costs, &["caption <of> it".to_owned()]);
         assert!(figure.contains("caption &lt;of&gt; it") && figure.contains("(7 us a window)"));
-        let curves: Vec<&str> = figure.lines().filter(|line| line.contains("class=\"curve\"")).collect();
-        let starts: Vec<usize> = curves.iter().map(|curve| curve.matches('M').count()).collect();
+        let curves = figure.split('<').filter(|tag| tag.starts_with("path class=\"curve\"") && tag.contains('L'));
+        let starts: Vec<usize> = curves.map(|curve| curve.matches('M').count()).collect();
         assert_eq!(starts, [2, 1, 1, 1], "only the first has a gap");
     }
 }

@@ -1,24 +1,21 @@
 //! Studies over one setting of the camera: errors of every method at every level.
 
-use std::fmt::Write as _;
-
+use maud::html;
 use serde_json::json;
 
 use super::films_plan::SpeckleStudy;
-use super::log_axis::{self, HEADING, LINE, LogAxis};
+use super::method_style::{self, LEGEND};
 use super::methods::Method;
 use super::row::Row;
 use super::summary::{ErrorStatistics, statistics_cells, summary_cell, translation};
 use super::workers::Job;
+use crate::plot::{Figure, LogAxis, LogChart, LogCurve, LogValue, PlotArea};
 use crate::study::output_files::{Cell, cross_table, rounded};
-use crate::study::svg::text;
 
-/// Width and height of a plot, and its margins, px.
+/// Width and height of a plot, and its left margin, px.
 const WIDTH: f64 = 420.0;
 const PLOT: f64 = 220.0;
 const LEFT: f64 = 66.0;
-const ABOVE: f64 = 28.0;
-const BELOW: f64 = 46.0;
 
 /// The result of one method at one level, over all patterns.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -114,45 +111,40 @@ fn label(study: SpeckleStudy) -> &'static str {
 
 /// Draws the figure: a curve per method, translation on the left, rotation on the right.
 pub(super) fn draw(job: &Job, points: &[Point], caption: &[String]) -> String {
-    let top = HEADING + LINE * caption.len() as f64 + 34.0;
+    let figure = Figure { heading: job.study.heading(), caption };
+    let top = figure.content_top() + LEGEND + LogChart::TITLE;
     let across = LEFT + WIDTH + 20.0;
-    let mut svg = log_axis::begin((2.0 * across, top + ABOVE + PLOT + BELOW), job.study.heading(), caption);
-    let entries: Vec<(Method, String)> =
-        job.methods.iter().map(|method| (*method, method.title().to_owned())).collect();
-    log_axis::legend(&mut svg, top - 26.0, &entries);
     let titles = match job.study {
         SpeckleStudy::Rate => ["mean error of the velocity, % of the speed", "mean |error| of the spin, % of it"],
         _ => ["mean |error| along x and y, px/frame", "mean |error| of the rotation, deg/frame"],
     };
-    let apart = WIDTH / job.study.levels().len() as f64;
-    for (panel, title) in titles.into_iter().enumerate() {
-        let (left, top) = (across * panel as f64 + LEFT, top + ABOVE);
-        let axis = LogAxis::around(points.iter().filter_map(|point| point.shown(job.study)[panel]), PLOT);
-        text(&mut svg, (left - LEFT + 14.0, top - 12.0), "class=\"title\"", title);
-        axis.draw(&mut svg, (left, top), WIDTH);
-        let x = |place: usize| left + apart * (place as f64 + 0.5);
-        for (place, level) in job.study.levels().iter().enumerate() {
-            text(&mut svg, (x(place), top + PLOT + 15.0), "text-anchor=\"middle\"", &level.to_string());
+    let content = html! {
+        (method_style::legend(figure.content_top() + 8.0, &job.methods))
+        @for (panel, title) in titles.into_iter().enumerate() {
+            (chart(job, points, panel, title).draw(PlotArea { left: across * panel as f64 + LEFT, top, width: WIDTH }))
         }
-        text(&mut svg, (left + 0.5 * WIDTH, top + PLOT + 33.0), "text-anchor=\"middle\"", label(job.study));
-        for method in &job.methods {
-            let (mut path, mut joined, mut marks) = (String::new(), false, String::new());
-            for (place, point) in points.iter().filter(|point| point.method == *method).enumerate() {
-                let Some(value) = point.shown(job.study)[panel] else {
-                    joined = false;
-                    continue;
-                };
-                let (x, y) = (x(place), top + axis.y(value));
-                let _ = write!(path, "{}{x:.1} {y:.1}", if joined { 'L' } else { 'M' });
-                log_axis::mark(&mut marks, *method, (x, y), point.missing);
-                joined = true;
-            }
-            let _ = writeln!(svg, "<path class=\"curve\" stroke=\"{}\" d=\"{path}\"/>", log_axis::colour(*method));
-            svg.push_str(&marks);
-        }
+    };
+    figure.draw(2.0 * across, top + PLOT + LogChart::LABELS, &content)
+}
+
+fn chart<'a>(job: &Job, points: &[Point], panel: usize, title: &'a str) -> LogChart<'a> {
+    let levels = job.study.levels();
+    let x = |place: usize| (place as f64 + 0.5) / levels.len() as f64;
+    let curve = |method: &Method| {
+        let value = |(place, point): (usize, &Point)| {
+            let y = point.shown(job.study)[panel]?;
+            Some(LogValue { x: x(place), y, is_incomplete: point.missing > 0 })
+        };
+        let values = points.iter().filter(|point| point.method == *method).enumerate().map(value).collect();
+        LogCurve { style: method_style::style(*method), values, ring: None }
+    };
+    LogChart {
+        title,
+        x_label: label(job.study),
+        x_ticks: levels.iter().enumerate().map(|(place, level)| (x(place), level.to_string())).collect(),
+        axis: LogAxis::around(points.iter().filter_map(|point| point.shown(job.study)[panel]), PLOT, 0.0),
+        curves: job.methods.iter().map(curve).collect(),
     }
-    svg.push_str("</svg>\n");
-    svg
 }
 
 #[cfg(test)]

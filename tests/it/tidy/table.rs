@@ -142,7 +142,8 @@ pub const ROOMS: &[Room] = &[
             "zstd",
         ],
     ),
-    open("report", &["results", "image", "recording"], &["base64", "image", "maud"]),
+    pure("plot", &["results", "image"], &["image", "maud"]),
+    open("report", &["results", "image", "recording", "plot"], &["base64", "image", "maud"]),
     open("import", &["failure", "image"], &["image", "thiserror", "tiff"]),
     open(
         "camera",
@@ -182,7 +183,7 @@ pub const ROOMS: &[Room] = &[
     open(
         "study",
         BELOW_STUDY,
-        &["csv", "image", "libm", "log", "nalgebra", "realfft", "serde", "serde_json", "thiserror", "toml"],
+        &["csv", "image", "libm", "log", "maud", "nalgebra", "realfft", "serde", "serde_json", "thiserror", "toml"],
     ),
     open("cli", &["failure", "dic", "config", "message", "process", "command", "console", "study"], &["clap", "log"]),
 ];

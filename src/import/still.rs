@@ -1,0 +1,28 @@
+//! A grey image of a sequence.
+
+use super::{ImportError, Shape};
+use crate::image::grey_pixels;
+use image::DynamicImage;
+use std::path::Path;
+
+/// A grey image.
+pub(super) struct Still {
+    pub(super) shape: Shape,
+    /// Packed little-endian pixels.
+    pub(super) bytes: Vec<u8>,
+}
+
+impl Still {
+    /// Takes a decoded picture of the file `path`; `None` stands for one in another format.
+    ///
+    /// # Errors
+    ///
+    /// [`ImportError::Invalid`] for a picture that is not grey.
+    pub(super) fn new(path: &Path, picture: Option<DynamicImage>) -> Result<Self, ImportError> {
+        let size = picture.as_ref().map(|picture| (picture.width(), picture.height())).unwrap_or_default();
+        let (format, bytes) = picture
+            .and_then(grey_pixels)
+            .ok_or_else(|| ImportError::invalid(path, "not a grey image of 8 or 16 bit"))?;
+        Ok(Self { shape: Shape::new(path, size.0.into(), size.1.into(), format)?, bytes })
+    }
+}
