@@ -4,7 +4,7 @@ use super::frame_source::{Film, span};
 use super::json_cells;
 use crate::camera::{CameraIdentity, StreamFormat};
 use crate::config::Record;
-use crate::console::{Outcome, UsageError, progress, say, table};
+use crate::console::{Outcome, UsageError, check_absent, progress, say, table};
 use crate::failure::Failure;
 use crate::image::{Frame, FrameMeta};
 use crate::measure::{MeasureError, MeasureParams, Measured, Measurer, Share};
@@ -70,9 +70,7 @@ pub fn run(options: &AnalyzeOptions, stop: &Stop) -> Result<Outcome, Failure> {
     }
     film.config.record = Some(results_record());
     let output = options.output.clone().unwrap_or_else(|| free_results_path(&options.inputs, camera));
-    if output.exists() {
-        return Err(UsageError(format!("{}: cannot write: the file already exists", output.display())).into());
-    }
+    check_absent(&output)?;
     let truncated = film.truncated.clone();
     let (path, missing) = measure(film, &output, stop)?;
     let results = Recording::open(&path)?;

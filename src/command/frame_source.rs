@@ -1,6 +1,6 @@
 //! The frames to measure offline: a recording, or footage of another program or camera.
 
-use super::replay::rig_config;
+use super::view_config;
 use crate::camera::StreamFormat;
 use crate::camera::replay::TimeRange;
 use crate::config::Config;
@@ -219,4 +219,22 @@ pub(super) fn span(from_s: Option<f64>, to_s: Option<f64>) -> Result<TimeRange, 
 fn restamped(meta: FrameMeta, first: &FrameMeta, fps: f64) -> FrameMeta {
     let since_ns = meta.sequence.saturating_sub(first.sequence) as f64 * 1e9 / fps;
     FrameMeta { stamp_ns: first.stamp_ns.saturating_add(since_ns.round() as u64), ..meta }
+}
+
+/// Returns the configuration of a recording or of one of its cameras: the given rig file, else the attached one.
+///
+/// # Errors
+///
+/// When none is given and none is attached, or when it is invalid.
+pub(super) fn rig_config(recording: &Recording, camera: Option<&str>, given: Option<&Path>) -> Result<Config, Failure> {
+    if let Some(path) = given {
+        let config = Config::load(path)?;
+        // A rig file with several cameras configures each of them; any other applies to the selected camera.
+        return Ok(if config.views.is_empty() { config } else { view_config(config, camera)? });
+    }
+    let path = recording.path().display();
+    match recording.config_toml() {
+        Some(text) => Ok(Config::parse(text, &format!("config.toml in {path}"))?),
+        None => Err(UsageError(format!("{path}: no config.toml is attached; pass a rig file with --config")).into()),
+    }
 }

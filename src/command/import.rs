@@ -1,9 +1,9 @@
 //! `ricochet import`: converts footage of other programs or cameras into a recording.
 
-use crate::failure::{ExitCode, Fatal};
+use crate::failure::Failure;
 use crate::image::Frame;
-use crate::import::{self, ImportError};
-use crate::recording::{RecordingError, RecordingInfo, RecordingWriter, WriterOptions};
+use crate::import;
+use crate::recording::{RecordingInfo, RecordingWriter, WriterOptions};
 use std::path::PathBuf;
 
 /// The options of `ricochet import`.
@@ -32,31 +32,11 @@ pub struct Imported {
     pub warnings: Vec<String>,
 }
 
-/// The reason why an import failed.
-#[derive(Debug, thiserror::Error)]
-pub enum Failure {
-    /// The footage cannot be read.
-    #[error(transparent)]
-    Import(#[from] ImportError),
-    /// The recording cannot be written.
-    #[error(transparent)]
-    Recording(#[from] RecordingError),
-}
-
-impl Fatal for Failure {
-    fn exit_code(&self) -> ExitCode {
-        match self {
-            Self::Import(error) => error.exit_code(),
-            Self::Recording(error) => error.exit_code(),
-        }
-    }
-}
-
 /// Imports footage and stores its settings as metadata of the recording.
 ///
 /// # Errors
 ///
-/// [`Failure`] naming the file that cannot be read or written. An unfinished recording remains as a part file.
+/// When a file cannot be read or written. An unfinished recording remains as a part file.
 pub fn run(options: &ImportOptions) -> Result<Imported, Failure> {
     let footage = import::open(&options.inputs, options.fps)?;
     let mut metadata = footage.description.clone();

@@ -3,8 +3,7 @@
 mod lead;
 mod stream;
 
-use super::frame_source::span;
-use super::view_config;
+use super::frame_source::{rig_config, span};
 use crate::camera::replay::TimeRange;
 use crate::config::Config;
 use crate::console::{Outcome, UsageError, progress, say};
@@ -12,7 +11,7 @@ use crate::failure::Failure;
 use crate::message::Role;
 use crate::process::{self, Child, Stop, Summary};
 use crate::recording::Recording;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use stream::Streamed;
 
 /// The playback rate.
@@ -217,22 +216,4 @@ fn free_name(name: &str, taken: &[String]) -> String {
 
 fn replay_name(rig: &str) -> String {
     if rig.starts_with("replay-") { rig.to_owned() } else { format!("replay-{rig}").chars().take(32).collect() }
-}
-
-/// Returns the configuration of a recording or of one of its cameras: the given rig file, else the attached one.
-///
-/// # Errors
-///
-/// When none is given and none is attached, or when it is invalid.
-pub fn rig_config(recording: &Recording, camera: Option<&str>, given: Option<&Path>) -> Result<Config, Failure> {
-    if let Some(path) = given {
-        let config = Config::load(path)?;
-        // A rig file with several cameras configures each of them; any other applies to the selected camera.
-        return Ok(if config.views.is_empty() { config } else { view_config(config, camera)? });
-    }
-    let path = recording.path().display();
-    match recording.config_toml() {
-        Some(text) => Ok(Config::parse(text, &format!("config.toml in {path}"))?),
-        None => Err(UsageError(format!("{path}: no config.toml is attached; pass a rig file with --config")).into()),
-    }
 }

@@ -1,6 +1,6 @@
 //! `ricochet report`: a report page of one or several recordings.
 
-use crate::console::{Outcome, UsageError, say};
+use crate::console::{Outcome, UsageError, check_no_input, say, write_file};
 use crate::failure::Failure;
 use crate::recording::Recording;
 use crate::report::{self, Shot};
@@ -33,12 +33,7 @@ pub fn run(options: &ReportOptions) -> Result<Outcome, Failure> {
         return Err(UsageError("give at least one recording".into()).into());
     };
     let output = options.output.clone().unwrap_or_else(|| default_path(first, options.files.len()));
-    let same = |file: &PathBuf| file.canonicalize().ok().zip(output.canonicalize().ok()).is_some_and(|(a, b)| a == b);
-    if options.files.iter().any(same) {
-        return Err(
-            UsageError(format!("{}: cannot write the page: it would overwrite a recording", output.display())).into()
-        );
-    }
+    check_no_input(&output, &options.files)?;
     if options.film.is_some() && options.files.len() > 1 {
         return Err(UsageError("--film: only allowed with a single recording of results".into()).into());
     }
@@ -51,8 +46,7 @@ pub fn run(options: &ReportOptions) -> Result<Outcome, Failure> {
             None => Shot::read(&recording)?,
         });
     }
-    std::fs::write(&output, report::page(&shots))
-        .map_err(|error| Failure::internal(format!("cannot write {}: {error}", output.display())))?;
+    write_file(&output, report::page(&shots))?;
     say(&output.display().to_string());
     Ok(Outcome::Clean)
 }

@@ -2,7 +2,7 @@
 
 use crate::camera::{CameraIdentity, StreamFormat, simulated};
 use crate::config::Config;
-use crate::console::{Outcome, UsageError, progress, say};
+use crate::console::{Outcome, UsageError, check_absent, progress, say};
 use crate::failure::Failure;
 use crate::image::Frame;
 use crate::process::recording_info;
@@ -47,9 +47,7 @@ pub fn run(options: &SimulateOptions) -> Result<Outcome, Failure> {
     let mut info = recording_info(&config, &format, &camera, "none: simulated");
     // A simulated film must not depend on the host.
     info.metadata.remove("host");
-    if options.output.exists() {
-        return Err(UsageError(format!("{}: cannot write: the file already exists", options.output.display())).into());
-    }
+    check_absent(&options.output)?;
     let mut writer = RecordingWriter::create(&options.output, &info, &WriterOptions::default())?;
     for impact in world.impacts() {
         writer.truth_impact(&impact)?;

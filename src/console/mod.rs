@@ -1,6 +1,8 @@
-//! The terminal: output, outcomes, progress bars.
+//! The terminal and the output files: text, outcomes, progress bars.
 
+mod files;
 mod output;
 pub mod progress;
 
+pub use files::{WriteError, check_absent, check_no_input, create_directory, write_file};
 pub use output::{Outcome, UsageError, say, table};

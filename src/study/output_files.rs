@@ -5,8 +5,7 @@ use std::path::Path;
 
 use serde_json::{Map, Value};
 
-use crate::command::field::{FieldError, folder};
-use crate::console::{UsageError, say, table};
+use crate::console::{WriteError, check_no_input, create_directory, say, table, write_file};
 
 /// A cell of a table: its column and its value, null if it is missing.
 pub(super) type Cell = (&'static str, Value);
@@ -70,12 +69,11 @@ impl Report {
     ///
     /// # Errors
     ///
-    /// [`FieldError::Write`] naming the file that cannot be written.
-    pub(super) fn publish(&self, directory: Option<&Path>) -> Result<(), FieldError> {
+    /// [`WriteError`] naming the file that cannot be written.
+    pub(super) fn publish(&self, directory: Option<&Path>) -> Result<(), WriteError> {
         if let Some(directory) = directory {
             for (name, bytes) in &self.files {
-                let path = directory.join(name);
-                std::fs::write(&path, bytes).map_err(|error| FieldError::write(&path, error))?;
+                write_file(&directory.join(name), bytes)?;
             }
         }
         say(&self.printed);
@@ -89,15 +87,11 @@ impl Report {
 ///
 /// When the directory is a file or cannot be created, or a file would overwrite an input.
 pub(super) fn prepare(directory: &Path, files: &[&str], inputs: &[&Path]) -> Result<(), Failure> {
-    folder::make("--output", directory)?;
-    let is_input = |path: &Path| inputs.iter().any(|input| crate::command::export::is_same_file(path, input));
-    match files.iter().map(|name| directory.join(name)).find(|path| is_input(path)) {
-        None => Ok(()),
-        Some(path) => {
-            let reason = format!("{}: cannot write: it would overwrite one of the images", path.display());
-            Err(UsageError(reason).into())
-        }
+    create_directory("--output", directory)?;
+    for name in files {
+        check_no_input(&directory.join(name), inputs)?;
     }
+    Ok(())
 }
 
 /// Rounds to the 7 decimals of the tables; adding 0 turns -0 into 0.

@@ -2,9 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use ricochet::command::field::{Begin, FieldError, FieldOptions};
+use ricochet::command::field::{Begin, FieldOptions};
 use ricochet::console::Outcome;
 use ricochet::dic::{CorrelationParams, Correlator, Interpolation, Region, find_at_any_angle};
+use ricochet::failure::Failure;
 use ricochet::image::Image;
 use ricochet::plot::color_map::Quantity;
 use ricochet::process::Stop;
@@ -26,7 +27,7 @@ fn options(reference: &Path, target: &Path) -> FieldOptions {
     }
 }
 
-fn run(options: &FieldOptions) -> Result<Outcome, FieldError> {
+fn run(options: &FieldOptions) -> Result<Outcome, Failure> {
     ricochet::command::field::run(options, &Stop::default())
 }
 

@@ -206,7 +206,7 @@ fn an_impossible_series_is_refused_in_one_line() {
         2,
         &images,
         &["--picture", text(&rig.path(""))],
-        "field_0002.png: cannot write: it would overwrite one of the images",
+        "field_0002.png: cannot write: it would overwrite an input",
     );
     assert_eq!(std::fs::read(input).unwrap(), std::fs::read(&frames[1]).unwrap());
     succeed(line(&frames, &["-o", text(&tables)]));

@@ -1,10 +1,11 @@
 //! `ricochet field --start any-angle`: bodies with large rotations and displacements.
 
 use crate::support::{Rig, run};
-use ricochet::command::field::{Begin, FieldError, FieldOptions};
+use ricochet::command::field::{Begin, FieldOptions};
 use ricochet::console::Outcome;
 use ricochet::dic::rigid_fit;
 use ricochet::dic::{CorrelationParams, Shape};
+use ricochet::failure::Failure;
 use ricochet::process::Stop;
 use ricochet::results::{Displacement, FieldPoint, PointStatus};
 use ricochet::synth::{MotionSetup, Scenario, SimulatedFilm};
@@ -44,7 +45,7 @@ fn write_pair(rig: &Rig, shift_px: [f64; 2], angle_deg: f64) -> (PathBuf, PathBu
     (frames[0].clone(), frames[1].clone())
 }
 
-fn measure(options: &FieldOptions) -> Result<Outcome, FieldError> {
+fn measure(options: &FieldOptions) -> Result<Outcome, Failure> {
     ricochet::command::field::run(options, &Stop::default())
 }
 

@@ -12,7 +12,7 @@ mod texture;
 pub use finding::{Finding, Verdict};
 
 use crate::config::Config;
-use crate::console::{Outcome, UsageError, say, table};
+use crate::console::{Outcome, UsageError, check_absent, say, table, write_file};
 use crate::failure::{ExitCode, Failure, Fatal};
 use crate::image::FrameMeta;
 use crate::process::{Stop, analysis_params};
@@ -73,18 +73,14 @@ pub fn run(options: &CheckOptions, stop: &Stop) -> Result<Outcome, Failure> {
             UsageError(format!("--seconds {}: must be above 0 and at most {MAX_SECONDS}", options.seconds)).into()
         );
     }
-    if let Some(output) = options.output.as_ref().filter(|output| output.exists()) {
-        return Err(UsageError(format!("{}: cannot write: the file already exists", output.display())).into());
-    }
+    options.output.as_deref().map_or(Ok(()), check_absent)?;
     let config = Config::load(&options.config)?;
     let grabbed = grab::grab(&config, options.seconds, stop)?;
     let floor = displacement::floor(&config, &grabbed)?;
     let inspection = inspect(&config, &grabbed, &floor)?;
     print(&config, &grabbed, &inspection, options.json);
     if let Some(output) = &options.output {
-        let page = page(&config, &grabbed, &inspection);
-        std::fs::write(output, page)
-            .map_err(|error| UsageError(format!("{}: cannot write: {error}", output.display())))?;
+        write_file(output, page(&config, &grabbed, &inspection))?;
         if !options.json {
             say(&output.display().to_string());
         }

@@ -4,7 +4,7 @@ mod paper_settings;
 
 use super::analyze::last_revisions;
 use crate::config::{BodyKind, Config, Scale};
-use crate::console::{Outcome, UsageError, progress, say, table};
+use crate::console::{Outcome, UsageError, progress, say, table, write_file};
 use crate::failure::Failure;
 use crate::message::Role;
 use crate::process::{self, Child, Stop};
@@ -161,8 +161,7 @@ fn figures(config: &Config, experiment: &str, path: &Path) -> Result<Vec<PathBuf
     let stem = path.file_stem().map_or_else(|| "demo".into(), |stem| stem.to_string_lossy().into_owned());
     let write = |figure: Figure| {
         let file = path.with_file_name(format!("{stem}-{}.svg", figure.name));
-        std::fs::write(&file, figure.svg)
-            .map_err(|error| Failure::internal(format!("cannot write {}: {error}", file.display())))?;
+        write_file(&file, figure.svg)?;
         Ok(file)
     };
     report::figures(&shot, &experiment).into_iter().map(write).collect()

@@ -7,6 +7,7 @@ mod rows;
 mod sink;
 mod video;
 
+use crate::console::check_no_input;
 use crate::failure::{ExitCode, Fatal};
 use crate::recording::{self, Recording, RecordingError};
 use crate::results::named_enum;
@@ -128,16 +129,11 @@ pub struct Exported {
 ///
 /// [`ExportError`] naming the option or the file.
 pub fn run(options: &ExportOptions) -> Result<Exported, ExportError> {
-    if let Some(path) = options.output.as_deref().filter(|path| is_same_file(path, &options.file)) {
-        return Err(ExportError::Usage(format!("--output {}: is the recording itself", path.display())));
+    if let Some(path) = &options.output {
+        check_no_input(path, [&options.file]).map_err(|error| ExportError::Usage(error.0))?;
     }
     let rows = write(options)?;
     Ok(Exported { rows, truncated: Recording::open(&options.file)?.truncated().map(str::to_owned) })
-}
-
-/// Whether both paths lead to the same file, and it exists.
-pub(crate) fn is_same_file(a: &Path, b: &Path) -> bool {
-    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
 /// Writes the table or the images and returns their number.

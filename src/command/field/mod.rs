@@ -1,19 +1,17 @@
 //! `ricochet field`: the displacement field between two still images, or of a series of images.
 
-pub(crate) mod folder;
 mod roi;
 mod series;
 mod start;
-pub(crate) mod stills;
+mod stills;
 mod table;
 
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
-use super::export::is_same_file;
-use crate::console::Outcome;
-use crate::dic::{CorrelationError, CorrelationParams, Correlator, Region};
-use crate::failure::{ExitCode, Fatal};
+use crate::console::{Outcome, WriteError, check_no_input};
+use crate::dic::{CorrelationParams, Correlator, Region};
+use crate::failure::Failure;
 use crate::image::ImageView;
 use crate::process::Stop;
 use crate::results::{FieldPoint, PointStatus};
@@ -21,6 +19,7 @@ use crate::results::{FieldPoint, PointStatus};
 pub use crate::plot::Quantity;
 pub use roi::{Corners, Roi};
 pub use start::Begin;
+pub(crate) use stills::{Size, grid_points, read_pair};
 use table::Layout;
 
 /// The options of `ricochet field`.
@@ -53,55 +52,12 @@ pub struct FieldOptions {
     pub begin: Begin,
 }
 
-/// The reason why a field could not be measured.
-#[derive(Debug, thiserror::Error)]
-pub enum FieldError {
-    /// The options or images are inconsistent.
-    #[error("{0}")]
-    Usage(String),
-    /// An image cannot be read.
-    #[error("cannot read {}: {reason}", path.display())]
-    Read {
-        /// The path of the image.
-        path: PathBuf,
-        /// The reason.
-        reason: String,
-    },
-    /// The table or the picture cannot be written.
-    #[error("cannot write {to}: {reason}")]
-    Write {
-        /// The path or stream.
-        to: String,
-        /// The reason.
-        reason: String,
-    },
-    /// A setting is out of range.
-    #[error(transparent)]
-    Correlation(#[from] CorrelationError),
-}
-
-impl Fatal for FieldError {
-    fn exit_code(&self) -> ExitCode {
-        if matches!(self, Self::Usage(_) | Self::Correlation(_)) { ExitCode::Usage } else { ExitCode::Recording }
-    }
-}
-
-impl FieldError {
-    fn read(path: &Path, reason: impl std::fmt::Display) -> Self {
-        Self::Read { path: path.to_owned(), reason: reason.to_string() }
-    }
-
-    pub(crate) fn write(to: &Path, reason: impl std::fmt::Display) -> Self {
-        Self::Write { to: to.display().to_string(), reason: reason.to_string() }
-    }
-}
-
 /// Measures the field, or those of a series, and writes tables, pictures and one summary line per field.
 ///
 /// # Errors
 ///
-/// [`FieldError`] naming the file, the option or both image sizes.
-pub fn run(options: &FieldOptions, stop: &Stop) -> Result<Outcome, FieldError> {
+/// When an option is invalid, a file cannot be read or written, or the image sizes differ.
+pub fn run(options: &FieldOptions, stop: &Stop) -> Result<Outcome, Failure> {
     if !options.later.is_empty() {
         return series::run(options, stop);
     }
@@ -110,16 +66,11 @@ pub fn run(options: &FieldOptions, stop: &Stop) -> Result<Outcome, FieldError> {
 }
 
 /// Measures the field of two images.
-fn pair(options: &FieldOptions) -> Result<(), FieldError> {
-    let inputs = [&options.reference, &options.target];
-    let outputs = [&options.output, &options.picture].into_iter().flatten();
-    if let Some(path) = outputs.into_iter().find(|path| inputs.iter().any(|input| is_same_file(path, input))) {
-        return Err(FieldError::Usage(format!(
-            "{}: cannot write: it would overwrite one of the images",
-            path.display()
-        )));
+fn pair(options: &FieldOptions) -> Result<(), Failure> {
+    for path in [&options.output, &options.picture].into_iter().flatten() {
+        check_no_input(path, [&options.reference, &options.target])?;
     }
-    let (reference, target) = stills::read_pair(&options.reference, &options.target)?;
+    let (reference, target) = read_pair(&options.reference, &options.target)?;
     let (a, b) = (reference.view(), target.view());
     let (field, start) = measure(options, a, b)?;
     let layout = Layout { json: options.json, named: false };
@@ -140,8 +91,8 @@ fn pair(options: &FieldOptions) -> Result<(), FieldError> {
     Ok(())
 }
 
-fn to_standard_output(reason: impl std::fmt::Display) -> FieldError {
-    FieldError::write(Path::new("standard output"), reason)
+fn to_standard_output(reason: impl std::fmt::Display) -> WriteError {
+    WriteError::new("standard output", reason)
 }
 
 /// Draws the vectors or the colour map; returns the legend of the map.
@@ -150,7 +101,7 @@ fn save_picture(
     reference: ImageView<'_>,
     field: &[FieldPoint],
     path: &Path,
-) -> Result<Option<String>, FieldError> {
+) -> Result<Option<String>, Failure> {
     let step_px = options.params.step_px;
     let (drawn, legend) = match options.map {
         None => (crate::plot::draw_vectors(reference, field, step_px), None),
@@ -159,21 +110,14 @@ fn save_picture(
             (map.picture, Some(map.legend))
         }
     };
-    drawn.save(path).map_err(|error| FieldError::write(path, error))?;
+    drawn.save(path).map_err(|error| WriteError::new(path, error))?;
     Ok(legend)
 }
 
 impl FieldOptions {
     /// Returns the region that subsets are cut to.
     fn cut(&self) -> Option<Region> {
-        let rectangle = |[x, y, width, height]: [u32; 4]| {
-            let (left, top) = (f64::from(x) - 0.5, f64::from(y) - 0.5);
-            let (right, bottom) = (left + f64::from(width), top + f64::from(height));
-            Region::Polygon {
-                outline_px: vec![[left, top], [right, top], [right, bottom], [left, bottom]],
-                holes_px: Vec::new(),
-            }
-        };
+        let rectangle = |roi: [u32; 4]| start::rectangle(roi.map(f64::from));
         self.region.clone().or_else(|| self.roi_px.filter(|_| self.partial).map(rectangle))
     }
 }
@@ -184,11 +128,11 @@ fn measure(
     options: &FieldOptions,
     reference: ImageView<'_>,
     target: ImageView<'_>,
-) -> Result<(Vec<FieldPoint>, Option<String>), FieldError> {
+) -> Result<(Vec<FieldPoint>, Option<String>), Failure> {
     start::check(options)?;
     let (width, height) = (reference.width(), reference.height());
     let mut correlator = Correlator::new(&options.params, width, height)?;
-    let points = stills::points_of(options, (width, height))?;
+    let points = stills::points_of(options, Size { width, height })?;
     correlator.set_region(options.cut());
     let (reference, target) = (correlator.prepare(reference), correlator.prepare(target));
     let mut field = Vec::with_capacity(points.len());

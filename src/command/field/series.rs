@@ -1,29 +1,30 @@
 //! A series of targets, correlated with one reference until it has to be updated.
 
-use std::collections::BTreeSet;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
+use super::stills::Still;
 use super::table::Layout;
-use super::{Begin, FieldError, FieldOptions, folder, save_picture, start, stills, summary, to_standard_output};
-use crate::console::{Outcome, progress};
+use super::{Begin, FieldOptions, Size, save_picture, start, stills, summary, to_standard_output};
+use crate::console::{Outcome, UsageError, check_no_input, create_directory, progress};
 use crate::dic::{Correlator, Series};
+use crate::failure::Failure;
 use crate::image::ImageView;
 use crate::process::Stop;
 use crate::results::FieldPoint;
 
 /// Measures every target and prints one summary line each.
-pub(super) fn run(options: &FieldOptions, stop: &Stop) -> Result<Outcome, FieldError> {
+pub(super) fn run(options: &FieldOptions, stop: &Stop) -> Result<Outcome, Failure> {
     check(options)?;
     let targets: Vec<&Path> = std::iter::once(&options.target).chain(&options.later).map(PathBuf::as_path).collect();
     // All sizes are checked first, so that a wrong image is reported before the first measurement.
-    let reference = (options.reference.as_path(), stills::size_px(&options.reference)?);
+    let reference = Still { path: &options.reference, size: stills::size_px(&options.reference)? };
     for target in &targets {
-        stills::check_size(reference, (target, stills::size_px(target)?))?;
+        reference.check_size(&Still { path: target, size: stills::size_px(target)? })?;
     }
-    let (width, height) = reference.1;
+    let Size { width, height } = reference.size;
     let mut correlator = Correlator::new(&options.params, width, height)?;
-    let points = stills::points_of(options, (width, height))?;
+    let points = stills::points_of(options, reference.size)?;
     correlator.set_region(options.cut());
     let outputs = Outputs::make(options, &targets)?;
     let first = stills::read_still(&options.reference)?;
@@ -37,11 +38,11 @@ pub(super) fn run(options: &FieldOptions, stop: &Stop) -> Result<Outcome, FieldE
         }
         let picture = bar.suspend(|| stills::read_still(target))?;
         let view = picture.view();
-        stills::check_size(reference, (target, (view.width(), view.height())))?;
+        reference.check_size(&Still { path: target, size: Size::of(view) })?;
         let renewals = series.renewals();
         series.push(view, &mut field);
         let is_renewed = series.renewals() > renewals;
-        bar.suspend(|| -> Result<(), FieldError> {
+        bar.suspend(|| -> Result<(), Failure> {
             let legend = outputs.write(index, target, first.view(), &field)?;
             let renewed = is_renewed.then(|| "reference updated".to_owned());
             let notes: Vec<String> = [Some(summary(&field)), renewed, legend].into_iter().flatten().collect();
@@ -58,11 +59,11 @@ pub(super) fn run(options: &FieldOptions, stop: &Stop) -> Result<Outcome, FieldE
 ///
 /// # Errors
 ///
-/// [`FieldError::Usage`] naming the option and the allowed values.
-fn check(options: &FieldOptions) -> Result<(), FieldError> {
+/// [`UsageError`] naming the option and the allowed values.
+fn check(options: &FieldOptions) -> Result<(), UsageError> {
     if options.begin != Begin::Neighbor {
         let word = Begin::WORDS.iter().find(|(_, begin)| *begin == options.begin).map_or("", |(word, _)| word);
-        return Err(FieldError::Usage(format!(
+        return Err(UsageError(format!(
             "--start {word}: not allowed with several targets, which start from the previous one"
         )));
     }
@@ -83,27 +84,23 @@ impl<'a> Outputs<'a> {
     /// # Errors
     ///
     /// When an image would be overwritten, files of a longer series would remain, or a directory cannot be created.
-    fn make(options: &'a FieldOptions, targets: &[&Path]) -> Result<Self, FieldError> {
+    fn make(options: &'a FieldOptions, targets: &[&Path]) -> Result<Self, Failure> {
         let outputs = Self { options, digits: targets.len().to_string().len().max(4) };
-        let inputs: BTreeSet<PathBuf> = std::iter::once(&options.reference.as_path())
-            .chain(targets)
-            .filter_map(|path| path.canonicalize().ok())
-            .collect();
         let paths = |index: usize| [outputs.table(index), outputs.picture(index)].into_iter().flatten();
         for path in (0..targets.len()).flat_map(paths) {
-            if path.canonicalize().is_ok_and(|path| inputs.contains(&path)) {
-                let reason = format!("{}: cannot write: it would overwrite one of the images", path.display());
-                return Err(FieldError::Usage(reason));
+            // Most outputs do not exist, and need not be compared with every input.
+            if path.exists() {
+                check_no_input(&path, std::iter::once(options.reference.as_path()).chain(targets.iter().copied()))?;
             }
         }
         if let Some(path) = paths(targets.len()).find(|path| path.exists()) {
             let reason =
                 format!("{}: cannot write next to it: it belongs to a longer series; delete it first", path.display());
-            return Err(FieldError::Usage(reason));
+            return Err(UsageError(reason).into());
         }
         for (option, path) in [("--output", &options.output), ("--picture", &options.picture)] {
             if let Some(path) = path {
-                folder::make(option, path)?;
+                create_directory(option, path)?;
             }
         }
         if options.output.is_none() {
@@ -137,7 +134,7 @@ impl<'a> Outputs<'a> {
         target: &Path,
         first: ImageView<'_>,
         field: &[FieldPoint],
-    ) -> Result<Option<String>, FieldError> {
+    ) -> Result<Option<String>, Failure> {
         match self.table(index) {
             Some(path) => self.layout().write_file(&path, field)?,
             None => {

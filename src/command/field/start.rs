@@ -1,7 +1,9 @@
 //! The initial guess of the subset search.
 
-use super::{FieldError, FieldOptions};
+use super::FieldOptions;
+use crate::console::UsageError;
 use crate::dic::{BodyMotion, CorrelationParams, Method, PreparedFrame, Region, Shape, Start, find_at_any_angle};
+use crate::failure::Failure;
 use crate::results::PointStatus;
 
 /// The initial guess of the subset search.
@@ -40,8 +42,8 @@ pub(super) struct Found {
 ///
 /// # Errors
 ///
-/// [`FieldError::Usage`] naming the method or the shape.
-pub(super) fn check(options: &FieldOptions) -> Result<(), FieldError> {
+/// [`UsageError`] naming the method or the shape.
+pub(super) fn check(options: &FieldOptions) -> Result<(), UsageError> {
     match options.begin {
         Begin::AnyAngle => check_turns("--start any-angle", &options.params),
         Begin::Neighbor | Begin::Search => Ok(()),
@@ -52,12 +54,10 @@ pub(super) fn check(options: &FieldOptions) -> Result<(), FieldError> {
 ///
 /// # Errors
 ///
-/// [`FieldError::Usage`] naming the feature that needs it, and the method or the shape.
-pub(super) fn check_turns(needed: &str, params: &CorrelationParams) -> Result<(), FieldError> {
+/// [`UsageError`] naming the feature that needs it, and the method or the shape.
+pub(super) fn check_turns(needed: &str, params: &CorrelationParams) -> Result<(), UsageError> {
     let refuse = |key: &str, word: &str, range: &str| {
-        Err(FieldError::Usage(format!(
-            "{needed}: needs subsets that can rotate, but {key} is {word}; allowed: {range}"
-        )))
+        Err(UsageError(format!("{needed}: needs subsets that can rotate, but {key} is {word}; allowed: {range}")))
     };
     if params.method != Method::IcGn {
         let word = Method::WORDS.iter().find(|(_, method)| *method == params.method).map_or("", |(word, _)| word);
@@ -73,12 +73,12 @@ pub(super) fn check_turns(needed: &str, params: &CorrelationParams) -> Result<()
 ///
 /// # Errors
 ///
-/// [`FieldError::Usage`] when the region is not found in the target.
+/// [`UsageError`] when the region is not found in the target.
 pub(super) fn find(
     options: &FieldOptions,
     reference: &PreparedFrame,
     target: &PreparedFrame,
-) -> Result<Found, FieldError> {
+) -> Result<Found, Failure> {
     match options.begin {
         Begin::Neighbor => Ok(Found { start: Start::Neighbor, note: None }),
         Begin::Search => Ok(Found { start: Start::Search, note: None }),
@@ -86,11 +86,7 @@ pub(super) fn find(
     }
 }
 
-fn at_any_angle(
-    options: &FieldOptions,
-    reference: &PreparedFrame,
-    target: &PreparedFrame,
-) -> Result<Found, FieldError> {
+fn at_any_angle(options: &FieldOptions, reference: &PreparedFrame, target: &PreparedFrame) -> Result<Found, Failure> {
     let (width, height) = (reference.width() as f64, reference.height() as f64);
     let bounds = options.region.as_ref().and_then(Region::bounds_px);
     let rectangle = match (options.roi_px, bounds) {
@@ -120,11 +116,12 @@ fn at_any_angle(
             (None, Some(status)) => status.as_str().to_owned(),
             (None, None) => format!("the region is smaller than {} px", 2.0 * MIN_RADIUS_PX),
         };
-        return Err(FieldError::Usage(format!(
+        return Err(UsageError(format!(
             "--start any-angle: cannot find the region of {} in {}: {why}",
             options.reference.display(),
             options.target.display()
-        )));
+        ))
+        .into());
     };
     let (u_px, v_px, angle_deg) = (motion.u_px, motion.v_px, motion.angle_deg);
     let note = format!(
@@ -134,8 +131,19 @@ fn at_any_angle(
 }
 
 /// Returns the centre of the pixels of a rectangle (x, y, width, height).
-fn center([x, y, width, height]: [f64; 4]) -> [f64; 2] {
+fn center(rectangle: [f64; 4]) -> [f64; 2] {
+    let [x, y, width, height] = rectangle;
     [x + 0.5 * (width - 1.0), y + 0.5 * (height - 1.0)]
+}
+
+/// Returns the region of a rectangle of pixels (x, y, width, height).
+pub(super) fn rectangle(rectangle: [f64; 4]) -> Region {
+    let [x, y, width, height] = rectangle;
+    let (left, top, right, bottom) = (x - 0.5, y - 0.5, x + width - 0.5, y + height - 0.5);
+    Region::Polygon {
+        outline_px: vec![[left, top], [right, top], [right, bottom], [left, bottom]],
+        holes_px: Vec::new(),
+    }
 }
 
 /// Returns the rectangle and parts of it, the largest first.
@@ -143,9 +151,7 @@ fn center([x, y, width, height]: [f64; 4]) -> [f64; 2] {
 /// The whole rectangle determines the angle best but fits into the image at few angles only. Discs can rotate freely,
 /// and small ones are still visible when a part has left the image.
 fn regions(rectangle: [f64; 4]) -> Vec<Region> {
-    let [x, y, width, height] = rectangle;
-    let (left, top, right, bottom) = (x - 0.5, y - 0.5, x + width - 0.5, y + height - 0.5);
-    let outline_px = vec![[left, top], [right, top], [right, bottom], [left, bottom]];
+    let [_, _, width, height] = rectangle;
     let [cx, cy] = center(rectangle);
     let large = 0.5 * (width.min(height) - 1.0);
     let disc = |x_px: f64, y_px: f64, radius_px: f64| Region::Disc { x_px, y_px, radius_px };
@@ -157,7 +163,7 @@ fn regions(rectangle: [f64; 4]) -> Vec<Region> {
     let discs = [disc(cx, cy, large)].into_iter().chain(corners(0.7 * large));
     let discs = discs.chain([disc(cx, cy, 0.5 * large)]).chain(corners(0.5 * large));
     let is_large = |region: &Region| !matches!(region, Region::Disc { radius_px, .. } if *radius_px < MIN_RADIUS_PX);
-    let all = (large >= MIN_RADIUS_PX).then_some(Region::Polygon { outline_px, holes_px: Vec::new() });
+    let all = (large >= MIN_RADIUS_PX).then(|| self::rectangle(rectangle));
     all.into_iter().chain(discs.filter(is_large)).collect()
 }
 

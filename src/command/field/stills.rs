@@ -1,75 +1,121 @@
 //! Reading of still images and the grid of subsets on them.
 
+use std::fmt;
 use std::fs::File;
 use std::io::BufReader;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use super::{FieldError, FieldOptions};
+use super::FieldOptions;
+use crate::console::UsageError;
 use crate::dic::grid;
 use crate::dic::{CorrelationParams, GridPoint};
-use crate::image::Image;
+use crate::failure::{ExitCode, Failure, Fatal};
+use crate::image::{Image, ImageView};
+
+/// An image that cannot be read.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot read {}: {reason}", path.display())]
+struct ReadError {
+    path: PathBuf,
+    reason: String,
+}
+
+impl ReadError {
+    fn new(path: &Path, reason: impl fmt::Display) -> Self {
+        Self { path: path.to_owned(), reason: reason.to_string() }
+    }
+}
+
+impl Fatal for ReadError {
+    fn exit_code(&self) -> ExitCode {
+        ExitCode::Recording
+    }
+}
+
+/// Width and height of an image, px.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Size {
+    pub(crate) width: usize,
+    pub(crate) height: usize,
+}
+
+impl Size {
+    /// Returns the size of an image.
+    pub(crate) fn of(image: ImageView<'_>) -> Self {
+        Self { width: image.width(), height: image.height() }
+    }
+}
+
+impl fmt::Display for Size {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "{} x {} px", self.width, self.height)
+    }
+}
+
+/// The file of an image and its size.
+pub(super) struct Still<'a> {
+    pub(super) path: &'a Path,
+    pub(super) size: Size,
+}
+
+impl Still<'_> {
+    /// Checks that a target has the size of this reference.
+    ///
+    /// # Errors
+    ///
+    /// [`UsageError`] with both sizes.
+    pub(super) fn check_size(&self, target: &Still<'_>) -> Result<(), UsageError> {
+        if self.size == target.size {
+            return Ok(());
+        }
+        Err(UsageError(format!(
+            "{} is {} but {} is {}: both images need the same size",
+            self.path.display(),
+            self.size,
+            target.path.display(),
+            target.size
+        )))
+    }
+}
 
 /// Reads two images of the same size.
 ///
 /// # Errors
 ///
-/// [`FieldError`] naming the file that cannot be read, or both sizes.
-pub(crate) fn read_pair(reference: &Path, target: &Path) -> Result<(Image, Image), FieldError> {
+/// When a file cannot be read, or the sizes differ.
+pub(crate) fn read_pair(reference: &Path, target: &Path) -> Result<(Image, Image), Failure> {
     let (a, b) = (read_still(reference)?, read_still(target)?);
-    let size = |image: &Image| (image.view().width(), image.view().height());
-    check_size((reference, size(&a)), (target, size(&b)))?;
+    let still = |path, image: &Image| Still { path, size: Size::of(image.view()) };
+    still(reference, &a).check_size(&still(target, &b))?;
     Ok((a, b))
 }
 
-/// Checks that the target has the size of the reference.
+/// Reads the size of an image from its header.
 ///
 /// # Errors
 ///
-/// [`FieldError::Usage`] with both sizes.
-pub(crate) fn check_size(
-    (reference, before): (&Path, (usize, usize)),
-    (target, after): (&Path, (usize, usize)),
-) -> Result<(), FieldError> {
-    if before == after {
-        return Ok(());
-    }
-    Err(FieldError::Usage(format!(
-        "{} is {} x {} px but {} is {} x {} px: both images need the same size",
-        reference.display(),
-        before.0,
-        before.1,
-        target.display(),
-        after.0,
-        after.1
-    )))
-}
-
-/// Reads width and height of an image from its header, px.
-///
-/// # Errors
-///
-/// [`FieldError::Read`] naming the file.
-pub(crate) fn size_px(path: &Path) -> Result<(usize, usize), FieldError> {
+/// When the file cannot be read.
+pub(super) fn size_px(path: &Path) -> Result<Size, Failure> {
     let (width, height) = open(path)?.into_dimensions().map_err(|error| unreadable(path, &error))?;
-    Ok((width as usize, height as usize))
+    Ok(Size { width: width as usize, height: height as usize })
 }
 
 /// Returns the subset centres of an image or a region of it, at least one.
 ///
 /// # Errors
 ///
-/// [`FieldError::Usage`] when the region exceeds the image or has no room for a subset.
-pub(crate) fn points(
+/// [`UsageError`] when the region exceeds the image or has no room for a subset.
+pub(crate) fn grid_points(
     name: &Path,
-    (width, height): (usize, usize),
+    size: Size,
     roi_px: Option<[u32; 4]>,
     params: &CorrelationParams,
-) -> Result<Vec<GridPoint>, FieldError> {
-    let roi = checked_roi(name, (width, height), roi_px)?;
+) -> Result<Vec<GridPoint>, UsageError> {
+    let roi = checked_roi(name, size, roi_px)?;
     let points = grid::rectangle(roi, params.step_px, params.subset_size_px);
     if points.is_empty() {
         let ([_, _, width, height], subset_px) = (roi, params.subset_size_px);
-        return Err(FieldError::Usage(format!(
+        return Err(UsageError(format!(
             "{}: {width} x {height} px are too small for a subset of {subset_px} px",
             name.display()
         )));
@@ -78,12 +124,11 @@ pub(crate) fn points(
 }
 
 /// Returns the given rectangle, or the whole image.
-fn checked_roi(name: &Path, (width, height): (usize, usize), roi_px: Option<[u32; 4]>) -> Result<[u32; 4], FieldError> {
-    let name = name.display();
-    let roi = roi_px.unwrap_or([0, 0, width as u32, height as u32]);
+fn checked_roi(name: &Path, size: Size, roi_px: Option<[u32; 4]>) -> Result<[u32; 4], UsageError> {
+    let roi = roi_px.unwrap_or([0, 0, size.width as u32, size.height as u32]);
     let inside = |start: u32, extent: u32, size: usize| u64::from(start) + u64::from(extent) <= size as u64;
-    if !(inside(roi[0], roi[2], width) && inside(roi[1], roi[3], height)) {
-        return Err(FieldError::Usage(format!("--roi {roi:?}: exceeds {name} of {width} x {height} px")));
+    if !(inside(roi[0], roi[2], size.width) && inside(roi[1], roi[3], size.height)) {
+        return Err(UsageError(format!("--roi {roi:?}: exceeds {} of {size}", name.display())));
     }
     Ok(roi)
 }
@@ -92,27 +137,27 @@ fn checked_roi(name: &Path, (width, height): (usize, usize), roi_px: Option<[u32
 ///
 /// # Errors
 ///
-/// Like [`points`], and when no subset centre lies in the polygon.
-pub(crate) fn points_of(options: &FieldOptions, (width, height): (usize, usize)) -> Result<Vec<GridPoint>, FieldError> {
+/// Like [`grid_points`], and when no subset centre lies in the polygon.
+pub(super) fn points_of(options: &FieldOptions, size: Size) -> Result<Vec<GridPoint>, UsageError> {
     let (name, params) = (&options.reference, &options.params);
     let all = |roi_px| {
-        let whole = points(name, (width, height), roi_px, params)?;
+        let whole = grid_points(name, size, roi_px, params)?;
         if !options.partial {
             return Ok(whole);
         }
-        Ok(grid::partial(checked_roi(name, (width, height), roi_px)?, params.step_px, params.subset_size_px))
+        Ok(grid::partial(checked_roi(name, size, roi_px)?, params.step_px, params.subset_size_px))
     };
     let Some(region) = &options.region else { return all(options.roi_px) };
     let mut found = all(None)?;
     found.retain(|point| region.contains(f64::from(point.x), f64::from(point.y)));
     if found.is_empty() {
-        return Err(FieldError::Usage(format!("--polygon: no subset centre of {} lies inside", name.display())));
+        return Err(UsageError(format!("--polygon: no subset centre of {} lies inside", name.display())));
     }
     Ok(found)
 }
 
 /// Reads a BMP, PNG, TIFF or PGM image of 8 or 16 bit; converts colours to luma with a note on standard error.
-pub(crate) fn read_still(path: &Path) -> Result<Image, FieldError> {
+pub(crate) fn read_still(path: &Path) -> Result<Image, Failure> {
     let picture = open(path)?.decode().map_err(|error| unreadable(path, &error))?;
     let color = picture.color();
     // Grey images with a palette are decoded as colour images with equal channels.
@@ -125,14 +170,14 @@ pub(crate) fn read_still(path: &Path) -> Result<Image, FieldError> {
     } else {
         picture.to_luma8().into_raw().into_iter().map(f32::from).collect()
     };
-    Image::from_vec(data, width, height).map_err(|error| FieldError::read(path, error))
+    Ok(Image::from_vec(data, width, height).map_err(|error| ReadError::new(path, error))?)
 }
 
-fn open(path: &Path) -> Result<image::ImageReader<BufReader<File>>, FieldError> {
-    let refuse = |error: std::io::Error| FieldError::read(path, error);
+fn open(path: &Path) -> Result<image::ImageReader<BufReader<File>>, ReadError> {
+    let refuse = |error: std::io::Error| ReadError::new(path, error);
     image::ImageReader::open(path).map_err(refuse)?.with_guessed_format().map_err(refuse)
 }
 
-fn unreadable(path: &Path, error: &image::ImageError) -> FieldError {
-    FieldError::read(path, format!("not a readable BMP, PNG, TIFF or PGM image: {error}"))
+fn unreadable(path: &Path, error: &image::ImageError) -> ReadError {
+    ReadError::new(path, format!("not a readable BMP, PNG, TIFF or PGM image: {error}"))
 }

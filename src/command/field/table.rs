@@ -1,11 +1,10 @@
 //! The output table of a field.
 
-use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::Write;
 use std::path::Path;
 
-use super::FieldError;
 use crate::command::json_cells;
+use crate::console::write_file;
 use crate::failure::Failure;
 use crate::results::FieldPoint;
 
@@ -61,11 +60,11 @@ impl Layout {
     ///
     /// # Errors
     ///
-    /// [`FieldError::Write`] naming the file.
-    pub(super) fn write_file(self, path: &Path, field: &[FieldPoint]) -> Result<(), FieldError> {
-        let layout = Self { named: false, ..self };
-        let mut file = BufWriter::new(File::create(path).map_err(|error| FieldError::write(path, error))?);
-        let written = layout.head(&mut file).and_then(|()| layout.rows(field, path, file));
-        written.map_err(|error| FieldError::write(path, error))
+    /// [`WriteError`](crate::console::WriteError) naming the file.
+    pub(super) fn write_file(self, path: &Path, field: &[FieldPoint]) -> Result<(), Failure> {
+        let (layout, mut bytes) = (Self { named: false, ..self }, Vec::new());
+        layout.head(&mut bytes)?;
+        layout.rows(field, path, &mut bytes)?;
+        Ok(write_file(path, bytes)?)
     }
 }

@@ -3,7 +3,7 @@
 use crate::failure::Failure;
 use std::path::Path;
 
-use crate::command::field::stills;
+use crate::command::field::{Size, grid_points, read_pair};
 use crate::console::UsageError;
 use crate::dic::grid;
 use crate::dic::{CorrelationParams, GridPoint};
@@ -63,9 +63,8 @@ impl Subject {
 ///
 /// When a file cannot be read, the sizes differ, or the region exceeds the image.
 pub(super) fn read(files: &Files<'_>, params: &CorrelationParams) -> Result<Subject, Failure> {
-    let (reference, target) = stills::read_pair(files.reference, files.target)?;
-    let size = (reference.view().width(), reference.view().height());
-    let points = stills::points(files.reference, size, files.roi_px, params)?;
+    let (reference, target) = read_pair(files.reference, files.target)?;
+    let points = grid_points(files.reference, Size::of(reference.view()), files.roi_px, params)?;
     Ok(Subject { pairs: vec![Pair { reference, target, truth_px: None }], points })
 }
 

@@ -14,9 +14,8 @@ use std::path::PathBuf;
 
 use self::rig::Rig;
 use self::scatter::Prediction;
-use crate::command::field::folder;
 use crate::config::Config;
-use crate::console::{Outcome, UsageError, progress};
+use crate::console::{Outcome, UsageError, create_directory, progress};
 use crate::process::Stop;
 
 pub use self::scatter::{Expected, spread};
@@ -71,7 +70,7 @@ pub fn run(options: &DesignOptions, stop: &Stop) -> Result<Outcome, Failure> {
     }
     let config = Config::load(&options.config)?;
     if let Some(directory) = &options.output {
-        folder::make("--output", directory)?;
+        create_directory("--output", directory)?;
     }
     let rig = Rig::new(config, options.scenario.as_deref(), options.noise_dn)?;
     let stopped = || Outcome::Lost { count: 1, cause: Some("stopped before the prediction was complete".into()) };

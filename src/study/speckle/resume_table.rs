@@ -14,8 +14,7 @@ use serde_json::Value;
 use super::films_plan::Film;
 use super::methods::Method;
 use super::row::Row;
-use crate::command::field::{FieldError, folder};
-use crate::console::UsageError;
+use crate::console::{UsageError, WriteError, create_directory, write_file};
 
 /// Advice for a table that cannot be resumed.
 const ADVICE: &str = "choose another directory, or delete both files to start again";
@@ -63,15 +62,15 @@ impl ResumeTable {
         settings: &Value,
         contents: &Contents<'_>,
     ) -> Result<(Self, Vec<Row>), Failure> {
-        folder::make("--output", directory)?;
+        create_directory("--output", directory)?;
         let path = directory.join(format!("{name}_films.csv"));
         check_settings(&directory.join(format!("{name}_settings.json")), &path, settings)?;
         let open = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path);
-        let mut file = open.map_err(|error| FieldError::write(&path, error))?;
-        let bytes = std::fs::read(&path).map_err(|error| FieldError::write(&path, error))?;
+        let mut file = open.map_err(|error| WriteError::new(&path, error))?;
+        let bytes = std::fs::read(&path).map_err(|error| WriteError::new(&path, error))?;
         let (rows, whole) = read_completed(&path, &bytes, contents)?;
-        file.set_len(whole).map_err(|error| FieldError::write(&path, error))?;
-        file.seek(SeekFrom::End(0)).map_err(|error| FieldError::write(&path, error))?;
+        file.set_len(whole).map_err(|error| WriteError::new(&path, error))?;
+        file.seek(SeekFrom::End(0)).map_err(|error| WriteError::new(&path, error))?;
         Ok((Self { path, file, has_header: whole > 0 }, rows))
     }
 
@@ -88,12 +87,12 @@ impl ResumeTable {
     ///
     /// # Errors
     ///
-    /// [`FieldError`] when the file cannot be written.
+    /// [`WriteError`] when the file cannot be written.
     pub(super) fn add(&mut self, rows: &[Row]) -> Result<(), Failure> {
         let mut csv = csv::WriterBuilder::new().has_headers(!self.has_header).from_writer(Vec::new());
         rows.iter().try_for_each(|row| csv.serialize(row))?;
         let bytes = csv.into_inner().map_err(|error| Failure::internal(format!("{error}")))?;
-        self.file.write_all(&bytes).map_err(|error| FieldError::write(&self.path, error))?;
+        self.file.write_all(&bytes).map_err(|error| WriteError::new(&self.path, error))?;
         self.has_header = true;
         Ok(())
     }
@@ -103,7 +102,7 @@ impl ResumeTable {
 fn check_settings(path: &Path, table: &Path, settings: &Value) -> Result<(), Failure> {
     if !table.exists() {
         let text = format!("{settings:#}\n");
-        return Ok(std::fs::write(path, text).map_err(|error| FieldError::write(path, error))?);
+        return Ok(write_file(path, text)?);
     }
     let text = std::fs::read_to_string(path).map_err(|error| {
         UsageError(format!("{}: cannot read its settings ({}: {error}); {ADVICE}", table.display(), path.display()))
