@@ -419,7 +419,7 @@ fn after_a_killed_camera_process_the_recording_continues_with_a_new_epoch() {
     assert_eq!((last.epoch, next.epoch, next.sequence % 16), (0, 1, 0));
     assert!(next.stamp_ns - last.stamp_ns < 3_000_000_000, "the camera streams again within 3 s");
     let events = csv(path, "events");
-    let restart = format!("frame {}: its process was started again; epoch 1", next.sequence);
+    let restart = format!("frame {}: its process was restarted; epoch 1", next.sequence);
     assert!(events.contains(&restart) && events.contains("acquire 0 ended with signal: 9 (SIGKILL)"), "{events}");
     let (code, analysed) = analysis(&rig, path, "1");
     assert_eq!(code, Some(6));

@@ -221,9 +221,9 @@ fn a_killed_camera_process_leaves_a_gap_in_its_own_camera_only() {
     assert_eq!((last.epoch, next.epoch, next.sequence % 16), (0, 1, 0));
     assert!(next.stamp_ns - last.stamp_ns < 3_000_000_000, "it was away for {} ns", next.stamp_ns - last.stamp_ns);
     let events = csv(&recording, "events");
-    assert!(events.contains("acquire 0 of side ended with signal: 9 (SIGKILL) and was started again"), "{events}");
+    assert!(events.contains("acquire 0 of side ended with signal: 9 (SIGKILL) and was restarted"), "{events}");
     assert!(
-        events.contains(&format!("side: frame {}: its process was started again; epoch 1", next.sequence)),
+        events.contains(&format!("side: frame {}: its process was restarted; epoch 1", next.sequence)),
         "{events}"
     );
     let results = rig.path("results.mcap");

@@ -129,7 +129,7 @@ fn a_film_too_fast_to_draw_and_too_long_to_keep_is_refused() {
     assert!(matches!(error, CameraError::Setting { .. }));
     let line = error.to_string();
     assert!(line.starts_with("cannot set camera feature camera.frame_rate_hz to 1000000: a frame takes"), "{line}");
-    assert!(line.contains("40000 frames of 49152 bytes are more than the 1073741824 bytes"), "{line}");
+    assert!(line.contains("40000 frames of 49152 bytes exceed the 1073741824 bytes"), "{line}");
 }
 
 #[test]

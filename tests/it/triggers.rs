@@ -289,7 +289,7 @@ fn a_drop_is_recorded_around_its_predicted_contact_and_starts_the_actions() {
     let (contact, deepest) = (texts("contact"), texts("deepest"));
     let since: f64 = contact[0].split(' ').rev().nth(1).unwrap().parse().unwrap();
     assert!(contact.len() == 1 && (since - 8.0).abs() < 0.2, "{contact:?}");
-    assert!(deepest.len() == 1 && deepest[0].starts_with("ball was deepest at "), "{deepest:?}");
+    assert!(deepest.len() == 1 && deepest[0].starts_with("ball: deepest at "), "{deepest:?}");
     let mut states = texts("state").into_iter();
     for wanted in ["preparing", "armed", "falling", "impact", "done"] {
         assert!(states.any(|state| state == wanted), "{wanted} in order among {:?}", texts("state"));
