@@ -1,11 +1,16 @@
 //! Helpers for applying settings, shared by all kinds of cameras.
 
 use super::CameraError;
-use crate::config::FeatureValue;
+use crate::config::{self, FeatureValue};
 use std::fmt;
 
 /// The delay of the consumer that the slots of a camera must absorb, s.
 const MAX_CONSUMER_DELAY_S: f64 = 0.05;
+
+/// Whether the configured tone curve is linear, so that a gamma of the camera would not be corrected for.
+pub fn is_linear(settings: &config::Camera) -> bool {
+    settings.gamma.total_cmp(&1.0).is_eq()
+}
 
 /// Returns the error for a refused setting.
 pub fn setting_error(feature: &str, value: impl fmt::Display, reason: impl Into<String>) -> CameraError {

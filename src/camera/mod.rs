@@ -1,6 +1,7 @@
 //! Cameras: every source that fills a slot of the ring with a frame.
 
 mod delivery_latency;
+mod feature_line;
 mod feature_setting;
 pub mod genicam;
 pub mod realtime_priority;
@@ -9,6 +10,7 @@ pub mod simulated;
 mod slot;
 pub mod v4l2;
 
+pub use feature_line::{FeatureKind, FeatureLine};
 pub use slot::Slot;
 
 use crate::failure::{ExitCode, Fatal};
@@ -90,7 +92,7 @@ pub enum CameraError {
     NotFound {
         /// The `id` of the configuration.
         id: String,
-        /// What was tried, and the outcome.
+        /// The attempt and its outcome.
         reason: String,
     },
     /// A system library is missing.

@@ -2,32 +2,23 @@
 
 use super::delivery_latency::DeliveryLatency;
 use super::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
-use crate::image::FrameMeta;
+use crate::image::{FrameMeta, PixelFormat};
 use crate::recording::{Frames, Recording, RecordingError};
 use bytes::Bytes;
 use std::cmp::Ordering;
 use std::collections::VecDeque;
-use std::path::Path;
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 /// The playback speed of a recording.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PlaybackRate {
-    /// As fast as the frames are taken; no frame is lost.
+    /// At the speed of the consumer; no frame is lost.
     Max,
     /// A multiple of the recorded speed: 1 is real time.
     Times(f64),
-}
-
-/// Whether a recording is repeated.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Repeat {
-    /// The stream ends after the last frame.
-    #[default]
-    Once,
-    /// The recording starts again with a higher epoch. Stamps and sequence numbers repeat unchanged.
-    Forever,
+    /// One frame per line on standard input. The stream ends with that input.
+    Stepped,
 }
 
 /// A part of a recording: the half-open interval from `from_s` to `to_s`, in seconds after its first frame.
@@ -58,15 +49,30 @@ impl TimeRange {
     }
 }
 
+/// The playback of a recording.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Playback {
+    /// Playback speed.
+    pub rate: PlaybackRate,
+    /// The part that is played.
+    pub range: TimeRange,
+    /// Offset of every stamp, ns.
+    pub shift_ns: i64,
+}
+
+impl Default for Playback {
+    fn default() -> Self {
+        Self { rate: PlaybackRate::Max, range: TimeRange::ALL, shift_ns: 0 }
+    }
+}
+
 /// Replays a recording with its original stamps and sequence numbers.
 #[derive(Debug)]
 pub struct ReplayCamera {
     recording: Recording,
     frames: Frames,
     format: StreamFormat,
-    rate: PlaybackRate,
-    repeat: Repeat,
-    range: TimeRange,
+    playback: Playback,
     /// Stamp of the recording's first frame.
     first_ns: u64,
     slots: VecDeque<Slot>,
@@ -78,12 +84,6 @@ pub struct ReplayCamera {
     due: Option<Instant>,
     reading: Duration,
     delivery: DeliveryLatency,
-    /// Offset of the recorded epochs.
-    epoch_base: u32,
-    epoch_highest: u32,
-    /// Offset of the recorded stamps.
-    shift_ns: i64,
-    is_stepped: bool,
     /// Frames before this one are skipped.
     begin: u64,
     /// Receives one message per frame that may be published, once started.
@@ -91,26 +91,17 @@ pub struct ReplayCamera {
 }
 
 impl ReplayCamera {
-    /// Opens a recording for replay.
+    /// Prepares the replay of a recording.
     ///
-    /// The frame rate in [`format`](Camera::format) is that of the recording, whatever the playback rate. It is 0
-    /// if the recording has a single frame and no recorded rate.
+    /// The frame rate in [`format`](Camera::format) is that of the recording, whatever the playback rate. It is 0 if
+    /// the recording has a single frame and no recorded rate.
     ///
     /// # Errors
     ///
-    /// [`CameraError::Recording`] if the file cannot be read or holds no frames.
+    /// [`CameraError::Recording`] if the recording cannot be read or holds no frames.
     /// [`CameraError::Setting`] if the rate is not a positive number.
-    pub fn open(path: &Path, rate: PlaybackRate, repeat: Repeat) -> Result<Self, CameraError> {
-        Self::play(Recording::open(path)?, rate, repeat)
-    }
-
-    /// Replays an open recording; otherwise like [`open`](Self::open).
-    ///
-    /// # Errors
-    ///
-    /// See [`open`](Self::open).
-    pub fn play(recording: Recording, rate: PlaybackRate, repeat: Repeat) -> Result<Self, CameraError> {
-        if let PlaybackRate::Times(times) = rate
+    pub fn new(recording: Recording, playback: Playback) -> Result<Self, CameraError> {
+        if let PlaybackRate::Times(times) = playback.rate
             && !(times.is_finite() && times > 0.0)
         {
             let (feature, reason) = ("rate".into(), "a positive number, or max".into());
@@ -134,9 +125,7 @@ impl ReplayCamera {
             recording,
             frames,
             format,
-            rate,
-            repeat,
-            range: TimeRange::ALL,
+            playback,
             first_ns: first.stamp_ns,
             slots: VecDeque::new(),
             pending: None,
@@ -144,28 +133,9 @@ impl ReplayCamera {
             due: None,
             reading: Duration::ZERO,
             delivery: DeliveryLatency::default(),
-            epoch_base: 0,
-            epoch_highest: 0,
-            shift_ns: 0,
-            is_stepped: false,
             begin: 0,
             steps: None,
         })
-    }
-
-    /// Adds an offset to every stamp.
-    pub fn shifted(self, shift_ns: i64) -> Self {
-        Self { shift_ns, ..self }
-    }
-
-    /// Makes each frame wait for a line on standard input. The stream ends with that input.
-    pub fn stepped(self) -> Self {
-        Self { is_stepped: true, ..self }
-    }
-
-    /// Restricts replay to a part of the recording.
-    pub fn within(self, range: TimeRange) -> Self {
-        Self { range, ..self }
     }
 
     /// Returns the next frame of the replayed part.
@@ -175,19 +145,13 @@ impl ReplayCamera {
             if frame.as_ref().is_ok_and(|(meta, _)| meta.sequence < self.begin) {
                 continue;
             }
-            let place =
-                frame.as_ref().map_or(Ordering::Equal, |(meta, _)| self.range.locate(self.first_ns, meta.stamp_ns));
-            match place {
+            let range = self.playback.range;
+            match frame.as_ref().map_or(Ordering::Equal, |(meta, _)| range.locate(self.first_ns, meta.stamp_ns)) {
                 Ordering::Less => {}
                 Ordering::Equal => return Some(frame),
                 Ordering::Greater => return None,
             }
         }
-    }
-
-    /// Returns the recording, for its configuration and ground truth.
-    pub fn recording(&self) -> &Recording {
-        &self.recording
     }
 
     /// Reads the next frame unless one is pending; returns `false` at the end.
@@ -196,34 +160,16 @@ impl ReplayCamera {
             return Ok(true);
         }
         let begin = now();
-        let mut next = self.next_within();
-        if next.is_none() && self.repeat == Repeat::Forever {
-            self.frames = self.recording.frames()?;
-            self.epoch_base = self.epoch_highest.saturating_add(1);
-            self.origin = None;
-            next = self.next_within();
-        }
-        let Some(frame) = next else { return Ok(false) };
+        let Some(frame) = self.next_within() else { return Ok(false) };
         let (mut meta, pixels) = frame?;
-        let shape = (meta.width_px, meta.height_px, meta.format);
-        if shape != (self.format.width_px, self.format.height_px, self.format.format) {
-            return Err(CameraError::Recording(RecordingError::Invalid {
-                path: self.recording.path().to_path_buf(),
-                reason: format!(
-                    "frame {} is {}x{} {}, the first one {}x{} {}",
-                    meta.sequence,
-                    meta.width_px,
-                    meta.height_px,
-                    meta.format.as_str(),
-                    self.format.width_px,
-                    self.format.height_px,
-                    self.format.format.as_str()
-                ),
-            }));
+        let shape = |width_px, height_px, format: PixelFormat| format!("{width_px}x{height_px} {}", format.as_str());
+        let found = shape(meta.width_px, meta.height_px, meta.format);
+        let expected = shape(self.format.width_px, self.format.height_px, self.format.format);
+        if found != expected {
+            let reason = format!("frame {} is {found}, the first one {expected}", meta.sequence);
+            return Err(RecordingError::invalid(self.recording.path(), reason).into());
         }
-        meta.epoch = meta.epoch.saturating_add(self.epoch_base);
-        self.epoch_highest = self.epoch_highest.max(meta.epoch);
-        meta.stamp_ns = meta.stamp_ns.saturating_add_signed(self.shift_ns);
+        meta.stamp_ns = meta.stamp_ns.saturating_add_signed(self.playback.shift_ns);
         self.pending = Some((meta, pixels));
         self.reading = now().saturating_duration_since(begin);
         Ok(true)
@@ -231,10 +177,7 @@ impl ReplayCamera {
 
     /// Sleeps until the frame is due, at most `timeout`; returns whether it is due.
     fn wait(&mut self, stamp_ns: u64, timeout: Duration) -> bool {
-        let PlaybackRate::Times(times) = self.rate else { return true };
-        if self.is_stepped {
-            return true;
-        }
+        let PlaybackRate::Times(times) = self.playback.rate else { return true };
         let now = now();
         let (start, first_ns) = *self.origin.get_or_insert((now, stamp_ns));
         let ahead_s = stamp_ns.saturating_sub(first_ns) as f64 * 1e-9 / times;
@@ -298,11 +241,7 @@ impl Camera for ReplayCamera {
     }
 
     fn pace(&self) -> Pace {
-        match self.rate {
-            _ if self.is_stepped => Pace::OnDemand,
-            PlaybackRate::Max => Pace::OnDemand,
-            PlaybackRate::Times(_) => Pace::Live,
-        }
+        if matches!(self.playback.rate, PlaybackRate::Times(_)) { Pace::Live } else { Pace::OnDemand }
     }
 
     fn slots(&self) -> usize {
@@ -315,7 +254,7 @@ impl Camera for ReplayCamera {
 
     fn start(&mut self) -> Result<(), CameraError> {
         self.origin = None;
-        if self.is_stepped && self.steps.is_none() {
+        if self.playback.rate == PlaybackRate::Stepped && self.steps.is_none() {
             self.steps = Some(lines());
         }
         Ok(())

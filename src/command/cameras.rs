@@ -1,7 +1,7 @@
 //! `ricochet cameras`: lists the available cameras and their features.
 
-use crate::camera::genicam::{CameraDetails, CameraListing, FeatureLine, Kind, describe, features, list};
-use crate::camera::{CameraError, v4l2};
+use crate::camera::genicam::{CameraDetails, CameraListing, describe, features, list};
+use crate::camera::{CameraError, FeatureKind, FeatureLine, v4l2};
 use crate::console::{Outcome, say};
 use crate::failure::Failure;
 use serde_json::{Value, json};
@@ -178,7 +178,7 @@ fn camera_as_json(camera: &CameraListing, details: &Result<CameraDetails, Camera
 /// Formats a feature as one line, indented by its depth.
 fn feature_as_text(line: &FeatureLine) -> String {
     let indent = "  ".repeat(line.depth);
-    if line.kind == Kind::Category {
+    if line.kind == FeatureKind::Category {
         return format!("{indent}{}", line.name);
     }
     let value = match line.value.as_deref() {
@@ -203,7 +203,7 @@ fn feature_as_json(line: &FeatureLine) -> Value {
 mod tests {
     use super::*;
 
-    fn line(kind: Kind, value: Option<&str>, allowed: &str, writable: bool) -> FeatureLine {
+    fn line(kind: FeatureKind, value: Option<&str>, allowed: &str, writable: bool) -> FeatureLine {
         let value = value.map(str::to_owned);
         FeatureLine {
             depth: 1,
@@ -218,10 +218,13 @@ mod tests {
 
     #[test]
     fn a_feature_is_one_line_with_value_unit_type_and_range() {
-        let wide = line(Kind::Integer, Some("512"), "16 to 2048 in steps of 16", true);
+        let wide = line(FeatureKind::Integer, Some("512"), "16 to 2048 in steps of 16", true);
         assert_eq!(feature_as_text(&wide), "  Width = 512 px (integer: 16 to 2048 in steps of 16)");
-        assert_eq!(feature_as_text(&line(Kind::Category, None, "", false)), "  Width");
-        assert_eq!(feature_as_text(&line(Kind::Integer, Some("5"), "", false)), "  Width = 5 px (integer, read only)");
+        assert_eq!(feature_as_text(&line(FeatureKind::Category, None, "", false)), "  Width");
+        assert_eq!(
+            feature_as_text(&line(FeatureKind::Integer, Some("5"), "", false)),
+            "  Width = 5 px (integer, read only)"
+        );
     }
 
     #[test]

@@ -112,7 +112,7 @@ impl LiveTrigger {
                 Some(EventKind::Recorded) => self.states.recorded(),
                 _ => continue,
             }
-            self.publish_state(FrameStamp { sequence: event.sequence, stamp_ns: event.stamp_ns }, reporter)?;
+            self.publish_state(event.into(), reporter)?;
         }
         Ok(())
     }

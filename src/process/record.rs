@@ -22,7 +22,7 @@ use crate::bus::{ControlServer, Ear};
 use crate::config::{Config, Record, TriggerMode};
 use crate::failure::Failure;
 use crate::image::Frame;
-use crate::message::{Command, Event, EventKind, FrameHeader, Reply, ReplyCode};
+use crate::message::{Command, Event, EventKind, Reply, ReplyCode};
 use crate::recording::{EventRow, RecordingInfo, ViewInfo};
 use crate::trigger::Quiet;
 use camera_feed::CameraFeed;
@@ -90,11 +90,6 @@ pub fn run(config: &Config, resumed: bool, stop: &Stop) -> Result<Summary, Failu
     };
     recorder.serve(&bus.ear("frames")?, stop)?;
     Ok(recorder.summary)
-}
-
-/// Returns the sequence number and stamp of a frame.
-fn stamp_of(header: &FrameHeader) -> FrameStamp {
-    FrameStamp { sequence: header.sequence, stamp_ns: header.stamp_ns }
 }
 
 struct Recorder<'a> {
@@ -266,10 +261,7 @@ impl Recorder<'_> {
             if is_decided && self.config.trigger.mode == TriggerMode::Hardware {
                 // Checked for arming only when its turn comes, so that it is not lost to the previous shot.
                 let text = cause.to_owned();
-                self.waiting.push_back(TriggerCause {
-                    frame: FrameStamp { sequence: event.sequence, stamp_ns: event.stamp_ns },
-                    text,
-                });
+                self.waiting.push_back(TriggerCause { frame: event.into(), text });
                 self.start_waiting_shot()?;
             } else if is_decided && self.armed && self.shot.is_none() && self.quiet.passes(event.stamp_ns) {
                 self.trigger(Some(event.sequence), cause)?;
@@ -343,7 +335,7 @@ impl Recorder<'_> {
             }
             open.add_written(camera, header.stamp_ns);
             self.summary.taken += 1;
-            feed.newest = stamp_of(&header);
+            feed.newest = FrameStamp::from(&header);
             if self.config.trigger.mode == TriggerMode::Off {
                 feed.reporter.progress(header.sequence + 1)?;
             }

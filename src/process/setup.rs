@@ -1,10 +1,10 @@
 //! The parts of a rig from its configuration: the camera, the limits, the measurement parameters.
 
 use crate::bus::Limits;
-use crate::camera::genicam::{GenicamCamera, GenicamSettings};
-use crate::camera::replay::{PlaybackRate, Repeat, ReplayCamera, TimeRange};
+use crate::camera::genicam::GenicamCamera;
+use crate::camera::replay::{Playback, PlaybackRate, ReplayCamera, TimeRange};
 use crate::camera::simulated::{SimulatedCamera, load_scenario};
-use crate::camera::v4l2::{V4l2Camera, V4l2Settings};
+use crate::camera::v4l2::V4l2Camera;
 use crate::camera::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
 use crate::config::{self, Config};
 use crate::image::{PixelFormat, Tone};
@@ -131,23 +131,26 @@ pub fn open_camera(config: &Config) -> Result<Box<dyn Camera>, CameraError> {
         }
         config::Source::Recording => {
             let path = PathBuf::from(camera.id.clone().unwrap_or_default());
-            let rate = if camera.paced { PlaybackRate::Times(camera.playback_rate) } else { PlaybackRate::Max };
-            let span = TimeRange { from_s: camera.from_s, to_s: camera.to_s.unwrap_or(f64::INFINITY) };
+            let rate = match camera.paced {
+                _ if camera.stepped => PlaybackRate::Stepped,
+                true => PlaybackRate::Times(camera.playback_rate),
+                false => PlaybackRate::Max,
+            };
+            let range = TimeRange { from_s: camera.from_s, to_s: camera.to_s.unwrap_or(f64::INFINITY) };
             let files: Vec<PathBuf> =
                 std::iter::once(path.clone()).chain(camera.parts.iter().map(Into::into)).collect();
             let film = Recording::joined(Recording::open_all(&files)?);
             let film = film.ok_or_else(|| RecordingError::invalid(&path, "no recording"))?;
             let film = film.of_camera(camera.view.as_deref())?;
-            let recording = ReplayCamera::play(film, rate, Repeat::Once)?.within(span).shifted(camera.shift_ns);
-            let recording = if camera.stepped { recording.stepped() } else { recording };
+            let recording = ReplayCamera::new(film, Playback { rate, range, shift_ns: camera.shift_ns })?;
             if recording.format().frame_rate_hz <= 0.0 {
-                let reason = "it has no frame rate; pass one with `ricochet analyze --fps`".to_owned();
-                return Err(RecordingError::Invalid { path, reason }.into());
+                let reason = "it has no frame rate; pass one with `ricochet analyze --fps`";
+                return Err(RecordingError::invalid(&path, reason).into());
             }
             Box::new(recording)
         }
-        config::Source::Genicam => Box::new(GenicamCamera::open(&GenicamSettings::from(camera))?),
-        config::Source::V4l2 => Box::new(V4l2Camera::open(&V4l2Settings::from(camera))?),
+        config::Source::Genicam => Box::new(GenicamCamera::open(camera)?),
+        config::Source::V4l2 => Box::new(V4l2Camera::open(camera)?),
     })
 }
 

@@ -3,11 +3,11 @@
 use crate::fake_gige::{FakeGige, Wiring};
 use crate::slots::Slots;
 use ricochet::camera::genicam::GenicamCamera;
-use ricochet::camera::replay::{PlaybackRate, Repeat, ReplayCamera};
+use ricochet::camera::replay::{Playback, PlaybackRate, ReplayCamera};
 use ricochet::camera::simulated::SimulatedCamera;
 use ricochet::camera::{Camera, Next, Pace};
 use ricochet::image::{Frame, FrameMeta};
-use ricochet::recording::{RecordingInfo, RecordingWriter, WriterOptions};
+use ricochet::recording::{Recording, RecordingInfo, RecordingWriter, WriterOptions};
 use ricochet::synth::{Scenario, SimulatedFilm};
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
@@ -144,7 +144,8 @@ fn a_recording_keeps_the_contract_as_a_camera() {
     }
     writer.finish().unwrap();
     for rate in [PlaybackRate::Max, PlaybackRate::Times(1.0)] {
-        let camera = ReplayCamera::open(&path, rate, Repeat::Once).unwrap();
+        let camera =
+            ReplayCamera::new(Recording::open(&path).unwrap(), Playback { rate, ..Playback::default() }).unwrap();
         let waited = check(Box::new(camera), 50, &|number, pixels| world.render(number, pixels));
         assert_eq!(waited >= AWAY / 2, rate != PlaybackRate::Max, "{waited:?}");
     }

@@ -2,8 +2,10 @@
 #![expect(clippy::disallowed_methods, reason = "waiting has a deadline")]
 
 use crate::fake_gige::{ADDRESS, FakeGige, Wiring, aravis_or_leave_out};
-use ricochet::camera::genicam::{GenicamCamera, GenicamSettings, list};
+use crate::support::camera_settings;
+use ricochet::camera::genicam::{GenicamCamera, list};
 use ricochet::camera::{Camera, CameraError, Next};
+use ricochet::config;
 use ricochet::image::{FrameMeta, PixelFormat};
 use std::time::{Duration, Instant};
 
@@ -16,15 +18,15 @@ const FRAME_BYTES: usize = (SIZE_PX * SIZE_PX) as usize;
 const PATIENCE: Duration = Duration::from_secs(20);
 
 /// 512x512 Mono8 at this rate.
-pub fn settings(frame_rate_hz: f64) -> GenicamSettings {
-    GenicamSettings {
-        id: ADDRESS.into(),
+pub fn settings(frame_rate_hz: f64) -> config::Camera {
+    config::Camera {
+        id: Some(ADDRESS.into()),
         width_px: Some(SIZE_PX),
         height_px: Some(SIZE_PX),
         pixel_format: Some(PixelFormat::Mono8),
         frame_rate_hz: Some(frame_rate_hz),
         exposure_us: Some(100.0),
-        ..GenicamSettings::default()
+        ..camera_settings()
     }
 }
 
@@ -104,7 +106,7 @@ fn triggered(wiring: Wiring, source: &str, fire: impl Fn(&FakeGige, &GenicamCame
     let mut slots = Slots::new(32, FRAME_BYTES);
     // Small packets, because a socket buffer of the usual size cannot hold the first frame.
     let wanted =
-        GenicamSettings { trigger_source: Some(source.into()), packet_size_bytes: Some(1440), ..settings(100.0) };
+        config::Camera { trigger_source: Some(source.into()), packet_size_bytes: Some(1440), ..settings(100.0) };
     let mut camera = GenicamCamera::open(&wanted).unwrap();
     slots.queue_all(&mut camera);
     camera.start().unwrap();
@@ -121,7 +123,7 @@ fn triggered(wiring: Wiring, source: &str, fire: impl Fn(&FakeGige, &GenicamCame
 
 #[test]
 fn each_software_trigger_gives_one_frame_the_first_one_included() {
-    triggered(Wiring::Software, "Software", |_, camera| camera.software_trigger().unwrap());
+    triggered(Wiring::Software, "Software", |_, camera| camera.device().execute("TriggerSoftware").unwrap());
 }
 
 #[test]
@@ -136,7 +138,7 @@ fn a_frame_with_lost_packets_is_torn_or_a_gap_and_never_complete() {
     gige.lose(0.005);
     let mut slots = Slots::new(FRAMES, FRAME_BYTES);
     // Of 188 packets per frame about 6 frames of 10 lose at least one.
-    let wanted = GenicamSettings { packet_size_bytes: Some(1440), ..settings(100.0) };
+    let wanted = config::Camera { packet_size_bytes: Some(1440), ..settings(100.0) };
     let mut camera = GenicamCamera::open(&wanted).unwrap();
     slots.queue_all(&mut camera);
     camera.start().unwrap();
@@ -233,7 +235,7 @@ fn an_address_without_a_camera_is_refused_within_seconds() {
         return;
     }
     let begin = Instant::now();
-    let wanted = GenicamSettings { id: "127.0.0.77".into(), ..settings(100.0) };
+    let wanted = config::Camera { id: Some("127.0.0.77".into()), ..settings(100.0) };
     let error = GenicamCamera::open(&wanted).unwrap_err();
     assert_eq!(
         error.to_string(),
@@ -257,6 +259,6 @@ fn a_camera_is_listed_and_found_by_its_serial_number() {
     let Some(_gige) = FakeGige::plug_in(Wiring::Software, u64::MAX, draw) else { return };
     let cameras = list().unwrap();
     assert!(cameras.iter().any(|camera| camera.serial == "R1" && camera.protocol == "GigEVision"), "{cameras:?}");
-    let by_serial = GenicamSettings { id: "R1".into(), ..settings(50.0) };
+    let by_serial = config::Camera { id: Some("R1".into()), ..settings(50.0) };
     assert_eq!(GenicamCamera::open(&by_serial).unwrap().identity().serial, "R1");
 }

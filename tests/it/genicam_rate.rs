@@ -5,8 +5,9 @@
 use crate::fake_gige::{ADDRESS, FakeGige, Wiring, aravis_or_leave_out};
 use crate::genicam::settings;
 use crate::slots::Slots;
-use ricochet::camera::genicam::{GenicamCamera, GenicamSettings, sys};
+use ricochet::camera::genicam::{GenicamCamera, sys};
 use ricochet::camera::{Camera, Next};
+use ricochet::config;
 use std::ffi::CString;
 use std::ptr;
 use std::time::{Duration, Instant};
@@ -21,7 +22,7 @@ const BUFFERS: usize = 200;
 /// Complete frames per second through a camera of this program.
 fn ours(packet_bytes: u32) -> f64 {
     let mut slots = Slots::new(BUFFERS, FRAME_BYTES);
-    let wanted = GenicamSettings { packet_size_bytes: Some(packet_bytes), ..settings(20_000.0) };
+    let wanted = config::Camera { packet_size_bytes: Some(packet_bytes), ..settings(20_000.0) };
     let mut camera = GenicamCamera::open(&wanted).unwrap();
     slots.queue_all(&mut camera);
     camera.start().unwrap();

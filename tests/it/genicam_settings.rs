@@ -3,7 +3,9 @@
 use crate::fake_gige::{FakeGige, Wiring};
 use crate::genicam::{draw, settings};
 use ricochet::camera::Camera;
-use ricochet::camera::genicam::{FeatureValue, GenicamCamera, GenicamSettings, Kind, features};
+use ricochet::camera::FeatureKind;
+use ricochet::camera::genicam::{FeatureValue, GenicamCamera, features};
+use ricochet::config;
 use ricochet::image::PixelFormat;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -13,14 +15,14 @@ fn text(word: &str) -> FeatureValue {
     FeatureValue::Text(word.into())
 }
 
-fn with(name: &str, value: FeatureValue) -> GenicamSettings {
-    GenicamSettings { features: BTreeMap::from([(name.into(), value)]), ..settings(100.0) }
+fn with(name: &str, value: FeatureValue) -> config::Camera {
+    config::Camera { features: BTreeMap::from([(name.into(), value)]), ..settings(100.0) }
 }
 
 #[test]
 fn every_setting_is_written_to_its_register() {
     let Some(gige) = FakeGige::plug_in(Wiring::Line1, 0, draw) else { return };
-    let wanted = GenicamSettings {
+    let wanted = config::Camera {
         width_px: Some(256),
         height_px: Some(128),
         offset_x_px: Some(32),
@@ -84,7 +86,7 @@ fn every_setting_is_written_to_its_register() {
 fn without_a_trigger_source_an_armed_trigger_is_switched_off() {
     let Some(gige) = FakeGige::plug_in(Wiring::Software, 0, draw) else { return };
     gige.write(0x300, 1);
-    let camera = GenicamCamera::open(&GenicamSettings { frame_rate_hz: None, ..settings(100.0) }).unwrap();
+    let camera = GenicamCamera::open(&config::Camera { frame_rate_hz: None, ..settings(100.0) }).unwrap();
     assert_eq!(gige.register(0x300), 0);
     drop(camera);
     GenicamCamera::open(&with("TriggerMode", text("On"))).unwrap();
@@ -102,7 +104,7 @@ fn a_selector_among_the_features_is_set_before_the_feature_it_selects() {
         ("TriggerSelector", text("AcquisitionStart")),
     ];
     let features = features.map(|(name, value)| (name.to_owned(), value)).into();
-    GenicamCamera::open(&GenicamSettings { features, ..settings(100.0) }).unwrap();
+    GenicamCamera::open(&config::Camera { features, ..settings(100.0) }).unwrap();
     assert_eq!((gige.register(0x8020), gige.register(0x8028), gige.register(0x8030)), (0, 0, 1));
     assert_eq!((gige.register(0x300), gige.register(0x320)), (0, 1));
 }
@@ -113,7 +115,7 @@ fn an_active_tone_curve_is_noticed() {
     let seen = |gamma: f64, is_on: bool| {
         let features = [("Gamma", FeatureValue::Float(gamma)), ("GammaEnable", FeatureValue::Bool(is_on))];
         let features = features.map(|(name, value)| (name.to_owned(), value)).into();
-        GenicamCamera::open(&GenicamSettings { features, ..settings(100.0) }).unwrap().device().gamma()
+        GenicamCamera::open(&config::Camera { features, ..settings(100.0) }).unwrap().device().gamma()
     };
     assert_eq!(seen(0.45, true), Some(0.45));
     assert_eq!((seen(0.45, false), seen(1.0, true)), (None, None));
@@ -125,27 +127,27 @@ fn settings_that_a_camera_lacks_are_refused_with_the_allowed_values() {
     let base = || settings(100.0);
     for (wanted, line) in [
         (
-            GenicamSettings { width_px: Some(100), ..base() },
+            config::Camera { width_px: Some(100), ..base() },
             "cannot set camera feature Width to 100: allowed 16 to 2048 in steps of 16",
         ),
         (
-            GenicamSettings { width_px: Some(1024), offset_x_px: Some(1040), ..base() },
+            config::Camera { width_px: Some(1024), offset_x_px: Some(1040), ..base() },
             "cannot set camera feature OffsetX to 1040: allowed 0 to 1024 in steps of 16",
         ),
         (
-            GenicamSettings { exposure_us: Some(0.5), ..base() },
+            config::Camera { exposure_us: Some(0.5), ..base() },
             "cannot set camera feature exposure_us to 0.5: allowed 1 to 10000000",
         ),
         (
-            GenicamSettings { frame_rate_hz: Some(20_001.0), ..base() },
+            config::Camera { frame_rate_hz: Some(20_001.0), ..base() },
             "cannot set camera feature frame_rate_hz to 20001: allowed 0.1 to 20000",
         ),
         (
-            GenicamSettings { trigger_source: Some("Line7".into()), ..base() },
+            config::Camera { trigger_source: Some("Line7".into()), ..base() },
             "cannot set camera feature trigger_source to Line7: allowed Line0, Line1, Software",
         ),
         (
-            GenicamSettings { pixel_format: None, ..with("PixelFormat", text("RGB8")) },
+            config::Camera { pixel_format: None, ..with("PixelFormat", text("RGB8")) },
             "cannot set camera feature PixelFormat to RGB8: choose one of Mono8, Mono10, Mono12, Mono16",
         ),
         (with("Frobnicate", text("x")), "cannot set camera feature Frobnicate to x: the camera has no such feature"),
@@ -192,7 +194,7 @@ fn the_feature_tree_lists_values_ranges_and_units() {
     let Some(_gige) = FakeGige::plug_in(Wiring::Software, 0, draw) else { return };
     let lines = features(crate::fake_gige::ADDRESS).unwrap();
     let find = |name: &str| lines.iter().find(|line| line.name == name).unwrap();
-    assert_eq!((find("AcquisitionControl").depth, find("AcquisitionControl").kind), (0, Kind::Category));
+    assert_eq!((find("AcquisitionControl").depth, find("AcquisitionControl").kind), (0, FeatureKind::Category));
     let exposure = find("ExposureTime");
     assert_eq!((exposure.depth, exposure.value.as_deref(), exposure.unit.as_str()), (1, Some("10000"), "us"));
     assert_eq!((exposure.allowed.as_str(), exposure.writable), ("1 to 10000000", true));

@@ -222,10 +222,7 @@ fn a_killed_camera_process_leaves_a_gap_in_its_own_camera_only() {
     assert!(next.stamp_ns - last.stamp_ns < 3_000_000_000, "it was away for {} ns", next.stamp_ns - last.stamp_ns);
     let events = csv(&recording, "events");
     assert!(events.contains("acquire 0 of side ended with signal: 9 (SIGKILL) and was restarted"), "{events}");
-    assert!(
-        events.contains(&format!("side: frame {}: its process was restarted; epoch 1", next.sequence)),
-        "{events}"
-    );
+    assert!(events.contains(&format!("side: frame {}: its process was restarted; epoch 1", next.sequence)), "{events}");
     let results = rig.path("results.mcap");
     let arguments = ["analyze", recording.to_str().unwrap(), "--camera", "side", "-o", results.to_str().unwrap()];
     assert_eq!(crate::support::run(arguments).status.code(), Some(6));

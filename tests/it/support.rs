@@ -55,6 +55,11 @@ impl Rig {
     }
 }
 
+/// Settings that leave a camera as it is, to be completed.
+pub fn camera_settings() -> ricochet::config::Camera {
+    ricochet::config::Config::parse("[camera]\nsource = \"simulated\"\n", "rig.toml").unwrap().camera
+}
+
 /// The program with these arguments.
 pub fn ricochet<S: AsRef<std::ffi::OsStr>>(arguments: impl IntoIterator<Item = S>) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_ricochet"));

@@ -1,13 +1,13 @@
 //! Applies a rig's settings to the camera, in the order that cameras need.
 
+use super::chunks::Chunks;
 use super::device::Device;
 use super::feature::{check_entry, is_near};
 use super::handle::{c_text, checked};
-use super::settings::GenicamSettings;
 use super::sys::ARV_AUTO_OFF;
-use crate::camera::feature_setting::{FloatRange, set_in_dependency_order, setting_error};
+use crate::camera::feature_setting::{FloatRange, is_linear, set_in_dependency_order, setting_error};
 use crate::camera::{CameraError, StreamFormat};
-use crate::config::FeatureValue;
+use crate::config::{self, FeatureValue};
 use crate::image::PixelFormat;
 
 /// Maximum image side: no sensor has more, so a larger value is an error of the camera.
@@ -26,7 +26,7 @@ const MAX_CHUNK_BYTES: usize = 64 << 10;
 /// The order is: features by name; then region, format, exposure, rate and trigger by their own keys; then the trigger
 /// features and those that the camera refused the first time (one may unlock another). At the end every feature is read
 /// again.
-pub fn apply(device: &Device, settings: &GenicamSettings) -> Result<StreamFormat, CameraError> {
+pub fn apply(device: &Device, settings: &config::Camera) -> Result<StreamFormat, CameraError> {
     // A camera that still streams for a crashed program locks most features. An idle camera refuses this call.
     let _ = device.call(device.aravis.arv_camera_stop_acquisition);
     if device.integer("GevHeartbeatTimeout").is_ok_and(|ms| ms > HEARTBEAT_MS)
@@ -37,13 +37,12 @@ pub fn apply(device: &Device, settings: &GenicamSettings) -> Result<StreamFormat
     let mut features: Vec<_> = settings.features.iter().collect();
     // Selectors come first because they select what the others mean; the rest stays sorted by name.
     features.sort_by_key(|(key, _)| !key.ends_with("Selector"));
-    let (triggers, mut pending): (Vec<_>, Vec<_>) =
-        features.into_iter().partition(|(key, _)| key.starts_with("Trigger"));
+    let (triggers, mut pending): (Vec<_>, Vec<_>) = features.into_iter().partition(|(key, _)| is_trigger(key));
     pending.retain(|(key, value)| device.set_feature(key, value).is_err());
     set_region(device, settings)?;
     let format = set_format(device, settings)?;
     set_exposure(device, settings)?;
-    let frame_rate_hz = set_rate_and_trigger(device, settings, triggers.is_empty())?;
+    let frame_rate_hz = set_rate_and_trigger(device, settings)?;
     pending.extend(triggers);
     set_in_dependency_order(pending, |key, value| device.set_feature(key, value))?;
     for (key, value) in &settings.features {
@@ -61,18 +60,23 @@ pub fn apply(device: &Device, settings: &GenicamSettings) -> Result<StreamFormat
     let stream =
         StreamFormat { width_px: size("Width")?, height_px: size("Height")?, format, frame_rate_hz, exposure_us };
     check_region(settings, &stream)?;
-    if let Some(gamma) = device.gamma().filter(|_| !settings.is_tone_known) {
+    if let Some(gamma) = device.gamma().filter(|_| is_linear(settings)) {
         log::warn!(
             "{}: its Gamma is {gamma}, so grey levels are not proportional to light and edges appear displaced; set \
                          Gamma = 1.0 under [camera.features], or set camera.gamma",
-            settings.id
+            settings.id.as_deref().unwrap_or_default()
         );
     }
     Ok(stream)
 }
 
+/// Whether a feature belongs to the triggers.
+fn is_trigger(key: &String) -> bool {
+    key.starts_with("Trigger")
+}
+
 /// Sets the region of interest. Offsets are set to 0 first because they limit the size.
-fn set_region(device: &Device, settings: &GenicamSettings) -> Result<(), CameraError> {
+fn set_region(device: &Device, settings: &config::Camera) -> Result<(), CameraError> {
     let whole = |name: &str, value: Option<u32>| match value {
         Some(value) => device.set_feature(name, &FeatureValue::Integer(i64::from(value))),
         None => Ok(()),
@@ -90,7 +94,7 @@ fn set_region(device: &Device, settings: &GenicamSettings) -> Result<(), CameraE
     whole("OffsetY", settings.offset_y_px)
 }
 
-fn check_region(settings: &GenicamSettings, stream: &StreamFormat) -> Result<(), CameraError> {
+fn check_region(settings: &config::Camera, stream: &StreamFormat) -> Result<(), CameraError> {
     for (name, wanted, kept) in
         [("Width", settings.width_px, stream.width_px), ("Height", settings.height_px, stream.height_px)]
     {
@@ -101,7 +105,7 @@ fn check_region(settings: &GenicamSettings, stream: &StreamFormat) -> Result<(),
     Ok(())
 }
 
-fn set_format(device: &Device, settings: &GenicamSettings) -> Result<PixelFormat, CameraError> {
+fn set_format(device: &Device, settings: &config::Camera) -> Result<PixelFormat, CameraError> {
     if let Some(format) = settings.pixel_format {
         device.set_feature("PixelFormat", &FeatureValue::Text(format.as_str().into()))?;
     }
@@ -123,7 +127,7 @@ fn exposure(device: &Device) -> f64 {
     exposure_us.filter(|exposure_us| !is_automatic && exposure_us.is_finite() && *exposure_us > 0.0).unwrap_or(0.0)
 }
 
-fn set_exposure(device: &Device, settings: &GenicamSettings) -> Result<(), CameraError> {
+fn set_exposure(device: &Device, settings: &config::Camera) -> Result<(), CameraError> {
     let Some(wanted) = settings.exposure_us else { return Ok(()) };
     let refused = |reason: String| setting_error("exposure_us", wanted, reason);
     let aravis = device.aravis;
@@ -141,11 +145,7 @@ fn set_exposure(device: &Device, settings: &GenicamSettings) -> Result<(), Camer
 }
 
 /// Sets the rate, then the trigger. Setting a rate disables triggers, so the order matters.
-fn set_rate_and_trigger(
-    device: &Device,
-    settings: &GenicamSettings,
-    no_trigger_features: bool,
-) -> Result<f64, CameraError> {
+fn set_rate_and_trigger(device: &Device, settings: &config::Camera) -> Result<f64, CameraError> {
     let aravis = device.aravis;
     let has_rate = device.call(aravis.arv_camera_is_frame_rate_available).is_ok_and(|available| available != 0);
     if let Some(wanted) = settings.frame_rate_hz {
@@ -158,7 +158,7 @@ fn set_rate_and_trigger(
             set_trigger(device, source).map_err(|reason| setting_error("trigger_source", source, reason))?
         }
         // A trigger that another program left armed would keep the camera silent.
-        None if no_trigger_features && device.has("TriggerMode") => device
+        None if !settings.features.keys().any(is_trigger) && device.has("TriggerMode") => device
             .call(aravis.arv_camera_clear_triggers)
             .map_err(|reason| setting_error("TriggerMode", "Off", reason))?,
         None => {}
@@ -215,12 +215,13 @@ fn set_trigger(device: &Device, source: &str) -> Result<(), String> {
 /// # Errors
 ///
 /// [`CameraError::Setting`] if the camera sends something else.
-pub fn payload_bytes(device: &Device, stream: &StreamFormat, has_chunks: bool) -> Result<usize, CameraError> {
+pub fn payload_bytes(device: &Device, stream: &StreamFormat, chunks: Option<&Chunks>) -> Result<usize, CameraError> {
     let refused = |value: String, reason: String| setting_error("PayloadSize", value, reason);
     let payload = device
         .call(device.aravis.arv_camera_get_payload)
         .map_err(|reason| refused("its current value".into(), reason))?;
     let pixels = stream.slot_bytes();
+    let has_chunks = chunks.is_some();
     match payload as usize {
         bytes if bytes == pixels && !has_chunks => Ok(bytes),
         bytes if (pixels + 1..=pixels + MAX_CHUNK_BYTES).contains(&bytes) && has_chunks => Ok(bytes),

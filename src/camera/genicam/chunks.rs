@@ -36,7 +36,8 @@ pub struct Chunks {
     ticks_hz: u64,
     /// Whether the frame header has a timestamp of the same clock.
     has_header_stamp: bool,
-    is_big_endian: bool,
+    /// Decodes the size of a chunk.
+    decode_size: fn([u8; 4]) -> u32,
 }
 
 impl Chunks {
@@ -70,7 +71,7 @@ impl Chunks {
             has_frame_id: is_on("FrameID"),
             ticks_hz: if ticks_hz == 0 { 1_000_000_000 } else { ticks_hz },
             has_header_stamp: ticks_hz != 0,
-            is_big_endian: is_gige,
+            decode_size: if is_gige { u32::from_be_bytes } else { u32::from_le_bytes },
         };
         Ok(Some(chunks))
     }
@@ -104,7 +105,7 @@ impl Chunks {
         image_bytes: usize,
         header_ns: u64,
     ) -> Result<ChunkValues, String> {
-        match image_chunk_bytes(payload, self.is_big_endian) {
+        match image_chunk_bytes(payload, self.decode_size) {
             Some(bytes) if bytes == image_bytes => {}
             Some(bytes) => return Err(format!("an image of {bytes} bytes instead of {image_bytes}")),
             None => return Err("inconsistent chunk sizes".into()),
@@ -162,12 +163,11 @@ fn nanoseconds(ticks: u64, ticks_hz: u64) -> u64 {
 /// Returns the size of the first chunk, which is the image; `None` if the chunk sizes are inconsistent.
 ///
 /// Each chunk has its size behind it, so the chunks are followed from the end.
-fn image_chunk_bytes(payload: &[u8], is_big_endian: bool) -> Option<usize> {
+fn image_chunk_bytes(payload: &[u8], decode_size: fn([u8; 4]) -> u32) -> Option<usize> {
     let mut end = payload.len();
     loop {
         let tag = end.checked_sub(TAG_BYTES)?;
-        let size: [u8; 4] = payload[tag + 4..end].try_into().ok()?;
-        let size = if is_big_endian { u32::from_be_bytes(size) } else { u32::from_le_bytes(size) } as usize;
+        let size = decode_size(payload[tag + 4..end].try_into().ok()?) as usize;
         end = tag.checked_sub(size)?;
         if end == 0 {
             return Some(size);
@@ -186,8 +186,8 @@ mod tests {
     #[test]
     fn the_image_is_the_first_chunk() {
         let payload = [chunk(100, 100), chunk(8, 8), chunk(0, 0), chunk(4, 4)].concat();
-        assert_eq!(image_chunk_bytes(&payload, true), Some(100));
-        assert_eq!(image_chunk_bytes(&chunk(100, 100), true), Some(100));
+        assert_eq!(image_chunk_bytes(&payload, u32::from_be_bytes), Some(100));
+        assert_eq!(image_chunk_bytes(&chunk(100, 100), u32::from_be_bytes), Some(100));
     }
 
     #[test]
@@ -200,7 +200,7 @@ mod tests {
             [chunk(100, 100), chunk(8, u32::MAX)].concat(),
             [chunk(100, 100), vec![0xff; 5]].concat(),
         ] {
-            assert_eq!(image_chunk_bytes(&payload, true), None, "{} bytes", payload.len());
+            assert_eq!(image_chunk_bytes(&payload, u32::from_be_bytes), None, "{} bytes", payload.len());
         }
     }
 

@@ -3,6 +3,7 @@
 use super::handle::{Library, Object, c_text, checked, free, text};
 use super::sys::{ARV_GC_ACCESS_MODE_RO, ARV_GC_ACCESS_MODE_WO};
 use super::sys::{ArvCamera, ArvDevice, ArvGcNode, GClosure, GError, GType, gpointer, guint};
+use crate::camera::FeatureKind;
 use crate::camera::feature_setting::{FloatRange, IntegerRange};
 use std::ffi::{CString, c_char};
 use std::ptr;
@@ -11,40 +12,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Maximum deviation of a gamma that counts as 1.
 const GAMMA_TOLERANCE: f64 = 0.005;
-
-/// The type of a feature.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
-    /// A boolean.
-    Boolean,
-    /// One of several named entries.
-    Enumeration,
-    /// A command to execute.
-    Command,
-    /// A group of features.
-    Category,
-    /// An integer in a range.
-    Integer,
-    /// A real number in a range.
-    Float,
-    /// A text.
-    Text,
-}
-
-impl Kind {
-    /// Returns the name of the type.
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::Boolean => "boolean",
-            Self::Enumeration => "enumeration",
-            Self::Command => "command",
-            Self::Category => "category",
-            Self::Integer => "integer",
-            Self::Float => "float",
-            Self::Text => "text",
-        }
-    }
-}
 
 /// Access to a feature.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -83,7 +50,8 @@ impl Device {
         checked(self.aravis, |error| unsafe { function(self.as_ptr(), name.as_ptr(), error) })
     }
 
-    fn write<V>(&self, name: &str, value: V, function: Write<V>) -> Result<(), String> {
+    /// Writes a feature through one of the library's setters.
+    pub(super) fn write<V>(&self, name: &str, value: V, function: Write<V>) -> Result<(), String> {
         let name = c_text(name)?;
         // SAFETY: as in `read`; pointers in the value outlive the call.
         checked(self.aravis, |error| unsafe { function(self.as_ptr(), name.as_ptr(), value, error) })
@@ -153,11 +121,6 @@ impl Device {
         Ok(self.read(name, self.aravis.arv_device_get_boolean_feature_value)? != 0)
     }
 
-    /// Sets a boolean.
-    pub fn set_boolean(&self, name: &str, value: bool) -> Result<(), String> {
-        self.write(name, i32::from(value), self.aravis.arv_device_set_boolean_feature_value)
-    }
-
     /// Returns the value of a text, or the selected entry of an enumeration.
     pub fn text(&self, name: &str) -> Result<String, String> {
         let value = self.read(name, self.aravis.arv_device_get_string_feature_value)?;
@@ -216,24 +179,24 @@ impl Device {
     }
 
     /// Returns the type of a feature; `None` if the camera does not have it.
-    pub fn kind(&self, name: &str) -> Option<Kind> {
+    pub fn kind(&self, name: &str) -> Option<FeatureKind> {
         self.kind_of(self.node(name))
     }
 
-    pub(super) fn kind_of(&self, node: *mut ArvGcNode) -> Option<Kind> {
+    pub(super) fn kind_of(&self, node: *mut ArvGcNode) -> Option<FeatureKind> {
         if node.is_null() {
             return None;
         }
         let aravis = self.aravis;
         // The order matters: an enumeration is an integer too.
-        let kinds: [(Kind, unsafe extern "C" fn() -> GType); 7] = [
-            (Kind::Enumeration, aravis.arv_gc_enumeration_get_type),
-            (Kind::Boolean, aravis.arv_gc_boolean_get_type),
-            (Kind::Command, aravis.arv_gc_command_get_type),
-            (Kind::Category, aravis.arv_gc_category_get_type),
-            (Kind::Integer, aravis.arv_gc_integer_get_type),
-            (Kind::Float, aravis.arv_gc_float_get_type),
-            (Kind::Text, aravis.arv_gc_string_get_type),
+        let kinds: [(FeatureKind, unsafe extern "C" fn() -> GType); 7] = [
+            (FeatureKind::Enumeration, aravis.arv_gc_enumeration_get_type),
+            (FeatureKind::Boolean, aravis.arv_gc_boolean_get_type),
+            (FeatureKind::Command, aravis.arv_gc_command_get_type),
+            (FeatureKind::Category, aravis.arv_gc_category_get_type),
+            (FeatureKind::Integer, aravis.arv_gc_integer_get_type),
+            (FeatureKind::Float, aravis.arv_gc_float_get_type),
+            (FeatureKind::Text, aravis.arv_gc_string_get_type),
         ];
         // SAFETY: `node` is an object of the library; the type functions take no arguments.
         kinds

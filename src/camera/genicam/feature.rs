@@ -1,8 +1,8 @@
 //! Writing one feature: type and range are checked before, and the value is read back.
 
-use super::device::{Access, Device, Kind};
-use crate::camera::CameraError;
+use super::device::{Access, Device};
 use crate::camera::feature_setting::{check_integer, setting_error};
+use crate::camera::{CameraError, FeatureKind};
 use crate::config::FeatureValue;
 
 /// Maximum relative difference between a value and its read-back: cameras round to their own resolution.
@@ -37,12 +37,12 @@ impl<'a> Key<'a> {
     fn selected<R>(&self, device: &Device, act: impl FnOnce() -> Result<R, String>) -> Result<R, String> {
         let Some(Selector { name: selector, entry }) = self.selector else { return act() };
         match device.kind(selector) {
-            Some(Kind::Enumeration) => {
+            Some(FeatureKind::Enumeration) => {
                 let before = device.text(selector)?;
                 device.set_enumeration(selector, entry)?;
                 act().and_then(|result| device.set_text(selector, &before).map(|()| result))
             }
-            Some(Kind::Integer) => {
+            Some(FeatureKind::Integer) => {
                 let before = device.integer(selector)?;
                 let value = entry.parse().map_err(|_| format!("the selector {selector} is an integer"))?;
                 device.set_checked_integer(selector, value)?;
@@ -99,15 +99,17 @@ impl Device {
             return Err("another setting of the camera locks it".into());
         }
         match (kind, value) {
-            (Kind::Boolean, FeatureValue::Bool(value)) => self.set_boolean(name, *value)?,
-            (Kind::Command, FeatureValue::Bool(true)) => return self.execute(name),
-            (Kind::Command, FeatureValue::Text(word)) if word == "execute" => return self.execute(name),
-            (Kind::Integer, FeatureValue::Integer(value)) => self.set_checked_integer(name, *value)?,
-            (Kind::Float, FeatureValue::Float(value)) => self.set_checked_float(name, *value)?,
-            (Kind::Float, FeatureValue::Integer(value)) => self.set_checked_float(name, *value as f64)?,
-            (Kind::Enumeration, FeatureValue::Text(value)) => self.set_enumeration(name, value)?,
-            (Kind::Text, FeatureValue::Text(value)) => self.set_text(name, value)?,
-            (Kind::Command, _) => return Err("it is a command: true executes it".into()),
+            (FeatureKind::Boolean, FeatureValue::Bool(value)) => {
+                self.write(name, i32::from(*value), self.aravis.arv_device_set_boolean_feature_value)?;
+            }
+            (FeatureKind::Command, FeatureValue::Bool(true)) => return self.execute(name),
+            (FeatureKind::Command, FeatureValue::Text(word)) if word == "execute" => return self.execute(name),
+            (FeatureKind::Integer, FeatureValue::Integer(value)) => self.set_checked_integer(name, *value)?,
+            (FeatureKind::Float, FeatureValue::Float(value)) => self.set_checked_float(name, *value)?,
+            (FeatureKind::Float, FeatureValue::Integer(value)) => self.set_checked_float(name, *value as f64)?,
+            (FeatureKind::Enumeration, FeatureValue::Text(value)) => self.set_enumeration(name, value)?,
+            (FeatureKind::Text, FeatureValue::Text(value)) => self.set_text(name, value)?,
+            (FeatureKind::Command, _) => return Err("it is a command: true executes it".into()),
             (kind, _) => {
                 let allowed = self.allowed(name, kind);
                 let allowed = if allowed.is_empty() { allowed } else { format!(", allowed {allowed}") };
@@ -118,11 +120,11 @@ impl Device {
     }
 
     /// Returns the allowed values of a feature as text; empty if there is no range.
-    pub(super) fn allowed(&self, name: &str, kind: Kind) -> String {
+    pub(super) fn allowed(&self, name: &str, kind: FeatureKind) -> String {
         let range = match kind {
-            Kind::Enumeration => self.enum_entries(name).map(|entries| entries.join(", ")),
-            Kind::Integer => self.integer_range(name).map(|range| range.to_string()),
-            Kind::Float => self.float_range(name).map(|range| range.to_string()),
+            FeatureKind::Enumeration => self.enum_entries(name).map(|entries| entries.join(", ")),
+            FeatureKind::Integer => self.integer_range(name).map(|range| range.to_string()),
+            FeatureKind::Float => self.float_range(name).map(|range| range.to_string()),
             _ => Ok(String::new()),
         };
         range.unwrap_or_default()
@@ -145,12 +147,12 @@ impl Device {
 
     fn verify(&self, name: &str, wanted: &FeatureValue) -> Result<(), String> {
         let kind = self.kind(name);
-        if kind == Some(Kind::Command) || self.access(name) == Some(Access::Write) {
+        if kind == Some(FeatureKind::Command) || self.access(name) == Some(Access::Write) {
             return Ok(());
         }
         let kept = match (wanted, kind) {
             (FeatureValue::Bool(_), _) => FeatureValue::Bool(self.boolean(name)?),
-            (FeatureValue::Float(_), _) | (FeatureValue::Integer(_), Some(Kind::Float)) => {
+            (FeatureValue::Float(_), _) | (FeatureValue::Integer(_), Some(FeatureKind::Float)) => {
                 FeatureValue::Float(self.float(name)?)
             }
             (FeatureValue::Integer(_), _) => FeatureValue::Integer(self.integer(name)?),

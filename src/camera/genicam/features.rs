@@ -1,10 +1,10 @@
 //! Descriptions of a camera: its formats and rates, and the tree of all its features.
 
-use super::device::{Access, Device, Kind};
+use super::device::{Access, Device};
 use super::discovery::CameraListing;
 use super::handle::text;
-use crate::camera::CameraError;
 use crate::camera::feature_setting::FloatRange;
+use crate::camera::{CameraError, FeatureKind, FeatureLine};
 use std::collections::BTreeSet;
 use std::ffi::c_char;
 
@@ -21,25 +21,6 @@ pub struct CameraDetails {
     pub triggers: Vec<String>,
     /// Whether another program controls it.
     pub taken: bool,
-}
-
-/// One feature of a camera, or a category of them.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct FeatureLine {
-    /// Depth in the tree; the top categories have depth 0.
-    pub depth: usize,
-    /// GenICam name, as used under `features` in the configuration.
-    pub name: String,
-    /// Type.
-    pub kind: Kind,
-    /// Present value; `None` if it cannot be read.
-    pub value: Option<String>,
-    /// Allowed values as text; empty if there is no range.
-    pub allowed: String,
-    /// Unit; empty if it has none.
-    pub unit: String,
-    /// Whether it can be written now.
-    pub writable: bool,
 }
 
 /// Maximum depth of the tree: descriptions come from vendors and may contain cycles.
@@ -90,7 +71,7 @@ impl Device {
         }
         for name in self.members(category) {
             let Some(kind) = self.kind(&name) else { continue };
-            if kind == Kind::Category {
+            if kind == FeatureKind::Category {
                 lines.push(FeatureLine {
                     depth,
                     name: name.clone(),
@@ -107,14 +88,14 @@ impl Device {
         }
     }
 
-    fn line(&self, depth: usize, name: String, kind: Kind) -> FeatureLine {
+    fn line(&self, depth: usize, name: String, kind: FeatureKind) -> FeatureLine {
         let access = self.access(&name);
         let value = match (access, kind) {
-            (Some(Access::Write), _) | (_, Kind::Command | Kind::Category) => None,
-            (_, Kind::Boolean) => self.boolean(&name).ok().map(|value| value.to_string()),
-            (_, Kind::Integer) => self.integer(&name).ok().map(|value| value.to_string()),
-            (_, Kind::Float) => self.float(&name).ok().map(|value| value.to_string()),
-            (_, Kind::Enumeration | Kind::Text) => self.text(&name).ok(),
+            (Some(Access::Write), _) | (_, FeatureKind::Command | FeatureKind::Category) => None,
+            (_, FeatureKind::Boolean) => self.boolean(&name).ok().map(|value| value.to_string()),
+            (_, FeatureKind::Integer) => self.integer(&name).ok().map(|value| value.to_string()),
+            (_, FeatureKind::Float) => self.float(&name).ok().map(|value| value.to_string()),
+            (_, FeatureKind::Enumeration | FeatureKind::Text) => self.text(&name).ok(),
         };
         let writable = access != Some(Access::Read);
         let allowed = if writable { self.allowed(&name, kind) } else { String::new() };
@@ -124,7 +105,7 @@ impl Device {
     /// Returns the names of the features in a category.
     fn members(&self, category: &str) -> Vec<String> {
         let node = self.node(category);
-        if self.kind_of(node) != Some(Kind::Category) {
+        if self.kind_of(node) != Some(FeatureKind::Category) {
             return Vec::new();
         }
         let mut names = Vec::new();
@@ -139,13 +120,13 @@ impl Device {
         names
     }
 
-    fn unit(&self, name: &str, kind: Kind) -> String {
+    fn unit(&self, name: &str, kind: FeatureKind) -> String {
         let node = self.node(name);
         // SAFETY: the node is of the type that the function takes; it returns null or a terminated string.
         let unit = unsafe {
             match kind {
-                Kind::Integer => text(self.aravis.arv_gc_integer_get_unit(node.cast())),
-                Kind::Float => text(self.aravis.arv_gc_float_get_unit(node.cast())),
+                FeatureKind::Integer => text(self.aravis.arv_gc_integer_get_unit(node.cast())),
+                FeatureKind::Float => text(self.aravis.arv_gc_float_get_unit(node.cast())),
                 _ => None,
             }
         };

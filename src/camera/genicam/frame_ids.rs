@@ -5,8 +5,8 @@ const SHORT_IDS: u64 = 65_535;
 
 /// The range of a stream's ids.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Counting {
-    /// 1 to 65535, then 1 again.
+pub enum Counting {
+    /// From 1 to 65535, then 1 again; larger ids show that the stream has 64-bit ids.
     Short,
     /// 64 bits.
     Long,
@@ -32,9 +32,8 @@ pub struct FrameIds {
 }
 
 impl FrameIds {
-    /// Starts a count for ids that may have 16 bits (GigE Vision) or always have 64 (USB3 Vision).
-    pub fn new(gige: bool) -> Self {
-        let counting = if gige { Counting::Short } else { Counting::Long };
+    /// Starts a count: short for ids that may have 16 bits (GigE Vision), long for ids of 64 bits (USB3 Vision).
+    pub fn new(counting: Counting) -> Self {
         Self { counting, last: None, is_provisional: true, counter: None }
     }
 
@@ -96,19 +95,19 @@ impl FrameIds {
 mod tests {
     use super::*;
 
-    fn sequence(gige: bool, ids: &[u64]) -> Vec<Option<u64>> {
-        let mut frame_ids = FrameIds::new(gige);
+    fn sequence(counting: Counting, ids: &[u64]) -> Vec<Option<u64>> {
+        let mut frame_ids = FrameIds::new(counting);
         ids.iter().map(|id| frame_ids.add_complete(*id, None).ok()).collect()
     }
 
     #[test]
     fn sixteen_bit_ids_go_on_counting_over_the_wrap_and_skip_zero() {
-        assert_eq!(sequence(true, &[65_534, 65_535, 1, 2]), [Some(0), Some(1), Some(2), Some(3)]);
+        assert_eq!(sequence(Counting::Short, &[65_534, 65_535, 1, 2]), [Some(0), Some(1), Some(2), Some(3)]);
     }
 
     #[test]
     fn three_laps_of_sixteen_bit_ids_are_one_unbroken_count() {
-        let mut ids = FrameIds::new(true);
+        let mut ids = FrameIds::new(Counting::Short);
         for count in 0..3 * SHORT_IDS {
             assert_eq!(ids.add_complete((65_400 + count) % SHORT_IDS + 1, None), Ok(count));
         }
@@ -116,31 +115,31 @@ mod tests {
 
     #[test]
     fn a_gap_in_the_ids_is_the_same_gap_in_the_sequence_over_the_wrap_too() {
-        assert_eq!(sequence(true, &[10, 13, 14]), [Some(0), Some(3), Some(4)]);
-        assert_eq!(sequence(true, &[65_533, 3]), [Some(0), Some(5)]);
+        assert_eq!(sequence(Counting::Short, &[10, 13, 14]), [Some(0), Some(3), Some(4)]);
+        assert_eq!(sequence(Counting::Short, &[65_533, 3]), [Some(0), Some(5)]);
     }
 
     #[test]
     fn the_past_and_the_invalid_id_have_no_place() {
-        assert_eq!(sequence(true, &[100, 99, 100, 0, 101]), [Some(0), None, None, None, Some(1)]);
+        assert_eq!(sequence(Counting::Short, &[100, 99, 100, 0, 101]), [Some(0), None, None, None, Some(1)]);
     }
 
     #[test]
     fn ids_of_64_bits_do_not_wrap_and_may_start_at_zero() {
-        assert_eq!(sequence(false, &[0, 1, 70_000]), [Some(0), Some(1), Some(70_000)]);
-        assert_eq!(sequence(true, &[65_535, 65_536, 65_540]), [Some(0), Some(1), Some(5)]);
+        assert_eq!(sequence(Counting::Long, &[0, 1, 70_000]), [Some(0), Some(1), Some(70_000)]);
+        assert_eq!(sequence(Counting::Short, &[65_535, 65_536, 65_540]), [Some(0), Some(1), Some(5)]);
     }
 
     #[test]
     fn a_torn_frame_may_begin_the_count_but_its_id_is_not_trusted() {
-        let mut ids = FrameIds::new(true);
+        let mut ids = FrameIds::new(Counting::Short);
         ids.add_incomplete(0);
         ids.add_incomplete(10);
         ids.add_incomplete(60_000);
         assert_eq!(ids.add_complete(12, None), Ok(2));
         ids.add_incomplete(30_000);
         assert_eq!(ids.add_complete(13, None), Ok(3));
-        let mut ids = FrameIds::new(true);
+        let mut ids = FrameIds::new(Counting::Short);
         ids.add_incomplete(5000);
         assert_eq!(ids.add_complete(1, None), Ok(0));
         assert_eq!(ids.add_complete(2, None), Ok(1));
@@ -148,7 +147,7 @@ mod tests {
 
     #[test]
     fn an_id_out_of_all_reach_has_no_place_and_spoils_none() {
-        let mut ids = FrameIds::new(true);
+        let mut ids = FrameIds::new(Counting::Short);
         assert_eq!(ids.add_complete(70_000, None), Ok(0));
         assert!(ids.add_complete(u64::MAX, None).is_err());
         assert_eq!(ids.add_complete(70_001, None), Ok(1));
@@ -156,7 +155,7 @@ mod tests {
 
     #[test]
     fn frames_the_camera_never_sent_show_in_its_own_counter() {
-        let mut ids = FrameIds::new(true);
+        let mut ids = FrameIds::new(Counting::Short);
         assert_eq!(ids.add_complete(1, Some(0)), Ok(0));
         assert_eq!(ids.add_complete(2, Some(1)), Ok(1));
         assert_eq!(ids.add_complete(3, Some(5)), Ok(5));

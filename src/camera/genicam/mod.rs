@@ -9,7 +9,6 @@ mod feature;
 mod features;
 mod handle;
 mod library;
-mod settings;
 mod socket;
 mod stream;
 #[rustfmt::skip]
@@ -30,19 +29,19 @@ mod frame_ids;
 mod packet_filter;
 
 pub use crate::config::FeatureValue;
-pub use device::{Access, Device, Kind};
+pub use device::{Access, Device};
 pub use discovery::{CameraListing, list};
-pub use features::{CameraDetails, FeatureLine, describe, features};
+pub use features::{CameraDetails, describe, features};
 pub use library::library;
-pub use settings::GenicamSettings;
 pub use stream::StreamStatistics;
 
-use super::feature_setting::{setting_error, slot_count};
+use super::feature_setting::slot_count;
 use crate::camera::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
+use crate::config;
 use crate::image::FrameMeta;
 use chunks::{ChunkValues, Chunks};
 use clock::DeviceClock;
-use frame_ids::FrameIds;
+use frame_ids::{Counting, FrameIds};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -128,25 +127,27 @@ impl GenicamCamera {
     ///
     /// [`CameraError::LibraryMissing`], [`CameraError::NotFound`], or [`CameraError::Setting`] with the feature, the
     /// value and the allowed range.
-    pub fn open(settings: &GenicamSettings) -> Result<Self, CameraError> {
-        let device = Device::open(&settings.id)?;
+    pub fn open(settings: &config::Camera) -> Result<Self, CameraError> {
+        let id = settings.id.clone().unwrap_or_default();
+        let device = Device::open(&id)?;
         let format = apply::apply(&device, settings)?;
         let lost = Arc::new(AtomicBool::new(false));
         device.watch_connection(&lost);
-        let not_found = |reason: String| CameraError::NotFound { id: settings.id.clone(), reason };
+        let not_found = |reason: String| CameraError::NotFound { id: id.clone(), reason };
         let chunks = Chunks::of_device(&device).map_err(not_found)?;
         if let Some(chunks) = &chunks {
             log::info!("the camera {}", chunks.description());
         }
         let image_bytes = format.slot_bytes();
-        let payload_bytes = apply::payload_bytes(&device, &format, chunks.is_some())?;
-        let stream = Stream::new(&device, settings, Sizes { image_bytes, payload_bytes }, chunks).map_err(not_found)?;
+        let payload_bytes = apply::payload_bytes(&device, &format, chunks.as_ref())?;
+        let stream = Stream::new(&device, settings.packet_size_bytes, Sizes { image_bytes, payload_bytes }, chunks)
+            .map_err(not_found)?;
         Ok(Self {
             stream,
-            id: settings.id.clone(),
+            id,
             format,
             identity: device.identity(),
-            ids: FrameIds::new(device.is_gige()),
+            ids: FrameIds::new(if device.is_gige() { Counting::Short } else { Counting::Long }),
             stale: 0,
             last: None,
             clock: DeviceClock::default(),
@@ -155,17 +156,6 @@ impl GenicamCamera {
             started: false,
             device,
         })
-    }
-
-    /// Triggers one frame, if the camera's trigger source is `Software`.
-    ///
-    /// # Errors
-    ///
-    /// [`CameraError::Setting`] if it has no software trigger.
-    pub fn software_trigger(&self) -> Result<(), CameraError> {
-        self.device
-            .call(self.device.aravis.arv_camera_software_trigger)
-            .map_err(|reason| setting_error("TriggerSoftware", "execute", reason))
     }
 
     /// Returns the open device, to read features from.

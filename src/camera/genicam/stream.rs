@@ -8,7 +8,6 @@ use super::chunks::{ChunkValues, Chunks};
 use super::device::Device;
 use super::handle::{Library, Object, c_text, checked, text};
 use super::packet_filter::StreamShape;
-use super::settings::GenicamSettings;
 use super::socket;
 use super::sys::{self, ArvBuffer, ArvStream, ArvStreamCallbackType, gpointer, guint64};
 use crate::camera::feature_setting::IntegerRange;
@@ -109,13 +108,13 @@ impl Stream {
     /// The library's message.
     pub fn new(
         device: &Device,
-        settings: &GenicamSettings,
+        packet_size_bytes: Option<u32>,
         sizes: Sizes,
         chunks: Option<Chunks>,
     ) -> Result<Self, String> {
         let aravis = device.aravis;
         let packet_bytes = match device.is_gige() {
-            true => Some(prepare_link(device, settings.packet_size_bytes)?),
+            true => Some(prepare_link(device, packet_size_bytes)?),
             false => None,
         };
         let camera = device.camera.as_ptr();
@@ -286,7 +285,7 @@ fn prepare_link(device: &Device, wanted_bytes: Option<u32>) -> Result<u32, Strin
     let bytes = match wanted_bytes {
         Some(bytes) => bytes,
         None => {
-            let mtu = device_address(device).and_then(socket::mtu_to).unwrap_or(1500);
+            let mtu = address(device, aravis.arv_gv_device_get_device_address).and_then(socket::mtu_to).unwrap_or(1500);
             let range =
                 device.integer_range("GevSCPSPacketSize").unwrap_or(IntegerRange { min: 0, max: i64::MAX, step: 1 });
             let max = i64::from(mtu.min(MAX_PACKET_BYTES)).min(range.max);
@@ -304,16 +303,7 @@ fn prepare_link(device: &Device, wanted_bytes: Option<u32>) -> Result<u32, Strin
     Ok(kept)
 }
 
-/// Returns the address of our network card towards the camera.
-fn interface_address(device: &Device) -> Option<Ipv4Addr> {
-    address(device, device.aravis.arv_gv_device_get_interface_address)
-}
-
-/// Returns the camera's address.
-fn device_address(device: &Device) -> Option<Ipv4Addr> {
-    address(device, device.aravis.arv_gv_device_get_device_address)
-}
-
+/// Returns an address of a GigE Vision device.
 fn address(
     device: &Device,
     function: unsafe extern "C" fn(*mut sys::ArvGvDevice) -> *mut sys::GSocketAddress,
@@ -339,11 +329,11 @@ fn prepare_socket(device: &Device, stream: &Object<ArvStream>, payload_bytes: us
     let wanted = (payload_bytes * SOCKET_FRAMES).clamp(MIN_SOCKET_BYTES, MAX_SOCKET_BYTES);
     // SAFETY: a live GigE Vision stream.
     let port = unsafe { aravis.arv_gv_stream_get_port(stream.as_ptr().cast()) };
-    let socket = match socket::find_udp(interface_address(device), port) {
+    let socket = match socket::find_udp(address(device, aravis.arv_gv_device_get_interface_address), port) {
         Ok(socket) => socket,
         Err(error) => return log::warn!("cannot find the stream's socket to enlarge it, frames may be lost: {error}"),
     };
-    if let Some(camera) = device_address(device) {
+    if let Some(camera) = address(device, aravis.arv_gv_device_get_device_address) {
         let payload_bytes = u32::try_from(payload_bytes).unwrap_or(u32::MAX);
         if let Err(error) = (StreamShape { camera, payload_bytes, packet_bytes }).attach(&socket) {
             log::warn!("cannot filter the stream's packets, any computer may send some: {error}");

@@ -3,11 +3,10 @@
 use super::device::Device;
 use super::modes::{FrameSize, interval_of_rate, is_same_rate, rate_hz};
 use super::pixel_layout::{BufferLayout, LAYOUTS, Layout, fourcc_text};
-use super::settings::V4l2Settings;
 use super::sys;
 use crate::camera::CameraError;
 use crate::camera::feature_setting::{set_in_dependency_order, setting_error};
-use crate::config::FeatureValue;
+use crate::config::{self, FeatureValue};
 use std::io;
 
 /// Maximum relative difference between an exposure and its read-back.
@@ -26,7 +25,7 @@ pub(super) struct Applied {
 }
 
 /// Applies every setting, reads every one back, and returns the resulting stream.
-pub(super) fn apply(device: &Device, settings: &V4l2Settings) -> Result<Applied, CameraError> {
+pub(super) fn apply(device: &Device, settings: &config::Camera) -> Result<Applied, CameraError> {
     let layout = select_layout(device, settings)?;
     let buffer = set_format(device, settings, layout)?;
     set_rate(device, settings, &buffer)?;
@@ -57,7 +56,7 @@ fn exposure_us(device: &Device) -> Option<f64> {
 }
 
 /// Selects the best of the driver's formats for the requested pixel format, size and rate.
-fn select_layout(device: &Device, settings: &V4l2Settings) -> Result<Layout, CameraError> {
+fn select_layout(device: &Device, settings: &config::Camera) -> Result<Layout, CameraError> {
     let offered = device.formats();
     let offers = |layout: &&Layout| offered.iter().any(|(fourcc, _)| *fourcc == layout.fourcc);
     let wanted = |layout: &&Layout| settings.pixel_format.is_none_or(|format| format == layout.format);
@@ -74,14 +73,14 @@ fn select_layout(device: &Device, settings: &V4l2Settings) -> Result<Layout, Cam
 }
 
 /// Whether a format has the requested size and rate, or may have because the driver lists none.
-fn may_support(device: &Device, settings: &V4l2Settings, fourcc: u32) -> bool {
+fn may_support(device: &Device, settings: &config::Camera, fourcc: u32) -> bool {
     let (Some(width_px), Some(height_px)) = (settings.width_px, settings.height_px) else { return true };
     let size = FrameSize { width_px, height_px };
     let has_rate = |rate_hz| device.rates(fourcc, size).may_include(rate_hz);
     device.sizes(fourcc).may_include(size) && settings.frame_rate_hz.is_none_or(has_rate)
 }
 
-fn set_format(device: &Device, settings: &V4l2Settings, layout: Layout) -> Result<BufferLayout, CameraError> {
+fn set_format(device: &Device, settings: &config::Camera, layout: Layout) -> Result<BufferLayout, CameraError> {
     let name = fourcc_text(layout.fourcc);
     let failed = |error: io::Error| match error.raw_os_error() {
         Some(libc::EBUSY) => CameraError::NotFound { id: device.id.clone(), reason: "another program uses it".into() },
@@ -120,7 +119,7 @@ fn set_format(device: &Device, settings: &V4l2Settings, layout: Layout) -> Resul
     Ok(buffer)
 }
 
-fn set_rate(device: &Device, settings: &V4l2Settings, buffer: &BufferLayout) -> Result<(), CameraError> {
+fn set_rate(device: &Device, settings: &config::Camera, buffer: &BufferLayout) -> Result<(), CameraError> {
     let Some(wanted) = settings.frame_rate_hz else { return Ok(()) };
     if device.interval().is_none() {
         log::warn!("{}: cannot set the frame rate: the driver does not support it; the camera uses its own", device.id);
@@ -144,7 +143,7 @@ fn check_rate(wanted: f64, kept: f64) -> Result<(), CameraError> {
     Err(setting_error("frame_rate_hz", wanted, format!("the camera keeps {kept:.3} after its other settings")))
 }
 
-fn set_exposure(device: &Device, settings: &V4l2Settings) -> Result<(), CameraError> {
+fn set_exposure(device: &Device, settings: &config::Camera) -> Result<(), CameraError> {
     let Some(wanted) = settings.exposure_us else { return Ok(()) };
     let refused = |reason: String| setting_error("exposure_us", wanted, reason);
     let controls = device.controls();

@@ -3,14 +3,15 @@
 use super::apply::Applied;
 use super::device::Device;
 use super::pixel_layout::fourcc_text;
-use super::settings::V4l2Settings;
 use super::sys;
+use crate::camera::feature_setting::is_linear;
+use crate::config;
 
 /// The gamma control's value for a linear response, by the USB video class.
 const LINEAR_GAMMA: i64 = 100;
 
 /// Returns the warnings for a configured camera, one sentence each.
-pub(super) fn warnings(device: &Device, applied: &Applied, settings: &V4l2Settings) -> Vec<String> {
+pub(super) fn warnings(device: &Device, applied: &Applied, settings: &config::Camera) -> Vec<String> {
     let mut warnings = Vec::new();
     let layout = applied.buffer.layout;
     if layout.is_compressed() {
@@ -37,14 +38,14 @@ pub(super) fn warnings(device: &Device, applied: &Applied, settings: &V4l2Settin
                 .into(),
         );
     }
-    let gamma = device.number(sys::V4L2_CID_GAMMA).filter(|gamma| *gamma != LINEAR_GAMMA && !settings.is_gamma_known);
+    let gamma = device.number(sys::V4L2_CID_GAMMA).filter(|gamma| *gamma != LINEAR_GAMMA && is_linear(settings));
     if let Some(gamma) = gamma {
         warnings.push(format!(
             "its control gamma is {gamma}, but usually only {LINEAR_GAMMA} is linear, and any other value displaces \
                      edges; set gamma = {LINEAR_GAMMA} under [camera.features], or the exponent as camera.gamma"
         ));
     }
-    if !settings.is_row_time_known {
+    if settings.row_time_us.is_none() {
         warnings.push(format!(
             "such cameras usually have a rolling shutter: the speed of what falls {:.0} px per frame is up to 1 % too \
                      high, and of what rises too low; set camera.row_time_us (0 for a global shutter)",

@@ -3,9 +3,8 @@
 use super::device::{Device, text};
 use super::modes::MAX_LIST;
 use super::sys;
-use crate::camera::CameraError;
 use crate::camera::feature_setting::{IntegerRange, check_integer, setting_error};
-use crate::camera::genicam::{FeatureLine, Kind};
+use crate::camera::{CameraError, FeatureKind, FeatureLine};
 use crate::config::FeatureValue;
 use std::io;
 
@@ -18,7 +17,7 @@ const MAX_CONTROLS: usize = 1024;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Control {
     pub id: u32,
-    /// As used under `features` in the configuration: lower-case, `_` between words.
+    /// The name under `features` in the configuration: lower-case, `_` between words.
     pub name: String,
     kind: u32,
     range: IntegerRange,
@@ -295,13 +294,13 @@ impl Device {
     }
 }
 
-fn kind(kind: u32) -> Kind {
+fn kind(kind: u32) -> FeatureKind {
     match kind {
-        sys::V4L2_CTRL_TYPE_BOOLEAN => Kind::Boolean,
-        sys::V4L2_CTRL_TYPE_BUTTON => Kind::Command,
-        sys::V4L2_CTRL_TYPE_MENU => Kind::Enumeration,
-        sys::V4L2_CTRL_TYPE_STRING => Kind::Text,
-        _ => Kind::Integer,
+        sys::V4L2_CTRL_TYPE_BOOLEAN => FeatureKind::Boolean,
+        sys::V4L2_CTRL_TYPE_BUTTON => FeatureKind::Command,
+        sys::V4L2_CTRL_TYPE_MENU => FeatureKind::Enumeration,
+        sys::V4L2_CTRL_TYPE_STRING => FeatureKind::Text,
+        _ => FeatureKind::Integer,
     }
 }
 

@@ -1,7 +1,6 @@
 //! An open video device: each ioctl as a typed call.
 
-use super::discovery;
-use super::kernel::{Kernel, Mapping, Node};
+use super::kernel::{Kernel, Mapping, Node, open_failure};
 use super::modes::{FrameSize, MAX_LIST, Rates, Sizes};
 use super::sys;
 use crate::camera::CameraError;
@@ -34,7 +33,7 @@ pub struct Capability {
     pub flags: u32,
 }
 
-/// Where the pixels of a buffer are stored.
+/// The memory of a buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Memory {
     /// In the driver's memory, mapped.
@@ -57,7 +56,7 @@ impl Device {
     pub(super) fn open(path: &Path) -> Result<Self, CameraError> {
         let id = path.display().to_string();
         let not_found = |reason: String| CameraError::NotFound { id: id.clone(), reason };
-        let node = Node::open(path).map_err(|error| not_found(discovery::open_failure(&error)))?;
+        let node = Node::open(path).map_err(|error| not_found(open_failure(&error)))?;
         let device = Self { kernel: Box::new(node), id: id.clone(), path: path.into() };
         let capability = device.capability().map_err(|error| not_found(format!("no video device: {error}")))?;
         match capability.refusal() {

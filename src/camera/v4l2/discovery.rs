@@ -1,11 +1,10 @@
 //! Discovery of V4L2 cameras, and opening one of them.
 
 use super::device::{Capability, Device};
-use super::kernel::Node;
+use super::kernel::{Node, open_failure};
 use super::modes::{FrameSize, Rates, Sizes};
 use super::pixel_layout::{LAYOUTS, fourcc_text};
-use crate::camera::genicam::FeatureLine;
-use crate::camera::{CameraError, CameraIdentity};
+use crate::camera::{CameraError, CameraIdentity, FeatureLine};
 use crate::image::PixelFormat;
 use std::path::{Path, PathBuf};
 
@@ -95,15 +94,6 @@ fn format_listing(device: &Device, fourcc: u32, description: String) -> FormatLi
     let listed = if ring_format.is_some() { sizes.listed() } else { Vec::new() };
     let rates = listed.into_iter().map(|size| (size, device.rates(fourcc, size))).collect();
     FormatListing { code: fourcc_text(fourcc), description, ring_format, sizes, rates }
-}
-
-/// Describes an error on opening a device, and its cure.
-pub(super) fn open_failure(error: &std::io::Error) -> String {
-    match error.raw_os_error() {
-        Some(libc::EACCES) => format!("{error}; add the user to the file's group, usually `video`"),
-        Some(libc::EBUSY) => "another program uses it".into(),
-        _ => error.to_string(),
-    }
 }
 
 /// Returns the device files of all video devices, in the order of their numbers.

@@ -47,6 +47,15 @@ impl Node {
     }
 }
 
+/// Describes an error on opening a device, and its cure.
+pub(super) fn open_failure(error: &io::Error) -> String {
+    match error.raw_os_error() {
+        Some(libc::EACCES) => format!("{error}; add the user to the file's group, usually `video`"),
+        Some(libc::EBUSY) => "another program uses it".into(),
+        _ => error.to_string(),
+    }
+}
+
 /// One ioctl that may change its argument.
 struct Request {
     opcode: Opcode,

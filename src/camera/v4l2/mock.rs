@@ -3,6 +3,7 @@
 use super::device::Device;
 use super::kernel::{Argument, Kernel};
 use super::sys;
+use crate::config::{Camera, Config};
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io;
@@ -13,6 +14,11 @@ use std::time::Duration;
 
 /// Size of one mapped buffer in the file: a page, so that each can be mapped separately.
 const BUFFER_ROOM: u32 = 4096;
+
+/// Returns settings that leave everything as it is.
+pub fn settings() -> Camera {
+    Config::parse("[camera]\nsource = \"simulated\"\n", "rig.toml").unwrap().camera
+}
 
 /// A control of the simulated driver.
 #[derive(Debug, Clone)]

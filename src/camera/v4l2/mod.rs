@@ -14,7 +14,6 @@ mod kernel;
 #[cfg(test)]
 mod mock;
 mod queue;
-mod settings;
 #[rustfmt::skip]
 #[doc(hidden)]
 #[allow(
@@ -38,17 +37,17 @@ mod timestamps;
 pub use device::{Capability, Device};
 pub use discovery::{CameraListing, FormatListing, features, is_v4l2_id, list};
 pub use modes::{FrameSize, Rates, Sizes};
-pub use settings::V4l2Settings;
 
 use super::feature_setting::slot_count;
 use crate::camera::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
+use crate::config;
 use apply::Applied;
 use frame_timing::FrameTiming;
 use pixel_layout::BufferLayout;
-use queue::{BUFFERS_MAX, BUFFERS_MIN, BufferInfo, Dequeued, Queue};
+use queue::{BUFFERS_MAX, BUFFERS_MIN, Dequeued, Queue};
 use std::io;
 use std::time::Duration;
-use timestamps::{HostClock, Sequences, is_stale, monotonic_ns};
+use timestamps::{BufferInfo, HostClock, Sequences, is_stale, monotonic_ns};
 
 /// Minimum number of slots.
 const MIN_SLOTS: usize = 2 * BUFFERS_MIN;
@@ -88,11 +87,11 @@ impl V4l2Camera {
     ///
     /// [`CameraError::NotFound`], or [`CameraError::Setting`] with the key or control, the value and the allowed
     /// range.
-    pub fn open(settings: &V4l2Settings) -> Result<Self, CameraError> {
-        Self::with_device(Device::find(&settings.id)?, settings)
+    pub fn open(settings: &config::Camera) -> Result<Self, CameraError> {
+        Self::with_device(Device::find(settings.id.as_deref().unwrap_or_default())?, settings)
     }
 
-    fn with_device(device: Device, settings: &V4l2Settings) -> Result<Self, CameraError> {
+    fn with_device(device: Device, settings: &config::Camera) -> Result<Self, CameraError> {
         let applied = apply::apply(&device, settings)?;
         let Applied { buffer, frame_rate_hz, exposure_us } = applied;
         for warning in auto_controls::warnings(&device, &applied, settings) {

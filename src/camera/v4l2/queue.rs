@@ -7,7 +7,7 @@ use super::device::{Device, Memory};
 use super::kernel::Mapping;
 use super::pixel_layout::BufferLayout;
 use super::sys;
-use super::timestamps::monotonic_ns;
+use super::timestamps::{BufferInfo, monotonic_ns};
 use crate::camera::Slot;
 use std::collections::VecDeque;
 use std::io;
@@ -21,18 +21,6 @@ pub(super) const BUFFERS_MIN: usize = 4;
 const MAX_REFUSALS: usize = 64;
 /// Pause if waiting returns at once and nothing can be done yet.
 const PAUSE: Duration = Duration::from_millis(1);
-
-/// The driver's description of a dequeued buffer.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct BufferInfo {
-    pub sequence: u32,
-    /// `V4L2_BUF_FLAG_...`.
-    pub flags: u32,
-    pub stamp_ns: u64,
-    pub bytes: usize,
-    /// Why the pixels could not be extracted.
-    pub damage: Option<String>,
-}
 
 /// The outcome of dequeueing.
 #[derive(Debug)]

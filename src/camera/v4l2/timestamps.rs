@@ -1,8 +1,19 @@
 //! Conversion of the driver's frame counts and timestamps to those of the ring.
 
-use super::queue::BufferInfo;
 use super::sys;
 use rustix::time::{ClockId, clock_gettime};
+
+/// The driver's description of a dequeued buffer.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct BufferInfo {
+    pub sequence: u32,
+    /// `V4L2_BUF_FLAG_...`.
+    pub flags: u32,
+    pub stamp_ns: u64,
+    pub bytes: usize,
+    /// Why the pixels could not be extracted.
+    pub damage: Option<String>,
+}
 
 /// Converts the driver's 32-bit count to a sequence that starts at 0 with the first frame and never wraps.
 ///

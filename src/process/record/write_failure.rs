@@ -1,11 +1,12 @@
 //! Failures of writing: the loss is reported and counted, the part file stays, and the rig continues.
 
+use super::Recorder;
 use super::open_shot::OpenShot;
-use super::{Recorder, stamp_of};
 use crate::config::TriggerMode;
 use crate::failure::Failure;
 use crate::message::EventKind;
 use crate::process::clock::Timeout;
+use crate::process::status_reporter::FrameStamp;
 use crate::process::storage::prepare_directory;
 use crate::recording::RecordingError;
 use std::time::Duration;
@@ -63,7 +64,7 @@ impl Recorder<'_> {
             let Some(sample) = feed.held.pop_front() else { continue };
             let header = *sample.header();
             self.summary.lost += 1;
-            feed.newest = stamp_of(&header);
+            feed.newest = FrameStamp::from(&header);
             feed.reporter.progress(header.sequence + 1)?;
             passed = true;
         }

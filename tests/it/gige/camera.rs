@@ -6,7 +6,8 @@ use super::control::{
 };
 use super::packets::{IMAGE, IMAGE_WITH_CHUNKS, Packet, Picture, Wire};
 use crate::fake_gige::aravis_or_leave_out;
-use ricochet::camera::genicam::GenicamSettings;
+use crate::support::camera_settings;
+use ricochet::config;
 use ricochet::image::PixelFormat;
 use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
 use std::sync::atomic::{AtomicBool, AtomicU16, Ordering};
@@ -67,14 +68,14 @@ impl Gige {
     }
 
     /// Settings that it accepts.
-    pub fn settings(&self) -> GenicamSettings {
-        GenicamSettings {
-            id: self.id(),
+    pub fn settings(&self) -> config::Camera {
+        config::Camera {
+            id: Some(self.id()),
             width_px: Some(WIDTH_PX),
             height_px: Some(HEIGHT_PX),
             pixel_format: Some(PixelFormat::Mono8),
             packet_size_bytes: Some(PACKET_BYTES),
-            ..GenicamSettings::default()
+            ..camera_settings()
         }
     }
 

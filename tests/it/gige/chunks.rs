@@ -4,15 +4,16 @@ use super::camera::{CHUNK_LATER_NS, FRAME_BYTES, Gige, stamp_ns};
 use super::take::Eye;
 use crate::camera_contract;
 use ricochet::camera::Camera;
-use ricochet::camera::genicam::{FeatureValue, GenicamCamera, GenicamSettings};
+use ricochet::camera::genicam::{FeatureValue, GenicamCamera};
+use ricochet::config;
 
 /// Settings that switch these chunks on.
-fn with_chunks(gige: &Gige, chunks: &[&str]) -> GenicamSettings {
+fn with_chunks(gige: &Gige, chunks: &[&str]) -> config::Camera {
     let on = FeatureValue::Bool(true);
     let mut features: std::collections::BTreeMap<_, _> =
         chunks.iter().map(|chunk| (format!("ChunkEnable[ChunkSelector={chunk}]"), on.clone())).collect();
     features.insert("ChunkModeActive".into(), on);
-    GenicamSettings { features, ..gige.settings() }
+    config::Camera { features, ..gige.settings() }
 }
 
 #[test]

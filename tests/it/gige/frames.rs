@@ -5,7 +5,8 @@ use super::control::{PRIVILEGE, Resend};
 use super::packets::Packet;
 use super::take::Eye;
 use crate::recording::recover::xorshift;
-use ricochet::camera::genicam::{FeatureValue, GenicamSettings};
+use ricochet::camera::genicam::FeatureValue;
+use ricochet::config;
 use std::collections::BTreeMap;
 use std::net::UdpSocket;
 
@@ -18,9 +19,9 @@ fn same(frames: impl IntoIterator<Item = u64>) -> Vec<(u64, u64)> {
     frames.into_iter().map(|index| (index, index)).collect()
 }
 
-fn with_long_ids(gige: &Gige) -> GenicamSettings {
+fn with_long_ids(gige: &Gige) -> config::Camera {
     let features = BTreeMap::from([("GevGVSPExtendedIDMode".into(), FeatureValue::Text("On".into()))]);
-    GenicamSettings { features, ..gige.settings() }
+    config::Camera { features, ..gige.settings() }
 }
 
 /// Sends frames with ids from `first` on, without the packets that `drops` lists by frame and number.

@@ -4,7 +4,8 @@ use super::camera::Gige;
 use super::packets::{IMAGE, LEADER, PAYLOAD, Packet, TRAILER, UNAVAILABLE, Wire};
 use super::take::Eye;
 use crate::recording::recover::xorshift;
-use ricochet::camera::genicam::{FeatureValue, GenicamSettings};
+use ricochet::camera::genicam::FeatureValue;
+use ricochet::config;
 use std::net::UdpSocket;
 use std::process::Command;
 
@@ -64,9 +65,9 @@ fn evil(id: u64) -> Vec<Packet> {
     packets
 }
 
-fn with_long_ids(gige: &Gige) -> GenicamSettings {
+fn with_long_ids(gige: &Gige) -> config::Camera {
     let features = [("GevGVSPExtendedIDMode".into(), FeatureValue::Text("On".into()))].into();
-    GenicamSettings { features, ..gige.settings() }
+    config::Camera { features, ..gige.settings() }
 }
 
 #[test]

@@ -10,8 +10,9 @@ use super::hostile::alone;
 use super::packets::{Packet, Picture, Wire};
 use super::take::{Eye, Taken};
 use crate::recording::recover::xorshift;
-use ricochet::camera::genicam::{FeatureValue, GenicamSettings};
+use ricochet::camera::genicam::FeatureValue;
 use ricochet::camera::{Camera, CameraError};
+use ricochet::config;
 use std::time::{Duration, Instant};
 
 /// The variable with the duration of the ignored tests, s.
@@ -26,7 +27,7 @@ fn span(short: Duration, is_long: bool) -> Duration {
 }
 
 /// Settings with block ids of 16 or 64 bits, with or without chunks.
-fn settings(gige: &Gige, kind: usize) -> GenicamSettings {
+fn settings(gige: &Gige, kind: usize) -> config::Camera {
     let mut features = std::collections::BTreeMap::new();
     let word = if kind & 1 == 0 { "Off" } else { "On" };
     features.insert("GevGVSPExtendedIDMode".into(), FeatureValue::Text(word.into()));
@@ -36,7 +37,7 @@ fn settings(gige: &Gige, kind: usize) -> GenicamSettings {
             features.insert(format!("ChunkEnable[ChunkSelector={chunk}]"), FeatureValue::Bool(true));
         }
     }
-    GenicamSettings { features, ..gige.settings() }
+    config::Camera { features, ..gige.settings() }
 }
 
 /// Changes the header data of a frame. Changed pixels would make an image that belongs to no frame.

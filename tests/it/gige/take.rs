@@ -3,8 +3,9 @@
 use super::camera::FRAME_BYTES;
 use crate::genicam::draw;
 use crate::slots::Slots;
-use ricochet::camera::genicam::{GenicamCamera, GenicamSettings};
+use ricochet::camera::genicam::GenicamCamera;
 use ricochet::camera::{Camera, CameraError, Next};
+use ricochet::config;
 use ricochet::image::FrameMeta;
 use std::time::{Duration, Instant};
 
@@ -44,11 +45,11 @@ pub struct Eye {
 }
 
 impl Eye {
-    pub fn open(settings: &GenicamSettings) -> Self {
+    pub fn open(settings: &config::Camera) -> Self {
         Self::try_open(settings).unwrap()
     }
 
-    pub fn try_open(settings: &GenicamSettings) -> Result<Self, CameraError> {
+    pub fn try_open(settings: &config::Camera) -> Result<Self, CameraError> {
         let mut camera = GenicamCamera::open(settings)?;
         let bytes = camera.format().slot_bytes();
         let mut slots = Slots::new(SLOTS, bytes + 64);

@@ -46,7 +46,7 @@ fn leader(kind: u16, bytes: usize) -> Vec<u8> {
     leader
 }
 
-/// Which of these packets come through.
+/// Returns for each packet whether it passes the filter.
 fn through(packets: &[Vec<u8>]) -> Vec<bool> {
     let (receiver, camera) = pair();
     let to = receiver.local_addr().unwrap();

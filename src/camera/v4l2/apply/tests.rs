@@ -1,8 +1,9 @@
 //! Settings and controls against a simulated driver.
 
-use super::super::mock::{Mock, MockControl};
+use super::super::mock::{Mock, MockControl, settings};
 use super::*;
 use crate::camera::v4l2::auto_controls::warnings;
+use crate::config::Camera;
 use crate::image::PixelFormat;
 use std::collections::BTreeMap;
 
@@ -42,16 +43,16 @@ fn mock() -> Mock {
     mock
 }
 
-fn with(features: &[(&str, FeatureValue)]) -> V4l2Settings {
+fn with(features: &[(&str, FeatureValue)]) -> Camera {
     let features = features.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect::<BTreeMap<_, _>>();
-    V4l2Settings { features, ..V4l2Settings::default() }
+    Camera { features, ..settings() }
 }
 
 fn value(mock: &Mock, id: u32) -> i32 {
     mock.state().controls.iter().find(|control| control.id == id).unwrap().value
 }
 
-fn refusal(settings: &V4l2Settings) -> String {
+fn refusal(settings: &Camera) -> String {
     apply(&mock().device(), settings).unwrap_err().to_string()
 }
 
@@ -76,7 +77,7 @@ fn controls_are_set_by_name_and_those_that_lock_others_first() {
 #[test]
 fn exposure_in_us_turns_the_automatic_one_off_and_lands_in_its_control() {
     let mock = mock();
-    apply(&mock.device(), &V4l2Settings { exposure_us: Some(2500.0), ..V4l2Settings::default() }).unwrap();
+    apply(&mock.device(), &Camera { exposure_us: Some(2500.0), ..settings() }).unwrap();
     assert_eq!(value(&mock, sys::V4L2_CID_EXPOSURE_AUTO), 1);
     assert_eq!(value(&mock, sys::V4L2_CID_EXPOSURE_ABSOLUTE), 25);
 }
@@ -113,7 +114,7 @@ fn what_a_control_cannot_be_is_refused_with_what_it_can() {
 
 #[test]
 fn an_exposure_between_two_steps_or_beyond_the_range_is_refused() {
-    let exposure = |us| refusal(&V4l2Settings { exposure_us: Some(us), ..V4l2Settings::default() });
+    let exposure = |us| refusal(&Camera { exposure_us: Some(us), ..settings() });
     assert_eq!(exposure(150.0), "cannot set camera feature exposure_us to 150: allowed in steps of 100 us");
     assert_eq!(
         exposure(600_000.0),
@@ -123,17 +124,17 @@ fn an_exposure_between_two_steps_or_beyond_the_range_is_refused() {
 
 #[test]
 fn formats_sizes_and_rates_a_camera_does_not_keep_are_refused() {
-    let format = V4l2Settings { pixel_format: Some(PixelFormat::Mono12), ..V4l2Settings::default() };
+    let format = Camera { pixel_format: Some(PixelFormat::Mono12), ..settings() };
     assert_eq!(
         refusal(&format),
         "cannot set camera feature pixel_format to Mono12: the camera offers GREY; ricochet supports GREY, Y10, Y12, Y16, NV12, YUYV, UYVY, MJPG, JPEG"
     );
-    let size = V4l2Settings { width_px: Some(512), ..V4l2Settings::default() };
+    let size = Camera { width_px: Some(512), ..settings() };
     assert_eq!(
         refusal(&size),
         "cannot set camera feature width_px to 512: the camera keeps 4; sizes as GREY: not listed"
     );
-    let rate = V4l2Settings { frame_rate_hz: Some(1000.0), ..V4l2Settings::default() };
+    let rate = Camera { frame_rate_hz: Some(1000.0), ..settings() };
     assert_eq!(
         refusal(&rate),
         "cannot set camera feature frame_rate_hz to 1000: the camera keeps 100.000; rates at this size: not listed Hz"
@@ -142,7 +143,7 @@ fn formats_sizes_and_rates_a_camera_does_not_keep_are_refused() {
 
 #[test]
 fn the_reported_rate_is_the_one_the_driver_keeps() {
-    assert_eq!(apply(&mock().device(), &V4l2Settings::default()).unwrap().frame_rate_hz.to_bits(), 100.0_f64.to_bits());
+    assert_eq!(apply(&mock().device(), &settings()).unwrap().frame_rate_hz.to_bits(), 100.0_f64.to_bits());
 }
 
 /// A webcam whose largest image has a useful rate only if compressed.
@@ -158,9 +159,9 @@ fn webcam() -> Mock {
     mock
 }
 
-fn mode(width_px: u32, height_px: u32, frame_rate_hz: f64) -> V4l2Settings {
+fn mode(width_px: u32, height_px: u32, frame_rate_hz: f64) -> Camera {
     let (width_px, height_px, frame_rate_hz) = (Some(width_px), Some(height_px), Some(frame_rate_hz));
-    V4l2Settings { width_px, height_px, frame_rate_hz, pixel_format: Some(PixelFormat::Mono8), ..Default::default() }
+    Camera { width_px, height_px, frame_rate_hz, pixel_format: Some(PixelFormat::Mono8), ..settings() }
 }
 
 #[test]
@@ -189,17 +190,17 @@ fn the_least_lossy_format_with_the_size_and_rate_is_taken() {
 
 #[test]
 fn an_exposure_is_reported_only_if_it_is_fixed() {
-    let reported = |settings: &V4l2Settings, mock: &Mock| apply(&mock.device(), settings).unwrap().exposure_us;
+    let reported = |settings: &Camera, mock: &Mock| apply(&mock.device(), settings).unwrap().exposure_us;
     let mock = mock();
-    let plain = V4l2Settings::default();
+    let plain = settings();
     assert_eq!(reported(&plain, &mock).to_bits(), 0.0_f64.to_bits(), "the camera chooses it for each frame");
     assert_eq!(reported(&with(&[("auto_exposure", text("Manual Mode"))]), &mock).to_bits(), 15_600.0_f64.to_bits());
-    assert_eq!(reported(&V4l2Settings { exposure_us: Some(500.0), ..plain }, &mock).to_bits(), 500.0_f64.to_bits());
+    assert_eq!(reported(&Camera { exposure_us: Some(500.0), ..plain }, &mock).to_bits(), 500.0_f64.to_bits());
 }
 
 #[test]
 fn automatic_adjustments_are_reported_until_they_are_switched_off() {
-    let given = |mock: &Mock, settings: &V4l2Settings| {
+    let given = |mock: &Mock, settings: &Camera| {
         let device = mock.device();
         let applied = apply(&device, settings).unwrap();
         warnings(&device, &applied, settings)
@@ -235,13 +236,13 @@ fn automatic_adjustments_are_reported_until_they_are_switched_off() {
         warnings[4].contains("usually have a rolling shutter: the speed of what falls 7 px per frame"),
         "{warnings:?}"
     );
-    let known = V4l2Settings { is_gamma_known: true, is_row_time_known: true, ..mode(1280, 720, 30.0) };
+    let known = Camera { gamma: 0.5, row_time_us: Some(0.0), ..mode(1280, 720, 30.0) };
     assert_eq!(given(&mock, &known), warnings[..3]);
-    let fixed = V4l2Settings {
-        is_row_time_known: true,
+    let fixed = Camera {
+        row_time_us: Some(0.0),
         exposure_us: Some(1000.0),
         ..with(&[("gain_automatic", FeatureValue::Bool(false)), ("gamma", FeatureValue::Integer(100))])
     };
     mock.state().fourcc = sys::FOURCC_YUYV;
-    assert_eq!(given(&mock, &V4l2Settings { width_px: Some(640), height_px: Some(480), ..fixed }), [""; 0]);
+    assert_eq!(given(&mock, &Camera { width_px: Some(640), height_px: Some(480), ..fixed }), [""; 0]);
 }

@@ -1,7 +1,7 @@
 //! The queue, and the camera over it, against a simulated driver.
 
-use super::super::mock::Mock;
-use super::super::{V4l2Camera, V4l2Settings};
+use super::super::V4l2Camera;
+use super::super::mock::{Mock, settings};
 use super::*;
 use crate::camera::{Camera, CameraError, Next};
 use std::ptr::NonNull;
@@ -28,7 +28,7 @@ impl Memories {
 }
 
 fn camera(mock: &Mock) -> V4l2Camera {
-    V4l2Camera::with_device(mock.device(), &V4l2Settings::default()).unwrap()
+    V4l2Camera::with_device(mock.device(), &settings()).unwrap()
 }
 
 /// A started camera with six slots.
