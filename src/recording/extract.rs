@@ -63,7 +63,7 @@ fn copy(recording: &Recording, writer: &mut RecordingWriter) -> Result<u64, Reco
     for (name, entries) in recording.metadata_records().iter().filter(|(name, _)| name != CONTINUED_NAME) {
         let mut entries = entries.clone();
         // The copy is a single file.
-        split::SPLIT_KEYS.iter().for_each(|key| drop(entries.remove(*key)));
+        split::remove(&mut entries);
         writer.metadata(name, entries)?;
     }
     for attachment in recording.attachments() {
@@ -84,9 +84,9 @@ fn copy_rows(recording: &Recording, writer: &mut RecordingWriter) -> Result<u64,
         if recording.section_channels(number).is_some_and(|channels| channels.into_iter().all(is_of_frames)) {
             continue;
         }
-        let damage = recording.visit_section(number, |message| match is_of_frames(message.channel) {
+        let damage = recording.visit_section(number, |message| match is_of_frames(message.header.channel) {
             true => Ok(()),
-            false => copier.write(&message, false),
+            false => copier.write(&message),
         })?;
         if let Some(reason) = damage {
             return Err(RecordingError::invalid(recording.path(), reason));

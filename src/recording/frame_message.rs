@@ -1,5 +1,6 @@
 //! Frames encoded as messages.
 
+use super::container::MESSAGE_OVERHEAD_BYTES;
 use super::schema::proto;
 use crate::image::{Frame, PixelFormat};
 use foxglove::messages::{RawImage, Timestamp};
@@ -58,5 +59,5 @@ pub(super) fn timestamp(stamp_ns: u64) -> Timestamp {
 pub(super) fn expected_bytes(frame: &Frame<'_>) -> u64 {
     /// Both messages without the pixels.
     const HEADERS_BYTES: u64 = 256;
-    frame.bytes.len() as u64 + HEADERS_BYTES + 2 * super::split::MESSAGE_BYTES
+    frame.bytes.len() as u64 + HEADERS_BYTES + 2 * MESSAGE_OVERHEAD_BYTES
 }

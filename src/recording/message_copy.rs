@@ -1,18 +1,9 @@
 //! Copies of messages from one file to another, byte by byte.
 
 use super::reader::Message;
-use super::record::{Channel, Schema};
+use super::record::{Channel, MessageHeader, Schema};
 use super::{Recording, RecordingError, RecordingWriter};
 use std::collections::BTreeMap;
-
-/// A message of another file.
-pub(super) struct Copied<'a> {
-    pub(super) sequence: u32,
-    pub(super) log_time_ns: u64,
-    pub(super) publish_time_ns: u64,
-    pub(super) data: &'a [u8],
-    pub(super) is_frame: bool,
-}
 
 /// Copies messages with the channels and schemas they need.
 pub(super) struct Copier<'a> {
@@ -45,17 +36,13 @@ impl<'a> Copier<'a> {
     }
 
     /// Copies a message.
-    pub(super) fn write(&mut self, message: &Message, is_frame: bool) -> Result<(), RecordingError> {
-        let channel = self.channel(message.channel)?;
+    pub(super) fn write(&mut self, message: &Message) -> Result<(), RecordingError> {
+        let channel = self.channel(message.header.channel)?;
         self.messages += 1;
-        let copied = Copied {
-            sequence: message.sequence,
-            log_time_ns: message.log_time_ns,
-            publish_time_ns: message.publish_time_ns,
-            data: &message.data,
-            is_frame,
-        };
-        self.writer.copy(channel, &copied)
+        if self.recording.is_image(message.header.channel) {
+            self.writer.count_frame();
+        }
+        self.writer.copy(&MessageHeader { channel, ..message.header }, &message.data)
     }
 
     fn channel(&mut self, old: u16) -> Result<u16, RecordingError> {

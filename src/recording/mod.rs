@@ -23,16 +23,16 @@ mod split;
 mod writer;
 
 pub use annotations::Annotations;
+pub use container::Compression;
 pub use error::RecordingError;
 pub use extract::{copy_as_ros2, copy_results};
 pub use part_file::part_path;
 pub use png_attachment::{from_png, to_png};
-pub use reader::{Attachment, Frames, Recording, Rows, TopicSummary};
+pub use reader::{Attachment, Frames, Recording, Rows, TopicSummary, files_of};
 pub use recover::{Recovered, recover};
 pub use rows::{EventRow, StatusRow};
 pub use schema::Topic;
-pub use split::files_of;
-pub use writer::{Compression, FinishedRecording, RecordingInfo, RecordingWriter, ViewInfo, WriterOptions};
+pub use writer::{FinishedRecording, RecordingInfo, RecordingWriter, ViewInfo, WriterOptions};
 
 /// Name of the metadata record that every recording of ours has.
 const METADATA_NAME: &str = "ricochet";
@@ -42,3 +42,5 @@ const CONFIG_NAME: &str = "config.toml";
 const CONTINUED_NAME: &str = "continued";
 /// Name of the additional metadata record of a recovered recording.
 const RECOVERED_NAME: &str = "recovered";
+/// Entries of the metadata record `ricochet`: the names of the additional cameras.
+const VIEW_KEY: &str = "view";

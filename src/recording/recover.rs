@@ -87,18 +87,17 @@ impl MessageFilter<'_> {
     /// Copies a message if it is intact; returns whether it was.
     fn message(&mut self, message: Message) -> Result<bool, RecordingError> {
         let recording = self.copier.recording();
-        let Some(channel) = recording.channels().get(&message.channel) else { return Ok(false) };
+        let Some(channel) = recording.channels().get(&message.header.channel) else { return Ok(false) };
         let topic = |topic: Topic| topic.is_named_by(&channel.topic) && recording.is_ours();
         if !message.is_checked && topic(Topic::FrameInfo) {
             self.info = Some(message);
             return Ok(true);
         }
-        let is_frame = recording.is_image(message.channel);
         if !message.is_checked && topic(Topic::Image) {
             let Some(info) = self.info.take().filter(|info| belongs(info, &message)) else { return Ok(false) };
-            self.copier.write(&info, false)?;
+            self.copier.write(&info)?;
         }
-        self.copier.write(&message, is_frame)?;
+        self.copier.write(&message)?;
         Ok(true)
     }
 }
@@ -106,6 +105,6 @@ impl MessageFilter<'_> {
 /// Whether the information belongs to the image, and its checksum matches the pixels.
 fn belongs(info: &Message, image: &Message) -> bool {
     let pair = proto::FrameInfo::decode(info.data.clone()).ok().zip(RawImage::decode(image.data.clone()).ok());
-    (info.sequence, info.log_time_ns) == (image.sequence, image.log_time_ns)
+    (info.header.sequence, info.header.log_time_ns) == (image.header.sequence, image.header.log_time_ns)
         && pair.is_some_and(|(info, image)| crc32fast::hash(&image.data) == info.pixels_crc32)
 }

@@ -1,5 +1,6 @@
 //! Small messages that are gathered into chunks of their own.
 
+use super::container::MESSAGE_OVERHEAD_BYTES;
 use super::schema::Topic;
 
 /// Encoded messages of one kind, held back until they fill a chunk.
@@ -32,7 +33,7 @@ impl Batch {
 
     /// An upper bound of the batch's size in a file, bytes.
     pub(super) fn expected_bytes(&self) -> u64 {
-        self.bytes.len() as u64 + self.messages.len() as u64 * super::split::MESSAGE_BYTES
+        self.bytes.len() as u64 + self.messages.len() as u64 * MESSAGE_OVERHEAD_BYTES
     }
 
     /// Returns every message in the order of arrival: camera, topic, log time, bytes.

@@ -2,18 +2,18 @@
 
 mod info;
 mod rows;
+mod split_state;
 
-use super::container::{Container, Payload, Settings};
+use super::container::{Compression, Container, Payload, Settings};
 use super::disk_sync::Syncer;
-use super::message_copy::Copied;
 use super::part_file::PartFile;
 use super::record::{Channel, MessageHeader, Schema};
 use super::row_batch::Batch;
 use super::schema::Topic;
-use super::split::Split;
-use super::{RecordingError, frame_message, part_file};
+use super::{RecordingError, VIEW_KEY, frame_message, part_file};
 use crate::image::Frame;
 pub use info::{RecordingInfo, ViewInfo};
+use split_state::SplitState;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io;
@@ -31,19 +31,6 @@ const FIELDS_BYTES: usize = 4 << 20;
 
 /// The channels of a camera before its first message.
 const NO_CHANNELS: [Option<u16>; Topic::ALL.len()] = [None; Topic::ALL.len()];
-/// Entries of the metadata record `ricochet`: the names of the additional cameras.
-pub(super) const VIEW_KEY: &str = "view";
-
-/// The compression of chunks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Compression {
-    /// None, the only way to keep up with a camera.
-    #[default]
-    None,
-    /// Zstandard level 1, on the writing thread: about a quarter smaller, several times slower.
-    Zstd1,
-}
-
 /// Options of a recording writer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WriterOptions {
@@ -100,9 +87,9 @@ pub struct RecordingWriter {
     unsynced_bytes: u64,
     /// Stamp of the frame before the last sync.
     synced_ns: Option<u64>,
-    pub(super) split: Option<Split>,
+    split: Option<SplitState>,
     /// Whether the current file has messages.
-    pub(super) has_messages: bool,
+    has_messages: bool,
 }
 
 impl RecordingWriter {
@@ -115,8 +102,8 @@ impl RecordingWriter {
         let mut writer = Self::start(path, part_file::part_path(path), options)?;
         writer.views = info.views.iter().map(|view| view.name.clone()).collect();
         writer.channels = vec![NO_CHANNELS; 1 + info.views.len()];
-        writer.split = options.split_bytes.map(|bytes| Split::new(path, bytes, info, options));
-        let of_file = writer.split.as_ref().map(Split::info);
+        writer.split = options.split_bytes.map(|bytes| SplitState::new(path, bytes, info, options));
+        let of_file = writer.split.as_ref().map(SplitState::info);
         writer.describe(of_file.as_ref().unwrap_or(info)).map(|()| writer)
     }
 
@@ -443,16 +430,14 @@ impl RecordingWriter {
     }
 
     /// Adds a message of another file byte by byte, on a channel of this one.
-    pub(super) fn copy(&mut self, channel: u16, message: &Copied<'_>) -> Result<(), RecordingError> {
-        let header = MessageHeader {
-            channel,
-            sequence: message.sequence,
-            log_time_ns: message.log_time_ns,
-            publish_time_ns: message.publish_time_ns,
-        };
-        self.unsynced_bytes += message.data.len() as u64;
-        self.frames += u64::from(message.is_frame);
-        self.call(|container| container.message(&header, &Payload::of(message.data)))
+    pub(super) fn copy(&mut self, header: &MessageHeader, data: &[u8]) -> Result<(), RecordingError> {
+        self.unsynced_bytes += data.len() as u64;
+        self.call(|container| container.message(header, &Payload::of(data)))
+    }
+
+    /// Counts a copied message as a frame.
+    pub(super) fn count_frame(&mut self) {
+        self.frames += 1;
     }
 
     /// Runs an action on the container of the current file.

@@ -1,10 +1,10 @@
 //! A chunk: messages that are indexed, checked and compressed together.
 
+use super::Compression;
 use super::layout::{Body, prefix};
 use super::sink::Sink;
 use super::summary::ChunkIndex;
 use crate::recording::record::{MessageHeader, op};
-use crate::recording::writer::Compression;
 use crc32fast::Hasher;
 use std::collections::BTreeMap;
 use std::io;

@@ -1,9 +1,8 @@
 //! The view of one of several cameras in a recording.
 
 use super::{Inner, Recording, RecordingError};
-use crate::recording::METADATA_NAME;
 use crate::recording::schema::Topic;
-use crate::recording::writer::VIEW_KEY;
+use crate::recording::{METADATA_NAME, VIEW_KEY};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 

@@ -16,6 +16,17 @@ pub(super) struct Rest {
     pub(super) damage: Vec<String>,
 }
 
+/// Returns the existing files of the recording that begins in `first`, in order.
+pub fn files_of(first: &Path) -> Vec<PathBuf> {
+    let about = |path: &Path| Recording::peek_metadata(path).ok().flatten();
+    let name = about(first).and_then(|entries| split::first_name(&entries).map(str::to_owned));
+    let Some(name) = name else { return vec![first.to_path_buf()] };
+    let later = (1..).map(|number| (number, split::numbered(first, number)));
+    let belongs =
+        |(number, path): &(u32, PathBuf)| about(path).is_some_and(|found| split::is_part(&found, *number, &name));
+    std::iter::once(first.to_path_buf()).chain(later.take_while(belongs).map(|(_, path)| path)).collect()
+}
+
 impl Recording {
     /// Opens a recording and reads its structure, but no frames.
     ///

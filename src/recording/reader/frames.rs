@@ -203,7 +203,7 @@ impl Frames {
                 Err(error) => return Some(Err(error)),
             };
             let file = message.file;
-            let frame = if self.info_channels[file as usize].contains(&message.channel) {
+            let frame = if self.info_channels[file as usize].contains(&message.header.channel) {
                 self.keep_info(message).map(|()| None)
             } else {
                 self.frame(message)
@@ -217,9 +217,10 @@ impl Frames {
     }
 
     fn keep_info(&mut self, message: Message) -> Result<(), String> {
-        let info = proto::FrameInfo::decode(message.data)
-            .map_err(|error| format!("frame information at {} ns does not decode: {error}", message.log_time_ns))?;
-        self.info = Some((message.sequence, message.log_time_ns, info));
+        let info = proto::FrameInfo::decode(message.data).map_err(|error| {
+            format!("frame information at {} ns does not decode: {error}", message.header.log_time_ns)
+        })?;
+        self.info = Some((message.header.sequence, message.header.log_time_ns, info));
         Ok(())
     }
 
@@ -229,7 +230,7 @@ impl Frames {
         self.index += 1;
         let named = |reason: String| format!("frame {index}: {reason}");
         let file = message.file;
-        let image = match self.messages.inner(file).kind(message.channel) {
+        let image = match self.messages.inner(file).kind(message.header.channel) {
             Some(Kind::Ros2) => ros2::image(&message.data),
             Some(Kind::FoxgloveCompressed) => compressed::image(message.data.clone()),
             Some(Kind::Ros2Compressed) => ros2::compressed_image(&message.data),
@@ -239,10 +240,13 @@ impl Frames {
         let mut meta = shape(&image).map_err(named)?;
         if self.info_channels[file as usize].is_empty() {
             meta.sequence = index;
-            meta.stamp_ns = stamp_ns(&image).unwrap_or(message.log_time_ns);
+            meta.stamp_ns = stamp_ns(&image).unwrap_or(message.header.log_time_ns);
             return Ok(Some((meta, image.data)));
         }
-        let info = self.info.take().filter(|(low, time, _)| (*low, *time) == (message.sequence, message.log_time_ns));
+        let info = self
+            .info
+            .take()
+            .filter(|(low, time, _)| (*low, *time) == (message.header.sequence, message.header.log_time_ns));
         let is_cut = |messages: &Messages| messages.inner(file).structure.truncated.is_some() && messages.is_over(file);
         let (_, _, info) = match info {
             None if is_cut(&self.messages) => return Ok(None),

@@ -5,6 +5,7 @@ use super::chunk_section;
 use super::chunk_section::{Found, Unreadable};
 use super::scan::Section;
 use super::{Inner, Recording, RecordingError};
+use crate::recording::record::MessageHeader;
 use bytes::Bytes;
 use std::sync::Arc;
 
@@ -14,12 +15,18 @@ const ENTRY_BYTES: u64 = size_of::<Entry>() as u64;
 /// Memory that an index may take on top of twice the file's size, bytes.
 const SPARE_BYTES: u64 = 32 << 20;
 
+/// A section of a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Place {
+    file: u32,
+    section: u32,
+}
+
 /// The place of a message, ordered by time, then by file and offset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Entry {
     log_time_ns: u64,
-    file: u32,
-    section: u32,
+    place: Place,
     offset: u64,
 }
 
@@ -28,10 +35,7 @@ struct Entry {
 pub(crate) struct Message {
     /// The number of its file.
     pub(crate) file: u32,
-    pub(crate) channel: u16,
-    pub(crate) sequence: u32,
-    pub(crate) log_time_ns: u64,
-    pub(crate) publish_time_ns: u64,
+    pub(crate) header: MessageHeader,
     pub(crate) data: Bytes,
     /// Whether a CRC of the file covers it.
     pub(crate) is_checked: bool,
@@ -45,10 +49,10 @@ pub(crate) struct Messages {
     /// The files, each with the channels to read.
     files: Vec<(Arc<Inner>, Vec<u16>)>,
     entries: std::vec::IntoIter<Entry>,
-    /// File and section in memory.
-    loaded: Option<([u32; 2], Source)>,
-    /// File and section that cannot be read.
-    failed: Option<[u32; 2]>,
+    /// The section in memory.
+    loaded: Option<(Place, Source)>,
+    /// The section that cannot be read.
+    failed: Option<Place>,
 }
 
 impl Messages {
@@ -66,11 +70,11 @@ impl Messages {
         let mut entries = Vec::new();
         for (number, section) in (0..).zip(&inner.structure.sections) {
             let before = entries.len();
-            let at = [file, number];
+            let place = Place { file, section: number };
             let found = if section.index.is_empty() {
-                scanned(inner, section, at, channels, &mut entries)
+                scanned(inner, section, place, channels, &mut entries)
             } else {
-                indexed(inner, section, at, channels, &mut entries)
+                indexed(inner, section, place, channels, &mut entries)
             };
             match found {
                 Ok(()) => {}
@@ -79,7 +83,7 @@ impl Messages {
                     // The entry makes reading return the error at this place.
                     entries.truncate(before);
                     let log_time_ns = entries.last().map_or(0, |entry: &Entry| entry.log_time_ns);
-                    entries.push(Entry { log_time_ns, file, section: number, offset: UNREADABLE });
+                    entries.push(Entry { log_time_ns, place, offset: UNREADABLE });
                 }
             }
             if entries.len() as u64 * ENTRY_BYTES > 2 * inner.file_bytes + SPARE_BYTES {
@@ -121,13 +125,13 @@ impl Messages {
 
     /// Whether every message of a file was read.
     pub(super) fn is_over(&self, file: u32) -> bool {
-        self.entries.as_slice().iter().all(|entry| entry.file != file)
+        self.entries.as_slice().iter().all(|entry| entry.place.file != file)
     }
 
     fn read(&mut self, entry: Entry) -> Result<Message, Unreadable> {
-        let (inner, channels) = &self.files[entry.file as usize];
-        let section = &inner.structure.sections[entry.section as usize];
-        let place = [entry.file, entry.section];
+        let place = entry.place;
+        let (inner, channels) = &self.files[place.file as usize];
+        let section = &inner.structure.sections[place.section as usize];
         if self.loaded.as_ref().is_none_or(|(loaded, _)| *loaded != place) {
             self.loaded = None;
             self.loaded = Some((place, chunk_section::load(&inner.file, inner.file_bytes, section)?));
@@ -144,15 +148,7 @@ impl Messages {
                     section.offset, entry.offset
                 ))
             })?;
-        Ok(Message {
-            file: entry.file,
-            channel: header.channel,
-            sequence: header.sequence,
-            log_time_ns: header.log_time_ns,
-            publish_time_ns: header.publish_time_ns,
-            data,
-            is_checked: section.crc != 0,
-        })
+        Ok(Message { file: place.file, header, data, is_checked: section.crc != 0 })
     }
 }
 
@@ -162,15 +158,15 @@ impl Iterator for Messages {
     fn next(&mut self) -> Option<Self::Item> {
         loop {
             let entry = self.entries.next()?;
-            let place = [entry.file, entry.section];
-            if self.failed == Some(place) {
+            let Place { file, .. } = entry.place;
+            if self.failed == Some(entry.place) {
                 continue;
             }
             return Some(self.read(entry).map_err(|error| {
-                self.failed = Some(place);
+                self.failed = Some(entry.place);
                 match error {
-                    Unreadable::Io(error) => self.inner(entry.file).io(error),
-                    Unreadable::Damaged(reason) => self.inner(entry.file).invalid(reason),
+                    Unreadable::Io(error) => self.inner(file).io(error),
+                    Unreadable::Damaged(reason) => self.inner(file).invalid(reason),
                 }
             }));
         }
@@ -212,15 +208,7 @@ impl Recording {
         let scanned = chunk_section::scan(&inner.file, &records, |found| {
             let Found::Message { at, .. } = found else { return Ok(()) };
             let visited = match chunk_section::message(&inner.file, &records, at) {
-                Ok(Some((header, data))) => visit(Message {
-                    file: 0,
-                    channel: header.channel,
-                    sequence: header.sequence,
-                    log_time_ns: header.log_time_ns,
-                    publish_time_ns: header.publish_time_ns,
-                    data,
-                    is_checked: section.crc != 0,
-                }),
+                Ok(Some((header, data))) => visit(Message { file: 0, header, data, is_checked: section.crc != 0 }),
                 Ok(None) => Ok(()),
                 Err(error) => Err(inner.io(error)),
             };
@@ -244,7 +232,7 @@ impl Recording {
 fn indexed(
     inner: &Inner,
     section: &Section,
-    [file, number]: [u32; 2],
+    place: Place,
     channels: &[u16],
     entries: &mut Vec<Entry>,
 ) -> Result<(), Unreadable> {
@@ -254,7 +242,7 @@ fn indexed(
         entries.extend(bytes.chunks_exact(16).map(|pair| {
             let mut fields = crate::recording::record::Fields(pair);
             let log_time_ns = fields.u64().unwrap_or(0);
-            Entry { log_time_ns, file, section: number, offset: fields.u64().unwrap_or(UNREADABLE) }
+            Entry { log_time_ns, place, offset: fields.u64().unwrap_or(UNREADABLE) }
         }));
     }
     Ok(())
@@ -263,7 +251,7 @@ fn indexed(
 fn scanned(
     inner: &Inner,
     section: &Section,
-    [file, number]: [u32; 2],
+    place: Place,
     channels: &[u16],
     entries: &mut Vec<Entry>,
 ) -> Result<(), Unreadable> {
@@ -272,7 +260,7 @@ fn scanned(
         if let Found::Message { at, header } = found
             && channels.contains(&header.channel)
         {
-            entries.push(Entry { log_time_ns: header.log_time_ns, file, section: number, offset: at });
+            entries.push(Entry { log_time_ns: header.log_time_ns, place, offset: at });
         }
         Ok(())
     })?;

@@ -14,6 +14,7 @@ mod ros2;
 mod scan;
 mod topics;
 
+pub use file_set::files_of;
 pub use frames::Frames;
 pub(super) use messages::Message;
 pub use topics::{Rows, TopicSummary};

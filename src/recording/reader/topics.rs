@@ -42,7 +42,7 @@ impl<T: Row> Iterator for Rows<T> {
         };
         let row = T::Message::decode(message.data).map_err(|error| error.to_string()).and_then(T::from_message);
         Some(row.map_err(|reason| {
-            let at = message.log_time_ns;
+            let at = message.header.log_time_ns;
             self.messages
                 .inner(message.file)
                 .invalid(format!("{} message at {at} ns does not decode: {reason}", self.topic))
