@@ -5,7 +5,7 @@ mod rows;
 mod split_state;
 
 use super::container::{Compression, Container, Payload, Settings};
-use super::disk_sync::Syncer;
+use super::disk_sync::DiskSync;
 use super::part_file::PartFile;
 use super::record::{Channel, MessageHeader, Schema};
 use super::row_batch::Batch;
@@ -71,7 +71,7 @@ pub struct RecordingWriter {
     /// Whether frames are written before their chunk ends.
     is_direct: bool,
     handle: File,
-    syncer: Syncer,
+    disk_sync: DiskSync,
     /// The channels of each camera by topic, once they are written.
     channels: Vec<[Option<u16>; Topic::ALL.len()]>,
     /// Names of the additional cameras.
@@ -116,7 +116,7 @@ impl RecordingWriter {
             container: Some(container),
             is_direct: options.compression == Compression::None,
             handle,
-            syncer: Syncer::default(),
+            disk_sync: DiskSync::default(),
             channels: vec![NO_CHANNELS],
             views: Vec::new(),
             camera: 0,
@@ -141,7 +141,7 @@ impl RecordingWriter {
     ) -> Result<(), RecordingError> {
         let (container, handle) = open(path, &part, options)?;
         (self.container, self.handle, self.part) = (Some(container), handle, part);
-        (self.path, self.syncer) = (path.to_path_buf(), Syncer::default());
+        (self.path, self.disk_sync) = (path.to_path_buf(), DiskSync::default());
         (self.channels, self.has_messages) = (vec![NO_CHANNELS; 1 + self.views.len()], false);
         Ok(())
     }
@@ -289,7 +289,7 @@ impl RecordingWriter {
     /// [`RecordingError::Io`] when the disk is full or gone, or the file was removed.
     pub fn sync(&mut self) -> Result<(), RecordingError> {
         self.start_sync()?;
-        self.syncer.wait().map_err(|error| RecordingError::io("sync", &self.part, error))
+        self.disk_sync.wait().map_err(|error| RecordingError::io("sync", &self.part, error))
     }
 
     /// Completes the recording: index, footer, sync, final name, sync of the directory.
@@ -317,7 +317,7 @@ impl RecordingWriter {
         self.check_in_place()?;
         self.unsynced_bytes = 0;
         let io = |error| RecordingError::io("sync", &self.part, error);
-        self.syncer.wait().and_then(|()| self.handle.sync_all()).map_err(io)?;
+        self.disk_sync.wait().and_then(|()| self.handle.sync_all()).map_err(io)?;
         let bytes = self.handle.metadata().map_err(io)?.len();
         part_file::publish(&self.path, &self.part)?;
         Ok(bytes)
@@ -329,7 +329,7 @@ impl RecordingWriter {
         self.flush()?;
         self.unsynced_bytes = 0;
         self.check_in_place()?;
-        self.syncer.start(&self.handle).map_err(|error| RecordingError::io("sync", &self.part, error))
+        self.disk_sync.start(&self.handle).map_err(|error| RecordingError::io("sync", &self.part, error))
     }
 
     /// Writes the batches that are large or old enough.

@@ -18,7 +18,7 @@ mod snapshot;
 mod spread;
 
 pub use check::{CheckPicture, CheckRow, check_page};
-pub use paper_figures::{Beside, Experiment, Figure, figures};
+pub use paper_figures::{Comparison, Experiment, Figure, figures};
 pub use shot::{Shot, last_revisions};
 
 /// Returns the page of one shot, or of the repeatability of several.

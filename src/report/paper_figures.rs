@@ -37,12 +37,12 @@ pub struct Experiment<'a> {
     /// The surface's tangent, counter-clockwise from x, deg.
     pub surface_angle_deg: f64,
     /// The normal velocity by other settings, m/s.
-    pub beside: &'a [Beside],
+    pub comparisons: &'a [Comparison],
 }
 
 /// A number of the same film, measured with other settings.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Beside {
+pub struct Comparison {
     /// The label at the end of its curve.
     pub label: &'static str,
     /// Time, ns since the Unix epoch, and value.
@@ -89,9 +89,9 @@ pub fn figures(shot: &Shot, experiment: &Experiment<'_>) -> Vec<Figure> {
         positions.push(panel("tangential position, mm", &|row| axes.tangential_mm(row)));
         velocities.push(panel("tangential velocity, m/s", &tangential));
     }
-    if !experiment.beside.is_empty() {
+    if !experiment.comparisons.is_empty() {
         let truth = pair(&drawer, &normal).into_iter().filter(|curve| curve.class == "truth");
-        velocities.push((BY_THE_PAPER, beside(shot, experiment).chain(truth).collect()));
+        velocities.push((BY_THE_PAPER, comparisons(shot, experiment).chain(truth).collect()));
     }
     let drawings = [
         plots(&drawer, &format!("Position of {subject}"), positions),
@@ -164,13 +164,13 @@ fn edges(shot: &Shot, experiment: &Experiment<'_>) -> Vec<TimeCurve> {
 }
 
 /// The curves of the same film by other settings.
-fn beside<'a>(shot: &'a Shot, experiment: &Experiment<'a>) -> impl Iterator<Item = TimeCurve> + use<'a> {
+fn comparisons<'a>(shot: &'a Shot, experiment: &Experiment<'a>) -> impl Iterator<Item = TimeCurve> + use<'a> {
     const CLASSES: [&str; 2] = ["b", "c"];
     let point = |(stamp_ns, y): &(u64, f64)| TimePoint { x: 1e3 * shot.seconds(*stamp_ns), y: *y, sigma: 0.0 };
-    experiment.beside.iter().zip(CLASSES.into_iter().cycle()).map(move |(beside, class)| TimeCurve {
+    experiment.comparisons.iter().zip(CLASSES.into_iter().cycle()).map(move |(comparison, class)| TimeCurve {
         class,
-        label: beside.label,
-        stretches: vec![beside.points.iter().map(point).collect()],
+        label: comparison.label,
+        stretches: vec![comparison.points.iter().map(point).collect()],
     })
 }
 

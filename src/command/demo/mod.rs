@@ -152,12 +152,12 @@ fn figures(config: &Config, experiment: &str, path: &Path) -> Result<Vec<PathBuf
         }
     };
     let surface_angle_deg = config.surface.angle_deg;
-    let beside = if experiment == "rod" {
+    let comparisons = if experiment == "rod" {
         paper_settings::velocities(&recording, &Setup { rod: &config.rod(0), mm_per_px, surface_angle_deg })?
     } else {
         Vec::new()
     };
-    let experiment = Experiment { name: experiment, mm_per_px, surface_angle_deg, beside: &beside };
+    let experiment = Experiment { name: experiment, mm_per_px, surface_angle_deg, comparisons: &comparisons };
     let stem = path.file_stem().map_or_else(|| "demo".into(), |stem| stem.to_string_lossy().into_owned());
     let write = |figure: Figure| {
         let file = path.with_file_name(format!("{stem}-{}.svg", figure.name));

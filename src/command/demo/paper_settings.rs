@@ -6,7 +6,7 @@ use crate::dic::{CorrelationParams, Correlator, Method, PreparedFrame, Start};
 use crate::failure::Failure;
 use crate::image::{Frame, Image};
 use crate::recording::Recording;
-use crate::report::Beside;
+use crate::report::Comparison;
 use crate::results::PointStatus;
 use crate::rod::{RodFinder, RodObservation, RodParams};
 
@@ -51,7 +51,7 @@ struct Still {
 /// # Errors
 ///
 /// When the recording cannot be read, or no rod is found in any frame.
-pub(super) fn velocities(recording: &Recording, setup: &Setup<'_>) -> Result<Vec<Beside>, Failure> {
+pub(super) fn velocities(recording: &Recording, setup: &Setup<'_>) -> Result<Vec<Comparison>, Failure> {
     let mut film = Vec::new();
     let mut finder = None;
     for frame in recording.frames()? {
@@ -72,7 +72,7 @@ pub(super) fn velocities(recording: &Recording, setup: &Setup<'_>) -> Result<Vec
     let bar = progress::frames((INTERVALS.len() * film.len()) as u64, "compare");
     let curves = INTERVALS.map(|(interval, label)| {
         let points = by_the_paper(&film, SPLINE_POINTS, interval, setup, || bar.inc(1))?;
-        Ok(Beside { label, points })
+        Ok(Comparison { label, points })
     });
     bar.finish_and_clear();
     curves.into_iter().collect()

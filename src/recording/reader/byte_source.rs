@@ -8,6 +8,21 @@ use std::os::unix::fs::FileExt;
 /// Bytes read around a position. Large records are skipped, not read.
 const WINDOW_BYTES: usize = 2 << 10;
 
+/// The reason why a part of a file cannot be read.
+#[derive(Debug)]
+pub(super) enum Unreadable {
+    /// The operating system returned an error.
+    Io(io::Error),
+    /// The content is damaged, with a description.
+    Damaged(String),
+}
+
+impl From<io::Error> for Unreadable {
+    fn from(error: io::Error) -> Self {
+        Self::Io(error)
+    }
+}
+
 /// A range of bytes: a part of the file, or a decompressed chunk.
 #[derive(Debug)]
 pub(super) enum Source {

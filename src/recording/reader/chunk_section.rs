@@ -1,6 +1,6 @@
 //! The records of a section.
 
-use super::byte_source::{Source, Window};
+use super::byte_source::{Source, Unreadable, Window};
 use super::scan::{Coding, Section, prefix};
 use crate::recording::record::{self, MessageHeader, PREFIX_BYTES, op};
 use bytes::Bytes;
@@ -9,21 +9,6 @@ use std::io::{self, Read};
 
 /// Maximum size of a chunk that is kept in memory, bytes. Larger ones are checked and read piece by piece.
 const MEMORY_BYTES: u64 = 64 << 20;
-
-/// The reason why a section cannot be read.
-#[derive(Debug)]
-pub(super) enum Unreadable {
-    /// The operating system returned an error.
-    Io(io::Error),
-    /// The content is damaged, with a description.
-    Damaged(String),
-}
-
-impl From<io::Error> for Unreadable {
-    fn from(error: io::Error) -> Self {
-        Self::Io(error)
-    }
-}
 
 /// Reads the records of a section, checks their CRC and decompresses them.
 ///

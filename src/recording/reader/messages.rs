@@ -1,10 +1,9 @@
 //! The messages of some channels, in the order of their log time.
 
-use super::byte_source::Source;
-use super::chunk_section;
-use super::chunk_section::{Found, Unreadable};
+use super::byte_source::{Source, Unreadable};
+use super::chunk_section::{self, Found};
 use super::scan::Section;
-use super::{Inner, Recording, RecordingError};
+use super::{Inner, Recording, RecordingError, unreadable};
 use crate::recording::record::MessageHeader;
 use bytes::Bytes;
 use std::sync::Arc;
@@ -164,10 +163,7 @@ impl Iterator for Messages {
             }
             return Some(self.read(entry).map_err(|error| {
                 self.failed = Some(entry.place);
-                match error {
-                    Unreadable::Io(error) => self.inner(file).io(error),
-                    Unreadable::Damaged(reason) => self.inner(file).invalid(reason),
-                }
+                unreadable(&self.inner(file).path, error)
             }));
         }
     }

@@ -20,8 +20,8 @@ pub(super) use messages::Message;
 pub use topics::{Rows, TopicSummary};
 
 use super::{CONFIG_NAME, METADATA_NAME, RecordingError};
-use byte_source::Source;
-use chunk_section::{Found, Unreadable};
+use byte_source::{Source, Unreadable};
+use chunk_section::Found;
 use scan::{AttachmentRef, Coding, Structure};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -66,6 +66,14 @@ struct Inner {
     damage: Vec<String>,
 }
 
+/// The error for a part of a file that cannot be read.
+fn unreadable(path: &Path, error: Unreadable) -> RecordingError {
+    match error {
+        Unreadable::Io(error) => RecordingError::io("read", path, error),
+        Unreadable::Damaged(reason) => RecordingError::invalid(path, reason),
+    }
+}
+
 impl Recording {
     /// Opens a single file of a recording.
     ///
@@ -79,9 +87,7 @@ impl Recording {
         if !about.is_file() {
             return Err(RecordingError::invalid(path, "not a regular file"));
         }
-        let structure = scan::scan(&file, about.len())
-            .map_err(|error| RecordingError::io("read", path, error))?
-            .map_err(|reason| RecordingError::invalid(path, reason))?;
+        let structure = scan::scan(&file, about.len()).map_err(|error| unreadable(path, error))?;
         let mut inner = Inner {
             path: path.to_path_buf(),
             file,
@@ -107,7 +113,10 @@ impl Recording {
         let io = |error| RecordingError::io("open", path, error);
         let file = File::open(path).map_err(io)?;
         let bytes = file.metadata().map_err(io)?.len();
-        scan::leading_metadata(&file, bytes, METADATA_NAME).map_err(|error| RecordingError::io("read", path, error))
+        match scan::leading_metadata(&file, bytes, METADATA_NAME) {
+            Err(Unreadable::Damaged(_)) => Ok(None),
+            found => found.map_err(|error| unreadable(path, error)),
+        }
     }
 
     /// The path of the first file.

@@ -1,10 +1,9 @@
 //! The structure of a file: the records and their places, up to its end or to where it was cut off.
 
-use super::byte_source::{Source, Window};
+use super::byte_source::{Source, Unreadable, Window};
 use crate::recording::record::{self, Channel, Fields, PREFIX_BYTES, Schema, op};
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io;
 
 /// Maximum size of all schemas, channels and metadata, bytes. Ours take a few kB.
 const DESCRIPTION_BYTES: u64 = 8 << 20;
@@ -50,6 +49,12 @@ pub(super) struct Section {
 }
 
 impl Section {
+    /// A section of uncompressed records without a CRC and an index.
+    fn plain(offset: u64, bytes: u64) -> Self {
+        let (coding, index) = (Coding::Plain, Vec::new());
+        Self { offset, bytes, coding, uncompressed_bytes: bytes, crc: 0, whole: true, index }
+    }
+
     /// Whether the section is a run of messages outside chunks that can grow.
     fn is_loose(&self) -> bool {
         self.coding == Coding::Plain && self.crc == 0 && self.whole && self.index.is_empty()
@@ -88,19 +93,42 @@ pub(super) struct Structure {
 ///
 /// # Errors
 ///
-/// The outer error when the system fails; the inner one when the file is not MCAP.
-pub(super) fn scan(file: &File, file_bytes: u64) -> io::Result<Result<Structure, String>> {
+/// [`Unreadable::Io`] when the system fails; [`Unreadable::Damaged`] when the file is not MCAP.
+pub(super) fn scan(file: &File, file_bytes: u64) -> Result<Structure, Unreadable> {
+    scan_while(file, file_bytes, |_| true)
+}
+
+/// Reads the first metadata record with a name, searched before the messages only.
+///
+/// # Errors
+///
+/// [`Unreadable::Io`] when the system fails; [`Unreadable::Damaged`] when the file is not MCAP.
+pub(super) fn leading_metadata(
+    file: &File,
+    file_bytes: u64,
+    name: &str,
+) -> Result<Option<BTreeMap<String, String>>, Unreadable> {
+    let is_leading = |opcode: u8| matches!(opcode, op::HEADER | op::METADATA | op::ATTACHMENT);
+    let structure = scan_while(file, file_bytes, is_leading)?;
+    Ok(structure.metadata.into_iter().find(|(found, _)| found == name).map(|(_, entries)| entries))
+}
+
+/// Scans the file up to the first record that is not wanted.
+fn scan_while(file: &File, file_bytes: u64, is_wanted: impl Fn(u8) -> bool) -> Result<Structure, Unreadable> {
     let source = Source::File { offset: 0, bytes: file_bytes };
     let mut window = Window::new(file, &source);
     if window.peek(0, record::MAGIC.len())? != record::MAGIC {
-        return Ok(Err("not an MCAP file: the magic bytes are missing at byte 0".into()));
+        return Err(Unreadable::Damaged("not an MCAP file: the magic bytes are missing at byte 0".into()));
     }
     let mut structure = Structure::default();
     let mut at = record::MAGIC.len() as u64;
-    let problem = loop {
+    structure.truncated = loop {
         let Some((opcode, length)) = prefix(window.peek(at, PREFIX_BYTES as usize)?) else {
             break Some(format!("cut off at byte {at}: no footer"));
         };
+        if !is_wanted(opcode) {
+            break None;
+        }
         let body = at + PREFIX_BYTES;
         if length > file_bytes - body {
             if opcode == op::CHUNK {
@@ -113,49 +141,16 @@ pub(super) fn scan(file: &File, file_bytes: u64) -> io::Result<Result<Structure,
             let magic = window.peek(end, record::MAGIC.len())? == record::MAGIC;
             break (!magic).then(|| format!("cut off at byte {end}: the magic bytes at the end are missing"));
         }
-        if let Err(reason) = structure.record(&mut window, opcode, body, length)? {
-            break Some(format!("damaged at byte {at}: {reason}"));
+        match structure.record(&mut window, opcode, body, length) {
+            Err(Unreadable::Damaged(reason)) => break Some(format!("damaged at byte {at}: {reason}")),
+            stored => stored?,
         }
         at = body + length;
     };
-    if problem.is_some() {
+    if structure.truncated.is_some() {
         structure.drop_last_index();
     }
-    structure.truncated = problem;
-    Ok(Ok(structure))
-}
-
-/// Reads the first metadata record with a name, searched before the messages only.
-pub(super) fn leading_metadata(
-    file: &File,
-    file_bytes: u64,
-    name: &str,
-) -> io::Result<Option<BTreeMap<String, String>>> {
-    let source = Source::File { offset: 0, bytes: file_bytes };
-    let mut window = Window::new(file, &source);
-    if window.peek(0, record::MAGIC.len())? != record::MAGIC {
-        return Ok(None);
-    }
-    let mut structure = Structure::default();
-    let mut at = record::MAGIC.len() as u64;
-    while let Some((opcode, length)) = prefix(window.peek(at, PREFIX_BYTES as usize)?) {
-        let body = at + PREFIX_BYTES;
-        if length > file_bytes - body || !matches!(opcode, op::HEADER | op::METADATA | op::ATTACHMENT) {
-            break;
-        }
-        if opcode == op::METADATA {
-            if structure.admit(length).is_err() {
-                break;
-            }
-            let bytes = window.peek(body, clamp(length, usize::MAX))?;
-            structure.describe(opcode, bytes);
-            if let Some((_, entries)) = structure.metadata.pop().filter(|(found, _)| found == name) {
-                return Ok(Some(entries));
-            }
-        }
-        at = body + length;
-    }
-    Ok(None)
+    Ok(structure)
 }
 
 /// Parses opcode and length of a record.
@@ -166,39 +161,30 @@ pub(super) fn prefix(bytes: &[u8]) -> Option<(u8, u64)> {
 }
 
 impl Structure {
-    fn record(
-        &mut self,
-        window: &mut Window<'_>,
-        opcode: u8,
-        body: u64,
-        length: u64,
-    ) -> io::Result<Result<(), String>> {
-        match opcode {
-            op::CHUNK => Ok(self.chunk(window.peek(body, clamp(length, CHUNK_HEADER_BYTES))?, body, length)),
-            op::MESSAGE_INDEX => Ok(self.message_index(window.peek(body, clamp(length, 6))?, body, length)),
+    /// Stores the record with this body.
+    fn record(&mut self, window: &mut Window<'_>, opcode: u8, body: u64, length: u64) -> Result<(), Unreadable> {
+        let stored = match opcode {
+            op::CHUNK => self.chunk(window.peek(body, clamp(length, CHUNK_HEADER_BYTES))?, body, length),
+            op::MESSAGE_INDEX => self.message_index(window.peek(body, clamp(length, 6))?, body, length),
             op::MESSAGE => {
                 self.loose_message(body, length);
-                Ok(Ok(()))
+                Ok(())
             }
-            op::ATTACHMENT => {
-                let head = window.peek(body, clamp(length, 1024))?.to_vec();
-                Ok(self.attachment(&head, body, length))
-            }
+            op::ATTACHMENT => self.attachment(window.peek(body, clamp(length, 1024))?, body, length),
             op::HEADER | op::SCHEMA | op::CHANNEL | op::METADATA => {
-                if let Err(reason) = self.admit(length) {
-                    return Ok(Err(reason));
-                }
+                self.admit(length).map_err(Unreadable::Damaged)?;
                 let bytes = window.peek(body, clamp(length, usize::MAX))?;
-                Ok(self.describe(opcode, bytes).ok_or_else(|| "the record does not parse".into()))
+                self.describe(opcode, bytes).ok_or_else(|| "the record does not parse".into())
             }
             op::DATA_END => {
                 let crc = Fields(window.peek(body, clamp(length, 4))?).u32().unwrap_or(0);
                 self.data_end = Some((body - PREFIX_BYTES, crc));
-                Ok(Ok(()))
+                Ok(())
             }
             // The indexes of the summary and unknown records are not needed.
-            _ => Ok(Ok(())),
-        }
+            _ => Ok(()),
+        };
+        stored.map_err(Unreadable::Damaged)
     }
 
     /// Counts a descriptive record of `length` bytes against the limit.
@@ -248,15 +234,9 @@ impl Structure {
         if header.stored_bytes > room {
             return Err(format!("a chunk of {} bytes in a record with room for {room}", header.stored_bytes));
         }
-        self.sections.push(Section {
-            offset: body + header.bytes,
-            bytes: header.stored_bytes,
-            coding,
-            uncompressed_bytes: header.uncompressed_bytes,
-            crc: header.crc,
-            whole: true,
-            index: Vec::new(),
-        });
+        let section = Section::plain(body + header.bytes, header.stored_bytes);
+        let (uncompressed_bytes, crc) = (header.uncompressed_bytes, header.crc);
+        self.sections.push(Section { coding, uncompressed_bytes, crc, ..section });
         Ok(())
     }
 
@@ -268,16 +248,7 @@ impl Structure {
             return;
         }
         let offset = body + header.bytes;
-        let bytes = file_bytes - offset;
-        self.sections.push(Section {
-            offset,
-            bytes,
-            coding: Coding::Plain,
-            uncompressed_bytes: bytes,
-            crc: 0,
-            whole: false,
-            index: Vec::new(),
-        });
+        self.sections.push(Section { whole: false, ..Section::plain(offset, file_bytes - offset) });
     }
 
     fn message_index(&mut self, head: &[u8], body: u64, length: u64) -> Result<(), String> {
@@ -302,15 +273,7 @@ impl Structure {
                 last.bytes = end - last.offset;
                 last.uncompressed_bytes = last.bytes;
             }
-            _ => self.sections.push(Section {
-                offset: start,
-                bytes: end - start,
-                coding: Coding::Plain,
-                uncompressed_bytes: end - start,
-                crc: 0,
-                whole: true,
-                index: Vec::new(),
-            }),
+            _ => self.sections.push(Section::plain(start, end - start)),
         }
     }
 
