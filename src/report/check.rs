@@ -15,7 +15,7 @@ pub struct CheckRow {
     /// `good`, `fair`, `bad` or `unknown`.
     pub verdict: &'static str,
     /// Advice.
-    pub words: String,
+    pub advice: String,
 }
 
 /// A frame, or a part of it, as the camera sees it.
@@ -40,19 +40,14 @@ pub fn check_page(rig: &str, facts: &[String], rows: &[CheckRow], pictures: &[Ch
     });
     let body = html! {
         header {
-            h1 { (rig) }
-            p class="file" { "Rig check" }
-            ul class="facts" { @for fact in facts { li { (fact.trim()) } } }
+            h1 { (rig) } p class="file" { "Rig check" } ul class="facts" { @for fact in facts { li { (fact.trim()) } } }
         }
         @if !bad.is_empty() { p class="alert" { "The rig is not ready: " (bad.join(", ")) "." } }
         section {
             h2 { "Camera view" }
             div class="moments" {
                 @for (caption, png) in drawn {
-                    figure {
-                        img class="moment" alt=(caption) src=(data_url(&png));
-                        figcaption { (caption) }
-                    }
+                    figure { img class="moment" alt=(caption) src=(data_url(&png)); figcaption { (caption) } }
                 }
             }
         }
@@ -65,7 +60,7 @@ pub fn check_page(rig: &str, facts: &[String], rows: &[CheckRow], pictures: &[Ch
                         tr {
                             td { (row.name) } td { (row.value) }
                             td class=[(row.verdict == "bad").then_some("far")] { (row.verdict) }
-                            td { (row.words) }
+                            td { (row.advice) }
                         }
                     }
                 }
@@ -85,7 +80,7 @@ mod tests {
             name: name.into(),
             value: "3 <".into(),
             verdict,
-            words: "less & less".into(),
+            advice: "less & less".into(),
         };
         let meta = FrameMeta { width_px: 4, height_px: 4, stride_bytes: 4, ..FrameMeta::default() };
         let picture = CheckPicture { meta, bytes: vec![7; 16], crop: [0, 0, 4, 4], caption: "all".into() };

@@ -26,16 +26,14 @@ pub(super) fn document(title: &str, measured_by: Option<&str>, body: &Markup) ->
                 title { (title) }
                 style { (PreEscaped(include_str!("style.css"))) }
             }
-            body {
-                main {
-                    (body)
-                    footer {
-                        @if let Some(version) = measured_by { "Measured by ricochet " (version) ". " }
-                        "Report by ricochet " (env!("CARGO_PKG_VERSION")) ". Every " i { "σ" }
-                        " is a standard uncertainty (one standard deviation)."
-                    }
+            body { main {
+                (body)
+                footer {
+                    @if let Some(version) = measured_by { "Measured by ricochet " (version) ". " }
+                    "Report by ricochet " (env!("CARGO_PKG_VERSION")) ". Every " i { "σ" }
+                    " is a standard uncertainty (one standard deviation)."
                 }
-            }
+            } }
         }
     };
     page.into_string() + "\n"
@@ -55,10 +53,7 @@ pub(super) fn shot_page(shot: &Shot) -> String {
         @for impact in &shot.impacts { (collision(shot, impact)) }
         @for (body, name) in &shot.bodies {
             @if let Some(curves) = curves::section(shot, *body) {
-                section {
-                    h2 { "Motion" @if shot.bodies.len() > 1 { " of " (name) } }
-                    (curves)
-                }
+                section { h2 { "Motion" @if shot.bodies.len() > 1 { " of " (name) } } (curves) }
             }
         }
         (records(shot))
@@ -80,11 +75,7 @@ fn header(shot: &Shot, rig: &str) -> Markup {
         count => format!("{} frames", grouped(count as f64)),
     });
     html! {
-        header {
-            h1 { (rig) }
-            p class="file" { (shot.name) }
-            ul class="facts" { @for fact in &facts { li { (fact) } } }
-        }
+        header { h1 { (rig) } p class="file" { (shot.name) } ul class="facts" { @for fact in &facts { li { (fact) } } } }
     }
 }
 
@@ -101,15 +92,11 @@ fn collision(shot: &Shot, impact: &Impact) -> Markup {
         section {
             h2 { (heading(shot, impact)) }
             @if impact.status != PointStatus::Valid {
-                p class="alert" {
-                    "This collision is " (impact.status.as_str()) ": not all of it could be measured."
-                }
+                p class="alert" { "This collision is " (impact.status.as_str()) ": not all of it could be measured." }
             }
             (tiles(&measured))
             (snapshot::strip(shot, impact))
-            div class="groups" {
-                @for (name, group) in GROUPS { (table(name, group, &measured, truth.as_ref())) }
-            }
+            div class="groups" { @for (name, group) in GROUPS { (table(name, group, &measured, truth.as_ref())) } }
             p class="note" {
                 "Contact law: " (impact.force_law.as_str())
                 @if let Some(share) = impact.force_law_probability {
@@ -176,15 +163,12 @@ fn table(
 ) -> Markup {
     html! {
         table {
-            thead {
-                tr {
-                    th { (name) } th { "measured" } th { "± " i { "σ" } } th {}
-                    @if truth.is_some() {
-                        th { "true" }
-                        th title="measured minus true, in standard uncertainties" { "off by" }
-                    }
+            thead { tr {
+                th { (name) } th { "measured" } th { "± " i { "σ" } } th {}
+                @if truth.is_some() {
+                    th { "true" } th title="measured minus true, in standard uncertainties" { "off by" }
                 }
-            }
+            } }
             tbody {
                 @for quantity in group {
                     @let number = measured.get(quantity.column);
@@ -248,12 +232,10 @@ fn records(shot: &Shot) -> Markup {
             @if !shot.events.is_empty() { (events(shot)) }
             details {
                 summary { "About this recording" }
-                table class="about" {
-                    tbody {
-                        @for (key, value) in &shot.metadata { tr { td { (key) } td { (value) } } }
-                        tr { td { "written by" } td { (shot.library) } }
-                    }
-                }
+                table class="about" { tbody {
+                    @for (key, value) in &shot.metadata { tr { td { (key) } td { (value) } } }
+                    tr { td { "written by" } td { (shot.library) } }
+                } }
             }
             @match &shot.config_toml {
                 Some(config) => {
@@ -285,11 +267,8 @@ fn events(shot: &Shot) -> Markup {
             thead { tr { th { "Event" } th { "at, ms" } th {} } }
             tbody {
                 @for event in shot.events.iter().take(EVENTS_MAX) {
-                    tr {
-                        td { (event.kind) }
-                        td { (fixed(1e3 * shot.seconds(event.stamp_ns), 3)) }
-                        td { (event.text) }
-                    }
+                    @let at_ms = fixed(1e3 * shot.seconds(event.stamp_ns), 3);
+                    tr { td { (event.kind) } td { (at_ms) } td { (event.text) } }
                 }
             }
         }

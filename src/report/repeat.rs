@@ -26,11 +26,9 @@ pub(super) fn repeatability_page(shots: &[Shot]) -> String {
         header { h1 { (title) } p class="file" { (shots.len()) " recordings" } }
         @if collisions.is_empty() { p class="none" { "No collision was found in any of them." } }
         @for (body, number) in &collisions {
+            @let is_numbered = *number > 0 || collisions.contains(&(body.clone(), 1));
             section {
-                h2 {
-                    (body)
-                    @if *number > 0 || collisions.contains(&(body.clone(), 1)) { ", collision " (number + 1) }
-                }
+                h2 { (body) @if is_numbered { ", collision " (number + 1) } }
                 (spread_table(&of_collision(body, *number)))
             }
         }
@@ -48,15 +46,11 @@ fn spread_table(impacts: &[Option<&Impact>]) -> Markup {
         .collect();
     html! {
         table class="spread" {
-            thead {
-                tr {
-                    th {} th { "mean" }
-                    th title="sample standard deviation from shot to shot" { "sd" }
-                    th {}
-                    th title="root mean square of the uncertainties the measurement states" { "stated " i { "σ" } }
-                    th { "of" } th class="strip" { "each shot" }
-                }
-            }
+            thead { tr {
+                th {} th { "mean" } th title="sample standard deviation from shot to shot" { "sd" } th {}
+                th title="root mean square of the uncertainties the measurement states" { "stated " i { "σ" } }
+                th { "of" } th class="strip" { "each shot" }
+            } }
             tbody { @for row in &rows { (row.draw()) } }
         }
         p class="note" {
@@ -101,27 +95,20 @@ impl<'a> SpreadRow<'a> {
     fn draw(&self) -> Markup {
         let Self { group, quantity, shots, .. } = self;
         let Some(spread) = &self.spread else {
-            return html! {
-                tr {
-                    td { (group) " " b { (quantity.label) } }
-                    td { "–" } td {} td { (quantity.unit) } td {} td { "0 of " (shots) } td {}
-                }
-            };
+            return html! { tr {
+                td { (group) " " b { (quantity.label) } } td { "–" } td {} td { (quantity.unit) } td {}
+                td { "0 of " (shots) } td {}
+            } };
         };
         // The mean is as certain as the spread, or as stated where the shots agree exactly.
         let sigma = spread.sd.filter(|sd| *sd > 0.0).unwrap_or(spread.stated);
         let mean = format_estimate(Estimate { value: spread.mean, sigma }, 1.0);
-        html! {
-            tr {
-                td { (group) " " b { (quantity.label) } }
-                td { (mean.value) }
-                td { (spread.sd.map_or("–".into(), |sd| fixed(sd, mean.decimals))) }
-                td { (quantity.unit) }
-                td { (format_estimate(Estimate { value: 0.0, sigma: spread.stated }, 1.0).sigma) }
-                td { (spread.kept) " of " (shots) }
-                td class="strip" { (dots(&self.values, spread)) }
-            }
-        }
+        html! { tr {
+            td { (group) " " b { (quantity.label) } } td { (mean.value) }
+            td { (spread.sd.map_or("–".into(), |sd| fixed(sd, mean.decimals))) } td { (quantity.unit) }
+            td { (format_estimate(Estimate { value: 0.0, sigma: spread.stated }, 1.0).sigma) }
+            td { (spread.kept) " of " (shots) } td class="strip" { (dots(&self.values, spread)) }
+        } }
     }
 }
 
@@ -157,12 +144,8 @@ fn recordings(shots: &[Shot]) -> Markup {
         section {
             h2 { "Recordings" }
             table class="files" {
-                thead {
-                    tr {
-                        th { "shot" } th { "file" } th { "rig" } th { "first frame" } th { "frames" } th { "lost" }
-                        th { "collisions" } th { "version" }
-                    }
-                }
+                @let heads = ["shot", "file", "rig", "first frame", "frames", "lost", "collisions", "version"];
+                thead { tr { @for head in heads { th { (head) } } } }
                 tbody {
                     @for (k, shot) in shots.iter().enumerate() {
                         @let entry = |key: &str| shot.metadata.get(key).map_or("", String::as_str);

@@ -178,7 +178,7 @@ fn page(config: &Config, grabbed: &Grabbed, inspection: &Inspection) -> String {
         name: finding.name.replace('-', " "),
         value: shown(finding),
         verdict: finding.verdict.as_str(),
-        words: finding.words.clone(),
+        advice: finding.words.clone(),
     };
     let mut pictures = Vec::new();
     if let Some((meta, bytes)) = grabbed.frames.first() {
