@@ -12,7 +12,7 @@ mod symmetric;
 pub(crate) mod vector;
 
 pub use exp_ln::{exp, ln};
-pub use fft2d::{Complex, Transform, fast_size, register_size};
+pub use fft2d::{Complex32, Fft2d, circular_size, fast_size};
 pub use lanes::{LANES, Lanes};
 pub use normal::normal;
 pub use order_statistics::{MAX_COUNT, nth_highest, nth_smallest};

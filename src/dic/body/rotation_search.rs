@@ -11,7 +11,7 @@ use crate::dic::geometry::{Region, Warp};
 use crate::dic::image::{Interpolation, PaddedImage, PreparedFrame};
 use crate::dic::refine::Match;
 use crate::image::Image;
-use crate::numeric::{Complex, Transform, fast_size};
+use crate::numeric::{Complex32, Fft2d, fast_size};
 use crate::results::PointStatus;
 
 /// The largest side of the subsampled images, px.
@@ -247,65 +247,63 @@ fn differs(a: &Match, b: &Match) -> bool {
 
 /// Masked normalised cross-correlation of rotated templates with one target.
 struct MaskedSearch {
-    transform: Transform,
+    fft: Fft2d,
     width: usize,
     height: usize,
     /// The spectrum of the target.
-    levels: Complex,
+    levels: Vec<Complex32>,
     /// The spectrum of target + i target squared.
-    squares: Complex,
-    work: Complex,
-    product: Complex,
+    squares: Vec<Complex32>,
+    /// The template in the real parts and its mask in the imaginary parts, then their spectrum.
+    template: Vec<Complex32>,
+    /// The correlation of the target with the template.
+    product: Vec<Complex32>,
+    /// The correlation of target + i target squared with the mask.
+    sums: Vec<Complex32>,
 }
 
 impl MaskedSearch {
     fn new(target: &PreparedFrame) -> Self {
         let (width, height) = (target.width(), target.height());
-        let mut transform = Transform::new(fast_size(width.max(height)));
-        let stride = transform.stride();
-        let (mut levels, mut squares) = (transform.memory(), transform.memory());
+        let mut fft = Fft2d::new(fast_size(width.max(height)));
+        let (mut levels, mut squares) = (fft.memory(), fft.memory());
         for y in 0..height {
             for (x, level) in target.levels.row(y).iter().enumerate() {
-                levels.re[y * stride + x] = *level;
-                squares.re[y * stride + x] = *level;
-                squares.im[y * stride + x] = level * level;
+                levels[y * fft.size() + x] = Complex32::new(*level, 0.0);
+                squares[y * fft.size() + x] = Complex32::new(*level, level * level);
             }
         }
-        transform.forward(&mut levels);
-        transform.forward(&mut squares);
-        let (work, product) = (transform.memory(), transform.memory());
-        Self { transform, width, height, levels, squares, work, product }
+        fft.forward(&mut levels);
+        fft.forward(&mut squares);
+        let (template, product, sums) = (fft.memory(), fft.memory(), fft.memory());
+        Self { fft, width, height, levels, squares, template, product, sums }
     }
 
     /// Returns the best position of the body rotated by an angle, or `None` if it fits nowhere.
     fn best(&mut self, body: &RigidBody, reference: &PreparedFrame, angle_rad: f64) -> Option<Candidate> {
         let template = Template::turned(body, reference, angle_rad);
-        let (stride, size) = (self.transform.stride(), self.transform.size());
+        let size = self.fft.size();
         if template.reach.0 * 2 >= self.width || template.reach.1 * 2 >= self.height {
             return None;
         }
-        // The template goes into the real part and the mask into the imaginary part, with the centre at the origin.
-        self.work.re.fill(0.0);
-        self.work.im.fill(0.0);
+        // The centre lies at the origin.
+        self.template.fill(Complex32::default());
         for (dx, dy, level) in &template.pixels {
             let (x, y) = (dx.rem_euclid(size as i32) as usize, dy.rem_euclid(size as i32) as usize);
-            self.work.re[y * stride + x] = *level;
-            self.work.im[y * stride + x] = 1.0;
+            self.template[y * size + x] = Complex32::new(*level, 1.0);
         }
-        self.transform.forward(&mut self.work);
-        let mut sums = self.transform.memory();
-        self.split_and_multiply(&mut sums);
-        self.transform.inverse(&mut self.product);
-        self.transform.inverse(&mut sums);
+        self.fft.forward(&mut self.template);
+        self.multiply_spectra();
+        self.fft.inverse(&mut self.product);
+        self.fft.inverse(&mut self.sums);
         let scale = 1.0 / (size * size) as f32;
         let count = template.pixels.len() as f32;
         let mut best = Candidate { score: f32::NEG_INFINITY, angle_rad, center: (0.0, 0.0) };
         for y in template.reach.1..self.height - template.reach.1 {
             for x in template.reach.0..self.width - template.reach.0 {
-                let k = y * stride + x;
-                let (sum, square) = (sums.re[k] * scale, sums.im[k] * scale);
-                let contrast = square - sum * sum / count;
-                let product = self.product.re[k] * scale;
+                let sums = self.sums[y * size + x] * scale;
+                let contrast = sums.im - sums.re * sums.re / count;
+                let product = self.product[y * size + x].re * scale;
                 if product > 0.0 && contrast > 0.05 * count {
                     let score = product / (contrast * template.energy).sqrt();
                     if score > best.score {
@@ -318,22 +316,14 @@ impl MaskedSearch {
     }
 
     /// Computes the cross spectra: target and template into `product`, target + i squares and mask into `sums`.
-    fn split_and_multiply(&mut self, sums: &mut Complex) {
-        let (stride, size) = (self.transform.stride(), self.transform.size());
-        for y in 0..size {
-            for x in 0..size {
-                let (here, there) = (y * stride + x, (size - y) % size * stride + (size - x) % size);
-                let (a, b, c, d) = (self.work.re[here], self.work.im[here], self.work.re[there], self.work.im[there]);
-                // The spectra of the template (p) and of the mask (m), both conjugated.
-                let (p_re, p_im) = (0.5 * (a + c), -0.5 * (b - d));
-                let (m_re, m_im) = (0.5 * (b + d), 0.5 * (a - c));
-                let (g_re, g_im) = (self.levels.re[here], self.levels.im[here]);
-                self.product.re[here] = g_re * p_re - g_im * p_im;
-                self.product.im[here] = g_re * p_im + g_im * p_re;
-                let (q_re, q_im) = (self.squares.re[here], self.squares.im[here]);
-                sums.re[here] = q_re * m_re - q_im * m_im;
-                sums.im[here] = q_re * m_im + q_im * m_re;
-            }
+    fn multiply_spectra(&mut self) {
+        let size = self.fft.size();
+        for k in 0..size * size {
+            let opposite = (size - k / size) % size * size + (size - k % size) % size;
+            let (own, opposite) = (self.template[k], self.template[opposite].conj());
+            self.product[k] = self.levels[k] * (0.5 * (own + opposite)).conj();
+            // The mask is the imaginary part, so its spectrum is that of the difference over i.
+            self.sums[k] = self.squares[k] * (Complex32::new(0.0, -0.5) * (own - opposite)).conj();
         }
     }
 }

@@ -5,58 +5,69 @@ use multiversion::multiversion;
 use crate::dic::geometry::SubsetMask;
 use crate::dic::image::PaddedImage;
 use crate::dic::subset::ReferenceSubset;
-use crate::numeric::{Complex, LANES, Transform};
+use crate::numeric::{Complex32, Fft2d, LANES};
+
+/// A rectangle of the target.
+pub(in crate::dic) struct Area {
+    pub(in crate::dic) left: isize,
+    pub(in crate::dic) top: isize,
+    pub(in crate::dic) width: usize,
+    pub(in crate::dic) height: usize,
+}
 
 /// Plan and memory for cross-correlations of one size.
 pub(in crate::dic) struct CrossCorrelation {
-    pub(in crate::dic) transform: Transform,
-    pub(in crate::dic) data: Complex,
-    pub(in crate::dic) product: Complex,
+    fft: Fft2d,
+    /// The area in the real parts and the subset in the imaginary parts; after [`Self::run`] the correlation.
+    pub(in crate::dic) data: Vec<Complex32>,
+    product: Vec<Complex32>,
 }
 
 impl CrossCorrelation {
     pub(in crate::dic) fn new(size: usize) -> Self {
-        let transform = Transform::new(size);
-        Self { data: transform.memory(), product: transform.memory(), transform }
+        let fft = Fft2d::new(size);
+        Self { data: fft.memory(), product: fft.memory(), fft }
     }
 
-    /// Loads the subset into the imaginary part, with the corner of its rectangle at the origin. Pixels that do not fit
-    /// are dropped.
-    pub(in crate::dic) fn load_subset(&mut self, subset: &ReferenceSubset, window: &SubsetMask) {
-        let (stride, size) = (self.transform.stride(), self.transform.size());
+    /// The number of rows and columns.
+    pub(in crate::dic) fn size(&self) -> usize {
+        self.fft.size()
+    }
+
+    /// Loads an area of the target, zero-padded, into the real parts and the subset into the imaginary parts, with the
+    /// corners of both at the origin. The subset's mean is subtracted from both; its pixels that do not fit are dropped.
+    pub(in crate::dic) fn load(
+        &mut self,
+        subset: &ReferenceSubset,
+        window: &SubsetMask,
+        target: &PaddedImage,
+        area: &Area,
+    ) {
+        let size = self.size();
+        for (y, line) in self.data.chunks_exact_mut(size).enumerate() {
+            let (inside, outside) = line.split_at_mut(if y < area.height { area.width } else { 0 });
+            if !inside.is_empty() {
+                let first = target.index(area.left, area.top + y as isize);
+                let row = &target.data()[first..first + area.width];
+                for (value, level) in inside.iter_mut().zip(row) {
+                    *value = Complex32::new(level - subset.mean, 0.0);
+                }
+            }
+            outside.fill(Complex32::default());
+        }
         let width = window.extent.sides().0.min(size);
-        self.data.im.fill(0.0);
         for block in &window.blocks {
             // Lanes before the rectangle hold no pixel.
             let skipped = (window.extent.left - block.dx).max(0) as usize;
             let x = (block.dx - window.extent.left).max(0) as usize;
             let last = LANES.min(skipped + width.saturating_sub(x)).max(skipped);
             let top = (block.dy - window.extent.top) as usize;
-            for row in 0..block.rows.min(size.saturating_sub(top)) {
-                let first = (top + row) * stride + x;
-                let levels = &subset.levels[block.start + row].0[skipped..last];
-                self.data.im[first..first + last - skipped].copy_from_slice(levels);
+            let lines = self.data.chunks_exact_mut(size).skip(top);
+            for (line, levels) in lines.zip(&subset.levels[block.start..block.start + block.rows]) {
+                for (value, level) in line[x..].iter_mut().zip(&levels.0[skipped..last]) {
+                    value.im = *level;
+                }
             }
-        }
-    }
-
-    /// Loads target pixels into the real part, zero-padded.
-    pub(in crate::dic) fn load_area(
-        &mut self,
-        target: &PaddedImage,
-        corner: (isize, isize),
-        (columns, rows): (usize, usize),
-        mean: f32,
-    ) {
-        let stride = self.transform.stride();
-        for (y, line) in self.data.re.chunks_exact_mut(stride).enumerate() {
-            let (inside, outside) = line.split_at_mut(if y < rows { columns } else { 0 });
-            if y < rows {
-                let first = target.index(corner.0, corner.1 + y as isize);
-                let row = &target.data()[first..first + columns];
-                inside.iter_mut().zip(row).for_each(|(value, level)| *value = level - mean);
-            }
-            outside.fill(0.0);
         }
     }
 
@@ -66,47 +77,51 @@ impl CrossCorrelation {
         (area, area_side): (&[f32], usize),
         (subset, subset_side): (&[f32], usize),
     ) {
-        let stride = self.transform.stride();
-        for (part, square, side) in [(&mut self.data.re, area, area_side), (&mut self.data.im, subset, subset_side)] {
-            part.fill(0.0);
-            for (line, row) in part.chunks_exact_mut(stride).zip(square.chunks_exact(side)).take(side) {
-                line[..side].copy_from_slice(row);
-            }
+        let size = self.size();
+        self.data.fill(Complex32::default());
+        for (line, row) in self.data.chunks_exact_mut(size).zip(area.chunks_exact(area_side)) {
+            line.iter_mut().zip(row).for_each(|(value, level)| value.re = *level);
+        }
+        for (line, row) in self.data.chunks_exact_mut(size).zip(subset.chunks_exact(subset_side)) {
+            line.iter_mut().zip(row).for_each(|(value, level)| value.im = *level);
         }
     }
 
-    /// Computes the cross-correlation of the area with the subset into the real part of `data`.
+    /// Computes the cross-correlation of the area with the subset into the real parts of `data`.
     pub(in crate::dic) fn run(&mut self) {
-        self.transform.forward(&mut self.data);
-        multiply(&self.data, &mut self.product, self.transform.size(), self.transform.stride());
+        self.fft.forward(&mut self.data);
+        multiply(&self.data, &mut self.product, self.fft.size());
         std::mem::swap(&mut self.data, &mut self.product);
-        self.transform.inverse(&mut self.data);
+        self.fft.inverse(&mut self.data);
+    }
+
+    #[cfg(test)]
+    pub(in crate::dic) fn spoil(&mut self) {
+        for plane in [&mut self.data, &mut self.product] {
+            plane.fill(Complex32::new(f32::NAN, f32::NAN));
+        }
     }
 }
 
 /// Computes the cross spectrum of two real images transformed as one complex image.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
-fn multiply(data: &Complex, out: &mut Complex, size: usize, stride: usize) {
-    for y in 0..size {
-        let (here, there) = (y * stride, (size - y) % size * stride);
-        let (a, b) = (&data.re[here..here + size], &data.im[here..here + size]);
-        let (c, d) = (&data.re[there..there + size], &data.im[there..there + size]);
-        let (re, im) = (&mut out.re[here..here + size], &mut out.im[here..here + size]);
-        (re[0], im[0]) = product_of(a[0], b[0], c[0], d[0]);
-        let opposite = c[1..].iter().rev().zip(d[1..].iter().rev());
-        let outputs = re[1..].iter_mut().zip(&mut im[1..]);
-        for (((re, im), (a, b)), (c, d)) in outputs.zip(a[1..].iter().zip(&b[1..])).zip(opposite) {
-            (*re, *im) = product_of(*a, *b, *c, *d);
+fn multiply(data: &[Complex32], out: &mut [Complex32], size: usize) {
+    for (y, line) in out.chunks_exact_mut(size).enumerate() {
+        let (own, opposite) = (&data[y * size..][..size], &data[(size - y) % size * size..][..size]);
+        line[0] = cross_spectrum(own[0], opposite[0]);
+        for (value, (own, opposite)) in line[1..].iter_mut().zip(own[1..].iter().zip(opposite[1..].iter().rev())) {
+            *value = cross_spectrum(*own, *opposite);
         }
     }
 }
 
-/// Multiplies the area by the conjugate subset, from the packed values at a frequency (a, b) and at its opposite (c,
-/// d).
+/// Multiplies the area by the conjugate subset, from the packed values at a frequency and at its opposite.
 #[inline(always)]
-fn product_of(a: f32, b: f32, c: f32, d: f32) -> (f32, f32) {
-    let (area_re, area_im, subset_re, subset_im) = (a + c, b - d, b + d, a - c);
-    (0.25 * (area_re * subset_re - area_im * subset_im), 0.25 * (area_re * subset_im + area_im * subset_re))
+fn cross_spectrum(own: Complex32, opposite: Complex32) -> Complex32 {
+    let (area_re, area_im) = (own.re + opposite.re, own.im - opposite.im);
+    let (subset_re, subset_im) = (own.im + opposite.im, own.re - opposite.re);
+    let (re, im) = (area_re * subset_re - area_im * subset_im, area_re * subset_im + area_im * subset_re);
+    Complex32::new(0.25 * re, 0.25 * im)
 }
 
 /// The range of shifts of a normalised correlation surface.
@@ -142,7 +157,7 @@ impl LocalContrast {
 
     /// Fills the tables from the area that `correlation` holds. Call before it runs.
     pub(in crate::dic) fn add_up(&mut self, correlation: &CrossCorrelation, area: (usize, usize)) {
-        let (line_length, stride) = (correlation.transform.stride(), area.0 + 1);
+        let (size, stride) = (correlation.size(), area.0 + 1);
         self.sums[..stride].fill(0.0);
         self.squares[..stride].fill(0.0);
         for y in 0..area.1 {
@@ -150,8 +165,8 @@ impl LocalContrast {
             let line = (y + 1) * stride;
             self.sums[line] = 0.0;
             self.squares[line] = 0.0;
-            for (x, level) in correlation.data.re[y * line_length..][..area.0].iter().enumerate() {
-                let level = f64::from(*level);
+            for (x, value) in correlation.data[y * size..][..area.0].iter().enumerate() {
+                let level = f64::from(value.re);
                 sum += level;
                 square += level * level;
                 self.sums[line + x + 1] = self.sums[line - stride + x + 1] + sum;
@@ -172,7 +187,7 @@ impl LocalContrast {
         surface: &mut [f32],
     ) {
         let Shifts { sides: (width, height), columns, rows } = *shifts;
-        let (size, line_length) = (correlation.transform.size(), correlation.transform.stride());
+        let size = correlation.size();
         let stride = columns + width;
         let pixels = (width * height) as f64;
         let scale = share / (size * size) as f64;
@@ -184,7 +199,7 @@ impl LocalContrast {
                 };
                 let sum = over(&self.sums);
                 let contrast = over(&self.squares) - sum * sum / pixels;
-                let product = f64::from(correlation.data.re[y * line_length + x]) * scale;
+                let product = f64::from(correlation.data[y * size + x].re) * scale;
                 surface[y * columns + x] =
                     if contrast > 0.01 * pixels { (product / (contrast * energy * share).sqrt()) as f32 } else { 0.0 };
             }

@@ -4,12 +4,12 @@
 //! the subset moved less than about half its width. The full search covers the whole range. It divides the correlation
 //! at each shift by the local contrast of the target, so the overlap does not bias the result.
 
-use super::cross_correlation::{CrossCorrelation, LocalContrast, Shifts};
+use super::cross_correlation::{Area, CrossCorrelation, LocalContrast, Shifts};
 use super::peak::{Peak, Surface};
 use crate::dic::geometry::SubsetMask;
 use crate::dic::image::PaddedImage;
 use crate::dic::subset::ReferenceSubset;
-use crate::numeric::{fast_size, register_size};
+use crate::numeric::{circular_size, fast_size};
 
 /// The result of a search.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,7 +66,7 @@ impl IntegerSearch {
     /// Plans searches of subsets up to `window_px` wide, `range_px` to each side.
     pub(in crate::dic) fn new(window_px: usize, range_px: usize) -> Self {
         let area = window_px + 2 * range_px;
-        let quick = register_size(window_px);
+        let quick = circular_size(window_px);
         let count = (2 * range_px + 1).max(quick + 2);
         Self {
             range: range_px,
@@ -95,18 +95,18 @@ impl IntegerSearch {
         if !window.extent.fits(place, (target.width(), target.height())) {
             return None;
         }
-        let (extent, size) = (window.extent, self.quick.transform.size());
-        let corner = (at.0 as isize + extent.left as isize, at.1 as isize + extent.top as isize);
+        let (extent, size) = (window.extent, self.quick.size());
         let (width, height) = extent.sides();
-        self.quick.load_subset(subset, window);
-        self.quick.load_area(target, corner, (width.min(size), height.min(size)), subset.mean);
+        let (left, top) = (at.0 as isize + extent.left as isize, at.1 as isize + extent.top as isize);
+        self.quick.load(subset, window, target, &Area { left, top, width: width.min(size), height: height.min(size) });
         self.quick.run();
         // Moves shift zero to the middle, with one wrapped line around.
-        let (stride, columns, before) = (self.quick.transform.stride(), size + 2, size / 2 + 1);
+        let (columns, before) = (size + 2, size / 2 + 1);
         for (line, row) in self.surface.chunks_exact_mut(columns).take(columns).zip(size - before..) {
-            let from = &self.quick.data.re[row % size * stride..][..size];
-            line[..before].copy_from_slice(&from[size - before..]);
-            line[before..].copy_from_slice(&from[..columns - before]);
+            let from = &self.quick.data[row % size * size..][..size];
+            let (negative, positive) = line.split_at_mut(before);
+            negative.iter_mut().zip(&from[size - before..]).for_each(|(value, correlation)| *value = correlation.re);
+            positive.iter_mut().zip(from).for_each(|(value, correlation)| *value = correlation.re);
         }
         let surface = Surface { data: &self.surface[..columns * columns], columns };
         let highest = surface.highest()?;
@@ -157,14 +157,17 @@ impl IntegerSearch {
         let center = (i64::from(at.0) + i64::from(around.0), i64::from(at.1) + i64::from(around.1));
         let (left, right) = shifts(center.0, (extent.left, extent.right), target.width())?;
         let (top, bottom) = shifts(center.1, (extent.top, extent.bottom), target.height())?;
-        let corner = ((left + i64::from(extent.left)) as isize, (top + i64::from(extent.top)) as isize);
         let (columns, rows) = ((right - left + 1) as usize, (bottom - top + 1) as usize);
         self.shifts = (columns, rows);
         let sides = extent.sides();
-        let area = (columns + sides.0 - 1, rows + sides.1 - 1);
-        self.full.load_subset(subset, window);
-        self.full.load_area(target, corner, area, subset.mean);
-        self.contrast.add_up(&self.full, area);
+        let area = Area {
+            left: (left + i64::from(extent.left)) as isize,
+            top: (top + i64::from(extent.top)) as isize,
+            width: columns + sides.0 - 1,
+            height: rows + sides.1 - 1,
+        };
+        self.full.load(subset, window, target, &area);
+        self.contrast.add_up(&self.full, (area.width, area.height));
         self.full.run();
         let share = (sides.0 * sides.1) as f64 / window.pixels as f64;
         let shape = Shifts { sides, columns, rows };
@@ -222,10 +225,8 @@ mod tests {
         g.fill(target.view(), Interpolation::Optimised);
         let window = SubsetMask::new(WindowShape::Square, 21);
         let mut search = IntegerSearch::new(21, 7);
-        for data in [&mut search.full.data, &mut search.full.product, &mut search.quick.data] {
-            data.re.fill(f32::NAN);
-            data.im.fill(f32::NAN);
-        }
+        search.full.spoil();
+        search.quick.spoil();
         search.contrast.spoil();
         let mut subset = ReferenceSubset::default();
         let at = (44, 40);

@@ -99,7 +99,7 @@ pub const ROOMS: &[Room] = &[
     open("failure", &[], &["thiserror"]),
     pure("results", &[], &[]),
     pure("image", &["failure", "results"], &["image", "multiversion", "thiserror"]),
-    pure("numeric", &[], &["multiversion", "nalgebra"]),
+    pure("numeric", &["results"], &["multiversion", "nalgebra", "rustfft"]),
     pure(
         "dic",
         &["failure", "results", "image", "numeric"],
@@ -107,7 +107,7 @@ pub const ROOMS: &[Room] = &[
     ),
     pure("ball", &["failure", "results", "image", "numeric"], &["multiversion", "nalgebra", "thiserror"]),
     pure("rod", &["failure", "results", "image"], &["nalgebra", "thiserror"]),
-    pure("motion", &["results"], &["nalgebra", "thiserror"]),
+    pure("motion", &["results", "numeric"], &["nalgebra", "thiserror"]),
     pure("trigger", &["results", "image", "motion"], &[]),
     pure("impact", &["results", "numeric", "motion"], &["libm", "multiversion", "nalgebra", "thiserror"]),
     pure(
@@ -221,6 +221,7 @@ pub const OUTSIDE: &[&str] = &[
     "prost",
     "prost_types",
     "realfft",
+    "rustfft",
     "rustix",
     "serde",
     "serde_json",
