@@ -1,4 +1,4 @@
-//! What a command prints and how it ends.
+//! The output and the outcome of a command.
 
 use crate::failure::{ExitCode, Fatal};
 use crate::process::Summary;

@@ -1,4 +1,4 @@
-//! A grey image of a sequence.
+//! A grey image out of a file of still images.
 
 use super::{ImportError, Shape};
 use crate::image::grey_pixels;
@@ -13,11 +13,11 @@ pub(super) struct Still {
 }
 
 impl Still {
-    /// Takes a decoded picture of the file `path`; `None` stands for one in another format.
+    /// Takes a decoded image of the file `path`. `None` stands for an image in another format.
     ///
     /// # Errors
     ///
-    /// [`ImportError::Invalid`] for a picture that is not grey.
+    /// [`ImportError::Invalid`] for an image that is not grey.
     pub(super) fn new(path: &Path, picture: Option<DynamicImage>) -> Result<Self, ImportError> {
         let size = picture.as_ref().map(|picture| (picture.width(), picture.height())).unwrap_or_default();
         let (format, bytes) = picture

@@ -15,7 +15,6 @@ mod surface_axes;
 mod systematic;
 mod velocity_fit;
 
-pub use crate::numeric::{MAX_ORDER, Polynomial, Sample};
 pub use center_filter::{Center, CenterFilter};
 pub use form::Form;
 pub use params::{MotionParams, RingLimits, Rotation, Scale, View};

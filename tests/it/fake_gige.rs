@@ -64,7 +64,7 @@ impl FakeGige {
         Some(Self::at(aravis, ADDRESS, wiring, limit, source, Some(port)))
     }
 
-    /// As [`plug_in`](Self::plug_in), at another address.
+    /// Plugs in a camera like [`plug_in`](Self::plug_in), at another address.
     pub fn plug_in_at(
         address: &'static str,
         limit: u64,

@@ -7,7 +7,7 @@ use ricochet::console::Outcome;
 use ricochet::dic::{CorrelationParams, Correlator, Interpolation, Region, find_at_any_angle};
 use ricochet::failure::Failure;
 use ricochet::image::Image;
-use ricochet::plot::color_map::Quantity;
+use ricochet::plot::Quantity;
 use ricochet::process::Stop;
 
 fn options(reference: &Path, target: &Path) -> FieldOptions {

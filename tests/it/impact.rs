@@ -110,7 +110,7 @@ fn study(experiment: &Experiment, seeds: u64, interval: usize) -> Study {
     study_of(|_| *experiment, seeds, interval)
 }
 
-/// As [`study`], with a separate experiment for each seed.
+/// A [`study`] with a separate experiment for each seed.
 fn study_of(make: impl Fn(&mut Noise) -> Experiment, seeds: u64, interval: usize) -> Study {
     let mut errors: [Errors; 17] = Default::default();
     let mut laws = Vec::new();
@@ -165,8 +165,8 @@ fn assert_study(experiment: &Experiment, limits: &Limits) {
     within(4, limits.vn);
     within(5, limits.vn);
     assert!(errors[1].worst() <= 0.05_f64.max(4.0 * limits.deepest), "{name}: deepest {}", errors[1].worst());
-    // The circles drawn here have no common error. Those of a film may have one, which the uncertainty of a spinning ball
-    // includes.
+    // The circles drawn here have no common error. Those of a film may have one, which the uncertainty of a spinning
+    // ball includes.
     for k in [3, 4, 5, 6, 10] {
         let (one, two) = (errors[k].covered(1.0), errors[k].covered(2.0));
         let pull = errors[k].pulls();

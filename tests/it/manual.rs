@@ -42,7 +42,7 @@ fn read(page: &str) -> String {
     std::fs::read_to_string(root().join(page)).unwrap()
 }
 
-/// What a machine may lack, by the words that a page says it with.
+/// Equipment that a machine may lack, by the words for it on the pages.
 const NEEDS: [(&str, Need); 3] = [
     ("With a camera attached", Need::Camera),
     ("With ffmpeg installed", Need::Tool { variable: "FFMPEG", trial: "ffmpeg -version" }),

@@ -11,8 +11,8 @@ fn params() -> MotionParams {
     MotionParams { gravity_m_s2: 0.0, ..lacrosse(true).params() }
 }
 
-/// A body that moves and turns steadily, free of noise.
-fn steady(n: usize, frames: usize, rate: [f64; 3]) -> Vec<BodyStep> {
+/// A body in uniform motion, without noise.
+fn uniform(n: usize, frames: usize, rate: [f64; 3]) -> Vec<BodyStep> {
     let pose = |i: usize| std::array::from_fn(|k| 100.0 + rate[k] * i as f64);
     let poses: Vec<_> = (0..frames).map(pose).collect();
     let mut steps = steps(&poses, n, 1e5, (0.0, 0.0, 50.0), &mut Noise::new(3));
@@ -24,7 +24,7 @@ fn steady(n: usize, frames: usize, rate: [f64; 3]) -> Vec<BodyStep> {
     steps
 }
 
-fn assert_steady(rows: &TrackerRows, rate: [f64; 3], frames: usize) {
+fn assert_uniform(rows: &TrackerRows, rate: [f64; 3], frames: usize) {
     assert_eq!((rows.velocities.len(), rows.tracks.len()), (frames, frames));
     assert!(rows.impacts.is_empty());
     for row in &rows.velocities {
@@ -38,22 +38,22 @@ fn assert_steady(rows: &TrackerRows, rate: [f64; 3], frames: usize) {
 }
 
 #[test]
-fn a_steady_motion_is_exact_at_every_frame_interval_and_window() {
+fn uniform_motion_is_exact_for_every_frame_interval_and_window() {
     let rate = [0.37, -0.2, 0.35];
     for n in [1, 2, 5] {
         for window_frames in [None, Some(9), Some(21)] {
             for order in [1, 2, 4] {
                 let p = MotionParams { window_frames, order, interval_frames: n as u32, ..params() };
-                assert_steady(&track(&steady(n, 60, rate), &p), rate, 60);
+                assert_uniform(&track(&uniform(n, 60, rate), &p), rate, 60);
             }
         }
     }
 }
 
 #[test]
-fn a_gap_neither_bends_nor_shifts_a_steady_motion() {
+fn a_gap_does_not_change_uniform_motion() {
     let rate = [0.37, -0.2, 0.35];
-    let mut steps = steady(1, 60, rate);
+    let mut steps = uniform(1, 60, rate);
     for step in &mut steps[20..24] {
         (step.step, step.circle, step.status) = (None, None, PointStatus::Lost);
     }
@@ -74,7 +74,7 @@ fn a_gap_neither_bends_nor_shifts_a_steady_motion() {
 
 #[test]
 fn true_stamps_count_not_frame_numbers() {
-    // Frames jitter by 20 %; the motion is steady in time.
+    // Frame times jitter by 20 %, and the motion is uniform in time.
     let mut noise = Noise::new(5);
     let times: Vec<f64> = (0..60).map(|i| f64::from(i) + 0.4 * (noise.uniform() - 0.5)).collect();
     let poses: Vec<_> = times.iter().map(|t| [0.3 * t, 0.1 * t, 0.02 * t]).collect();
@@ -95,7 +95,7 @@ fn true_stamps_count_not_frame_numbers() {
 fn the_scale_of_a_ball_comes_from_its_outline() {
     let mut p = params();
     p.scale = Scale::BallDiameterMm(63.25);
-    let rows = track(&steady(1, 40, [0.3, 0.0, 0.0]), &p);
+    let rows = track(&uniform(1, 40, [0.3, 0.0, 0.0]), &p);
     let v = rows.velocities[20].velocity.unwrap();
     assert!((v.vx_m_s - 0.3 * 63.25e-3 / 100.0 * 1e4).abs() < 1e-9, "{v:?}");
     assert!(v.sigma_v_m_s > v.vx_m_s * 0.02 / 50.0, "the scale is not exact");
@@ -116,7 +116,7 @@ fn the_centre_moves_like_the_steps_and_lies_where_the_outlines_are() {
         assert!(e[0].abs() < 0.03 && e[1].abs() < 0.03, "{e:?}");
         assert!(t.sigma_center_px.unwrap() < 0.025);
     }
-    // One outline scatters by 0.02 px, the carried centre from frame to frame by ten times less.
+    // One outline scatters by 0.02 px, the filtered centre ten times less from frame to frame.
     let changes: f64 = errors.windows(2).map(|w| (w[1][1] - w[0][1]).powi(2)).sum::<f64>() / 80.0;
     assert!(changes.sqrt() < 0.004, "{}", changes.sqrt());
 }
@@ -186,7 +186,7 @@ fn phases_follow_the_collision() {
 }
 
 #[test]
-fn rows_come_one_a_step_in_order_behind_the_stated_lag_and_depend_on_nothing_newer() {
+fn rows_come_in_order_with_the_stated_lag_and_depend_on_nothing_newer() {
     let truth = lacrosse(false).simulate(0.7);
     let steps = truth.steps(1, &mut Noise::new(8));
     let motion = truth.experiment.params();
@@ -209,7 +209,7 @@ fn rows_come_one_a_step_in_order_behind_the_stated_lag_and_depend_on_nothing_new
         row.frame == step.frame && row.step.as_ref().map(moved) == step.step.as_ref().map(moved)
     };
     assert!(all.velocities.iter().zip(&steps).all(|(row, step)| is_of(row, step)));
-    // What came out while the stream ran does not change with how it goes on.
+    // Rows that were published do not depend on later steps.
     let cut = 50;
     let mut head = TrackerRows::default();
     let mut tracker = Tracker::new(&TrackerParams { motion: vec![motion], longer_frames: vec![], contact: true });
@@ -222,7 +222,7 @@ fn rows_come_one_a_step_in_order_behind_the_stated_lag_and_depend_on_nothing_new
 }
 
 #[test]
-fn two_bodies_do_not_touch_each_other() {
+fn two_bodies_do_not_affect_each_other() {
     let truths = [lacrosse(false).simulate(0.2), lacrosse(true).simulate(0.9)];
     let steps: Vec<_> = truths.iter().zip([21, 22]).map(|(t, seed)| t.steps(1, &mut Noise::new(seed))).collect();
     let alone: Vec<_> = steps.iter().zip(&truths).map(|(s, t)| track(s, &t.experiment.params())).collect();
@@ -242,10 +242,10 @@ fn two_bodies_do_not_touch_each_other() {
     }
 }
 
-/// A body that is lost as its contact begins, and seen again only when it ends: the last speeds before were those of
-/// the flight, off by up to 78 of their sigmas.
+/// A body that is lost when its contact begins, and found again only at its end. The last velocities before the gap
+/// were those of the flight, off by up to 78 sigma.
 #[test]
-fn what_is_lost_as_a_contact_begins_has_slowed_down_unseen() {
+fn velocity_uncertainties_hold_when_a_body_is_lost_at_contact() {
     for experiment in [lacrosse(true), tennis(false), rod(true)] {
         let (mut square, mut count, mut worst) = (0.0, 0.0, 0.0_f64);
         for seed in 0..40 {
@@ -254,15 +254,15 @@ fn what_is_lost_as_a_contact_begins_has_slowed_down_unseen() {
             let mut steps = truth.steps(1, &mut noise);
             let first = truth.start as usize + 1 + (seed % 4) as usize;
             let last = (truth.end as usize - 1).max(first + 4);
-            // The step of the frame before leads into one that is not seen.
+            // The step of the frame before leads into a frame without the body.
             steps[first - 1].step = None;
             for step in &mut steps[first..last] {
                 (step.step, step.circle, step.rod, step.status) = (None, None, None, PointStatus::Lost);
             }
             let rows = track(&steps, &experiment.params());
             for at in (first - 4..first).chain(last..last + 4) {
-                let (Some(told), rate) = (rows.velocities[at].velocity, &truth.rates[at]) else { continue };
-                let pull = (told.vn_m_s - rate[0]).abs() / told.sigma_v_m_s;
+                let (Some(measured), rate) = (rows.velocities[at].velocity, &truth.rates[at]) else { continue };
+                let pull = (measured.vn_m_s - rate[0]).abs() / measured.sigma_v_m_s;
                 (square, count, worst) = (square + pull * pull, count + 1.0, worst.max(pull));
             }
         }

@@ -140,7 +140,7 @@ fn a_collision_is_that_of_the_centre() {
     }
 }
 
-/// Where an edge occludes part of the ball, the motion of its front passes for rotation. Spins were off by up to 20
+/// With part of the ball behind an edge, the motion of its front passes for rotation. Spins were off by up to 20
 /// sigma and speeds by up to 40, because subsets that contained the edge were used.
 #[test]
 fn the_spin_is_right_where_part_of_the_ball_is_occluded() {

@@ -1,4 +1,4 @@
-//! Rotations from rings, against known truth: pairwise, behind something, and of balls that turn far from frame to
+//! Rotations from rings against known truth: pairwise, partly occluded, and of balls that rotate far from frame to
 //! frame.
 
 use ricochet::synth::{MotionSetup, OccluderSetup, Scenario, SimulatedFilm};
@@ -6,7 +6,7 @@ use ricochet::track::TrackerRows;
 
 use crate::measured_world::{level_rig, rows_of};
 
-/// A ball of 114 px that turns and hardly moves, in side light, on a textured ground.
+/// A ball of 114 px that rotates and hardly moves, in side light, on a textured background.
 fn film(seed: u64, (vx, vy, spin_deg): (f64, f64, f64)) -> Scenario {
     let mut scenario = Scenario::translation(vx, vy, spin_deg);
     scenario.seed = seed;
@@ -19,7 +19,7 @@ fn film(seed: u64, (vx, vy, spin_deg): (f64, f64, f64)) -> Scenario {
     scenario
 }
 
-/// Errors of the rotation from frame to frame, deg, and of the errors over their sigmas; how many were measured.
+/// The root mean square errors of the rotation from frame to frame, in deg and in sigmas, and the number of steps.
 fn judge(rows: &TrackerRows, spin_deg: f64) -> (f64, f64, usize) {
     let steps: Vec<_> = rows.velocities.iter().filter_map(|row| row.step).collect();
     let rms = |of: &dyn Fn(&ricochet::results::RigidStep) -> f64| {
@@ -34,7 +34,7 @@ fn rig(scenario: &Scenario, rotation: &str) -> String {
 }
 
 #[test]
-fn a_ring_tells_the_spin_of_a_ball_in_full_sight_to_a_hundredth_of_a_degree() {
+fn the_ring_method_gives_the_spin_of_a_visible_ball_within_0_01_deg() {
     let cases = [
         ("", 0.005),
         ("ring_inner_px = 30\nring_outer_px = 50", 0.005),
@@ -56,12 +56,12 @@ fn a_ring_tells_the_spin_of_a_ball_in_full_sight_to_a_hundredth_of_a_degree() {
 }
 
 #[test]
-fn a_ring_shrinks_before_what_hides_the_ball() {
-    for hidden in [0.2, 0.35] {
+fn the_ring_shrinks_in_front_of_an_occluder() {
+    for occluded in [0.2, 0.35] {
         let mut scenario = film(1, (0.13, 0.31, 0.91));
-        // It comes in from the right, 2 px beside the ball at first.
+        // The occluder comes in from the right, at first 2 px next to the ball.
         let point_px = Some([110.3 + 59.0, 112.7]);
-        let speed_px_frame = (114.0 * hidden + 2.0) / 24.0;
+        let speed_px_frame = (114.0 * occluded + 2.0) / 24.0;
         scenario.occluder =
             Some(OccluderSetup { shade: 0.1, texture: 0.0, point_px, normal_deg: Some(180.0), speed_px_frame });
         let rows = rows_of(
@@ -70,13 +70,13 @@ fn a_ring_shrinks_before_what_hides_the_ball() {
         );
         let (rms, pull, count) = judge(&rows, 0.91);
         let statuses: Vec<_> = rows.velocities.iter().map(|row| row.status).collect();
-        println!("{hidden} hidden: rms {rms:.5} deg, pull {pull:.2}, {count} steps");
-        assert!(rms <= 0.02 && count >= 20 && pull < 2.0, "{hidden}: {rms} {pull} {count} {statuses:?}");
+        println!("{occluded} occluded: rms {rms:.5} deg, pull {pull:.2}, {count} steps");
+        assert!(rms <= 0.02 && count >= 20 && pull < 2.0, "{occluded}: {rms} {pull} {count} {statuses:?}");
     }
 }
 
 #[test]
-fn a_ball_that_turns_by_tens_of_degrees_a_frame_is_followed_whatever_the_method() {
+fn a_ball_that_rotates_by_tens_of_degrees_per_frame_is_followed_by_every_method() {
     for (seed, spin_deg) in [(1, 12.7), (2, -31.3), (3, 97.1)] {
         for method in ["rigid", "field", "center", "ring"] {
             let scenario = film(seed, (0.61, -0.37, spin_deg));

@@ -137,7 +137,7 @@ fn subsets_of_fine_speckles_with_shot_noise_have_the_sigma_they_claim() {
         ..CorrelationParams::default()
     };
     let mut correlator = Correlator::new(&params, 160, 160).unwrap();
-    let (mut actual, mut told, mut field) = (0.0, 0.0, Vec::new());
+    let (mut actual, mut claimed, mut field) = (0.0, 0.0, Vec::new());
     for seed in 0..8 {
         let mut film = Scenario::translation(vx, vy, 0.0);
         (film.seed, film.camera.frames, film.camera.shot_share) = (300 + seed, 2 * PAIRS, 0.5);
@@ -153,11 +153,11 @@ fn subsets_of_fine_speckles_with_shot_noise_have_the_sigma_they_claim() {
             correlator.correlate(&reference, &target, &points, Start::Search, &mut field);
             for found in field.iter().filter_map(|point| point.displacement) {
                 actual += (f64::from(found.u_px) - vx).powi(2) + (f64::from(found.v_px) - vy).powi(2);
-                told += f64::from(found.sigma_u_px).powi(2) + f64::from(found.sigma_v_px).powi(2);
+                claimed += f64::from(found.sigma_u_px).powi(2) + f64::from(found.sigma_v_px).powi(2);
             }
         }
     }
-    let ratio = f64::sqrt(told / actual);
+    let ratio = f64::sqrt(claimed / actual);
     println!("sigmas are {ratio:.3} of the errors");
     // 4000 displacements determine the ratio to 1.1 %. Patterns differ by a few per cent: 4 of these give 1.00, all of
     // them 1.04.

@@ -117,14 +117,14 @@ impl Background {
             text
         };
         let (mut stdout, mut stderr) = (self.0.stdout.take().unwrap(), self.0.stderr.take().unwrap());
-        let told = std::thread::spawn(move || {
+        let complaints = std::thread::spawn(move || {
             let mut text = String::new();
             std::io::Read::read_to_string(&mut stderr, &mut text).unwrap();
             text
         });
         let printed = read(&mut stdout);
         let status = wait_until("the program ends", || self.0.try_wait().unwrap());
-        (status.code(), printed, told.join().unwrap())
+        (status.code(), printed, complaints.join().unwrap())
     }
 }
 

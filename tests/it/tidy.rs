@@ -165,7 +165,7 @@ fn a_room_that_reaches_up_or_aside_is_found_however_it_is_written() {
         "//! Doc.\nuse ricochet::bus::Join;",
         "//! Doc.\nuse {crate::bus::Join, std::fmt};",
     ] {
-        assert_eq!(broken("src/dic/geometry/grid.rs", text), [format!("2: {}", rule("dic", "bus"))], "for {text}");
+        assert_eq!(broken("src/dic/x.rs", text), [format!("2: {}", rule("dic", "bus"))], "for {text}");
     }
     assert_eq!(broken("src/dic/mod.rs", "use super::bus;"), [format!("1: {}", rule("dic", "bus"))]);
     assert_eq!(broken("src/ball/x.rs", "use crate::dic::zncc;"), [format!("1: {}", rule("ball", "dic"))]);
@@ -174,14 +174,11 @@ fn a_room_that_reaches_up_or_aside_is_found_however_it_is_written() {
 
 #[test]
 fn rooms_below_and_own_modules_are_allowed() {
-    assert_eq!(broken("src/dic/geometry/grid.rs", "use crate::{dic::zncc, image::ImageView, results};"), [""; 0]);
+    assert_eq!(broken("src/dic/x.rs", "use crate::{dic::zncc, image::ImageView, results};"), [""; 0]);
     assert_eq!(broken("src/config/plan.rs", "use super::camera::Source;"), [""; 0]);
     assert_eq!(broken("src/config/mod.rs", "mod camera;\nuse camera::Source;"), [""; 0]);
     assert_eq!(broken("src/process/acquire.rs", "use crate::{bus, camera, recording};"), [""; 0]);
-    assert_eq!(
-        broken("src/dic/geometry/grid.rs", "// crate::bus is above.\nlet x = \"crate::bus\"; /* mcap:: */"),
-        [""; 0]
-    );
+    assert_eq!(broken("src/dic/x.rs", "// crate::bus is above.\nlet x = \"crate::bus\"; /* mcap:: */"), [""; 0]);
 }
 
 #[test]
@@ -282,19 +279,19 @@ fn graph_of(files: &[(&str, &str)]) -> Graph {
 
 #[test]
 fn a_circle_of_imports_is_found_however_it_is_written() {
-    let warp = ("src/dic/subset/warp.rs", "use crate::dic::refine::Step;\npub struct Warp;");
-    let door = ("src/dic/subset/mod.rs", "mod warp;\npub use warp::Warp;");
-    let room = ("src/dic/mod.rs", "pub mod refine;\nmod subset;\npub use subset::Warp as Turn;");
-    for refine in [
-        "use super::subset::Warp;\npub struct Step;",
-        "use crate::dic::{subset::{self, Warp}};\npub struct Step;",
-        "use crate::dic::Turn;\npub struct Step;",
-        "use super::*;\npub struct Step;\nfn f() -> super::subset::Warp {}",
-        "use super::subset;\npub struct Step;\nfn f() { subset::Warp::new(); }",
-        "pub struct Step;\nfn f() {\n    use super::subset::Warp;\n}",
+    let first = ("src/dic/inner/first.rs", "use crate::dic::second::Second;\npub struct First;");
+    let door = ("src/dic/inner/mod.rs", "mod first;\npub use first::First;");
+    let room = ("src/dic/mod.rs", "pub mod second;\nmod inner;\npub use inner::First as Renamed;");
+    for second in [
+        "use super::inner::First;\npub struct Second;",
+        "use crate::dic::{inner::{self, First}};\npub struct Second;",
+        "use crate::dic::Renamed;\npub struct Second;",
+        "use super::*;\npub struct Second;\nfn f() -> super::inner::First {}",
+        "use super::inner;\npub struct Second;\nfn f() { inner::First::new(); }",
+        "pub struct Second;\nfn f() {\n    use super::inner::First;\n}",
     ] {
-        let graph = graph_of(&[room, door, warp, ("src/dic/refine/icgn.rs", refine)]);
-        assert_eq!(graph.circles(), [["src/dic/refine/icgn.rs", "src/dic/subset/warp.rs"]], "for {refine}");
+        let graph = graph_of(&[room, door, first, ("src/dic/second.rs", second)]);
+        assert_eq!(graph.circles(), [["src/dic/inner/first.rs", "src/dic/second.rs"]], "for {second}");
     }
     let longer = graph_of(&[
         ("src/dic/a.rs", "use super::b::B;\npub struct A;"),
@@ -309,28 +306,28 @@ fn a_circle_of_imports_is_found_however_it_is_written() {
 #[test]
 fn tests_and_parts_of_a_module_make_no_circle() {
     let graph = graph_of(&[
-        ("src/dic/mod.rs", "mod a;\nmod b;\npub use a::A;\npub struct Shape;\n#[cfg(test)]\nmod accuracy;"),
+        ("src/dic/mod.rs", "mod a;\nmod b;\npub use a::A;\npub struct Shape;\n#[cfg(test)]\nmod checks;"),
         ("src/dic/a.rs", "use super::Shape;\npub struct A;\n#[cfg(test)]\nmod tests {\n    use super::super::b::B;\n}"),
         ("src/dic/b.rs", "use super::{Shape, a::A};\npub struct B;"),
-        ("src/dic/tests/accuracy.rs", "use super::b::B;\npub fn f() {}"),
+        ("src/dic/checks.rs", "use super::b::B;\npub fn f() {}"),
     ]);
     assert_eq!(graph.circles(), [[""; 0]; 0]);
 }
 
 #[test]
 fn a_folder_that_is_entered_past_its_mod_rs_is_found() {
-    let room = ("src/dic/mod.rs", "mod refine;\nmod subset;");
-    let warp = ("src/dic/subset/warp.rs", "pub struct Warp;");
-    let past = |declaration: &str, refine: &str| {
-        let door = format!("{declaration} mod warp;\npub use warp::Warp;");
-        let graph = graph_of(&[room, ("src/dic/subset/mod.rs", &door), warp, ("src/dic/refine/icgn.rs", refine)]);
+    let room = ("src/dic/mod.rs", "mod second;\nmod inner;");
+    let first = ("src/dic/inner/first.rs", "pub struct First;");
+    let past = |declaration: &str, second: &str| {
+        let door = format!("{declaration} mod first;\npub use first::First;");
+        let graph = graph_of(&[room, ("src/dic/inner/mod.rs", &door), first, ("src/dic/second.rs", second)]);
         graph.past_the_door.iter().map(|(file, line, _)| format!("{file}:{line}")).collect::<Vec<_>>()
     };
-    for refine in ["use super::subset::warp::Warp;", "fn f() { crate::dic::subset::warp::Warp::new(); }"] {
-        assert_eq!(past("pub(super)", refine), ["src/dic/refine/icgn.rs:1"], "for {refine}");
-        assert_eq!(past("pub", refine), [""; 0], "for {refine}");
+    for second in ["use super::inner::first::First;", "fn f() { crate::dic::inner::first::First::new(); }"] {
+        assert_eq!(past("pub(super)", second), ["src/dic/second.rs:1"], "for {second}");
+        assert_eq!(past("pub", second), [""; 0], "for {second}");
     }
-    assert_eq!(past("pub(super)", "use super::subset::Warp;"), [""; 0]);
+    assert_eq!(past("pub(super)", "use super::inner::First;"), [""; 0]);
 }
 
 /// The lines of `text`, standing at `path`, that break the language guide.
