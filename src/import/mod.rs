@@ -184,7 +184,7 @@ fn open_file(path: &Path) -> Result<(File, u64), ImportError> {
 
 /// The memory that decoding a frame of a file of this size may take, bytes.
 ///
-/// What decodes to more is no film of an impact.
+/// A file that decodes to more is no film of an impact.
 fn memory_limit_bytes(file_bytes: u64) -> u64 {
     file_bytes.saturating_mul(2).saturating_add(SPARE_BYTES).min(FRAME_BYTES)
 }

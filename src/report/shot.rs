@@ -81,7 +81,7 @@ impl Shot {
     ///
     /// # Errors
     ///
-    /// As [`read`](Self::read), and [`RecordingError::Invalid`] when the film has other frames.
+    /// The errors of [`read`](Self::read), and [`RecordingError::Invalid`] when the film has other frames.
     pub fn read_with(recording: &Recording, film: &Recording) -> Result<Self, RecordingError> {
         let mut velocities = recording.velocities()?.collect::<Result<Vec<_>, _>>()?;
         velocities.sort_by_key(|row| (row.body, row.frame));

@@ -42,7 +42,7 @@ impl Recording {
     ///
     /// # Errors
     ///
-    /// As [`view`](Self::view).
+    /// The errors of [`view`](Self::view).
     pub fn of_camera(self, name: Option<&str>) -> Result<Self, RecordingError> {
         name.map_or(Ok(self.clone()), |name| self.view(name))
     }

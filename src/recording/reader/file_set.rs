@@ -63,7 +63,7 @@ impl Recording {
     ///
     /// # Errors
     ///
-    /// As [`open`](Self::open).
+    /// The errors of [`open`](Self::open).
     pub fn open_all(paths: &[PathBuf]) -> Result<Vec<Self>, RecordingError> {
         let all = paths.iter().map(|path| Self::open(path)).collect::<Result<Vec<_>, _>>()?;
         let place = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_path_buf());

@@ -69,7 +69,7 @@ impl Recording {
     ///
     /// # Errors
     ///
-    /// As [`frames`](Self::frames).
+    /// The errors of [`frames`](Self::frames).
     pub fn first_frame(&self) -> Result<FrameMeta, RecordingError> {
         let first = self.frames()?.next_shared();
         Ok(first.ok_or_else(|| self.inner.invalid("it has no frames"))??.0)
@@ -79,7 +79,7 @@ impl Recording {
     ///
     /// # Errors
     ///
-    /// As [`frames`](Self::frames).
+    /// The errors of [`frames`](Self::frames).
     pub fn last_frame(&self) -> Result<FrameMeta, RecordingError> {
         let mut frames = self.frames()?;
         let messages = frames.messages_per_frame();
@@ -101,7 +101,7 @@ impl Recording {
     ///
     /// # Errors
     ///
-    /// As [`frames`](Self::frames).
+    /// The errors of [`frames`](Self::frames).
     pub fn frame_rate_hz(&self) -> Result<Option<f64>, RecordingError> {
         let (first, last) = (self.first_frame()?, self.last_frame()?);
         if first.epoch != last.epoch || last.sequence <= first.sequence || last.stamp_ns <= first.stamp_ns {

@@ -79,7 +79,7 @@ impl Recording {
     ///
     /// # Errors
     ///
-    /// As [`open`](Self::open).
+    /// The errors of [`open`](Self::open).
     pub fn open_one(path: &Path) -> Result<Self, RecordingError> {
         let io = |error| RecordingError::io("open", path, error);
         let file = File::open(path).map_err(io)?;
@@ -134,7 +134,7 @@ impl Recording {
         &self.inner.structure.library
     }
 
-    /// Where and why the file ends early; `None` when it is complete.
+    /// The reason why the file ends early, with its place; `None` when it is complete.
     pub fn truncated(&self) -> Option<&str> {
         self.rest.truncated.as_deref().or(self.inner.structure.truncated.as_deref())
     }
@@ -174,7 +174,7 @@ impl Recording {
         self.inner.bodies.get(body as usize).cloned().unwrap_or_else(|| body.to_string())
     }
 
-    /// What is attached.
+    /// The attachments.
     pub fn attachments(&self) -> Vec<Attachment> {
         let attachment = |a: &AttachmentRef| Attachment {
             name: a.name.clone(),
