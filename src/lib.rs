@@ -1,6 +1,7 @@
-//! Ricochet films an impact with a high-speed camera and measures it while it
-//! happens: where the ball is, how fast it moves and spins, when contact begins
-//! and ends, how much speed comes back, with an uncertainty on every sample.
+//! Ricochet measures impacts live with a high-speed camera.
+//!
+//! It follows a ball, rod or patch by digital image correlation while the camera runs. It publishes position, velocity and
+//! spin for every frame and contact times, restitution and friction for every collision, each with its uncertainty.
 //!
 //! ```text
 //!  camera ──> acquire ══ frames (shared memory) ══> correlate x N ── field ──> track ── track, velocity, impact
@@ -8,8 +9,8 @@
 //!                 ╚══════════════════ queue = pre-trigger ring ═══════╪═══════> record ──> shot.mcap
 //! ```
 //!
-//! The rooms below are listed bottom to top; each names only rooms above it in
-//! this list. Rooms up to [`measure`] are pure: no clock, no file, no thread.
+//! The rooms below are listed from bottom to top. Each names only rooms above it in this list. Rooms from [`results`] to
+//! [`synth`] are pure: they use no clock, file or thread.
 
 pub mod failure;
 

@@ -282,6 +282,22 @@ fn every_command_of_every_page_is_understood() {
     assert!(count > 60, "{count} commands in {pages:?}");
 }
 
+/// Every file below a folder of the project.
+fn files(folder: &Path) -> Vec<String> {
+    let paths = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    paths.flat_map(|path| if path.is_dir() { files(&path) } else { vec![path.to_str().unwrap().to_owned()] }).collect()
+}
+
+#[test]
+fn every_file_that_the_architecture_names_exists() {
+    let all: Vec<String> = ["src", "tests", "docs"].iter().flat_map(|folder| files(&root().join(folder))).collect();
+    let page = read("ARCHITECTURE.md");
+    let named = page.split('`').skip(1).step_by(2).filter(|name| name.ends_with(".rs") || name.ends_with(".sh"));
+    for name in named.filter(|name| !name.contains(' ')) {
+        assert!(all.iter().any(|file| file.ends_with(&format!("/{name}"))), "ARCHITECTURE.md: there is no {name}");
+    }
+}
+
 #[test]
 fn every_test_that_a_page_names_exists() {
     let listed = Command::new(std::env::current_exe().unwrap()).arg("--list").output().unwrap();
