@@ -2,13 +2,14 @@
 
 use super::action::TriggerCause;
 use super::clock::{PeriodicTimer, Timeout, host_ns, now};
+use super::frame_stamp::FrameStamp;
 use super::hardware_trigger::HardwareTrigger;
 use super::latency::LatencyHistogram;
 use super::live_trigger::StandaloneTrigger;
 use super::reference_picture;
 use super::resume::Resume;
 use super::setup::{SUCCESSION, Source, limits};
-use super::status_reporter::{FrameStamp, StatusReporter};
+use super::status_reporter::StatusReporter;
 use super::stepping;
 use super::stop::Stop;
 use super::summary::Summary;

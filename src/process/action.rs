@@ -3,7 +3,7 @@
 //! Each runs on a thread of its own with a timeout. The loop that starts it never waits for it.
 
 use super::clock::{Timeout, now};
-use super::status_reporter::FrameStamp;
+use super::frame_stamp::FrameStamp;
 use crate::bus::Bus;
 use crate::config::Config;
 use crate::message::{Command as Request, ReplyCode};

@@ -1,9 +1,10 @@
 //! Correlation: from blocks of frames to displacement fields.
 
 use super::clock::{Timeout, now};
+use super::frame_stamp::FrameStamp;
 use super::reference_picture;
 use super::setup::{SUCCESSION, analysis_params, expected_format, limits};
-use super::status_reporter::{FrameStamp, StatusReporter};
+use super::status_reporter::StatusReporter;
 use super::stop::Stop;
 use super::stream_state::StreamState;
 use super::summary::Summary;

@@ -2,7 +2,8 @@
 
 use super::action::{Actions, TriggerCause};
 use super::clock::{host_ns, now};
-use super::status_reporter::{FrameStamp, StatusReporter};
+use super::frame_stamp::FrameStamp;
+use super::status_reporter::StatusReporter;
 use crate::bus::BusError;
 use crate::config::{Config, TriggerMode};
 use crate::message::{Event, EventKind};

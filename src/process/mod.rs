@@ -7,6 +7,7 @@ mod acquire;
 mod action;
 mod clock;
 mod correlate;
+mod frame_stamp;
 mod hardware_trigger;
 mod latency;
 mod live_trigger;

@@ -12,9 +12,9 @@ mod write_failure;
 
 use super::action::{Actions, TriggerCause};
 use super::clock::{PeriodicTimer, Timeout};
+use super::frame_stamp::FrameStamp;
 use super::live_trigger::LiveTrigger;
 use super::shot::{Shot, free_path, recording_info};
-use super::status_reporter::FrameStamp;
 use super::stop::Stop;
 use super::storage::{Storage, prepare_directory};
 use super::summary::Summary;

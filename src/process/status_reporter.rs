@@ -2,29 +2,11 @@
 
 use super::action::ActionOutcome;
 use super::clock::{PeriodicTimer, host_ns, now};
+use super::frame_stamp::FrameStamp;
 use super::summary::Summary;
 use crate::bus::{Bus, BusError, Limits, Publisher};
-use crate::message::{Event, EventKind, FrameHeader, Progress, Role, StatusMessage};
+use crate::message::{Event, EventKind, Progress, Role, StatusMessage};
 use std::time::{Duration, Instant};
-
-/// The sequence number and stamp of a frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
-pub(super) struct FrameStamp {
-    pub(super) sequence: u64,
-    pub(super) stamp_ns: u64,
-}
-
-impl From<&FrameHeader> for FrameStamp {
-    fn from(header: &FrameHeader) -> Self {
-        Self { sequence: header.sequence, stamp_ns: header.stamp_ns }
-    }
-}
-
-impl From<&Event> for FrameStamp {
-    fn from(event: &Event) -> Self {
-        Self { sequence: event.sequence, stamp_ns: event.stamp_ns }
-    }
-}
 
 const STATUS_PERIOD: Duration = Duration::from_millis(200);
 

@@ -1,10 +1,11 @@
 //! Starts the processes of a rig, monitors them, restarts those that die, and stops them in order.
 
 use super::clock::{PeriodicTimer, Timeout, now};
+use super::frame_stamp::FrameStamp;
 use super::reference_picture;
 use super::resume::Resume;
 use super::setup::{expected_format, limits};
-use super::status_reporter::{FrameStamp, StatusReporter};
+use super::status_reporter::StatusReporter;
 use super::stepping;
 use super::stepping::{END_OF_CONFIG, StepControl};
 use super::stop::Stop;

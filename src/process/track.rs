@@ -1,10 +1,11 @@
 //! Tracking: from fields in any order to tracks, velocities and impacts in frame order.
 
 use super::clock::{Timeout, now};
+use super::frame_stamp::FrameStamp;
 use super::live_trigger::LiveTrigger;
 use super::resume::Resume;
 use super::setup::{SUCCESSION, analysis_params, expected_format, limits, update_exposure};
-use super::status_reporter::{FrameStamp, StatusReporter};
+use super::status_reporter::StatusReporter;
 use super::stop::Stop;
 use super::stream_state::StreamState;
 use super::summary::Summary;

@@ -6,7 +6,7 @@ use crate::config::TriggerMode;
 use crate::failure::Failure;
 use crate::message::EventKind;
 use crate::process::clock::Timeout;
-use crate::process::status_reporter::FrameStamp;
+use crate::process::frame_stamp::FrameStamp;
 use crate::process::storage::prepare_directory;
 use crate::recording::RecordingError;
 use std::time::Duration;
