@@ -2,7 +2,7 @@
 
 use crate::measured_world::rows_of;
 use crate::support::{Rig, run, succeed};
-use ricochet::config::Config;
+use ricochet::config::{BodyKind, Config};
 use ricochet::process::{Stop, truth_world};
 use ricochet::study::design::{Expected, predict, spread};
 use ricochet::synth::{LightSetup, MotionSetup, PatternSetup, Scenario};
@@ -20,7 +20,8 @@ fn measured_scatter(config: &Config, films: u64) -> Vec<Expected> {
         halves.into_iter().flat_map(|half| half.join().unwrap()).collect()
     });
     let truth: Vec<_> = (0..world.frames()).map(|index| world.truth(index)).collect();
-    spread(&truth, world.impact().as_ref(), &films, world.scenario().body.rod.is_some())
+    let kind = if world.scenario().body.rod.is_some() { BodyKind::Rod } else { BodyKind::Ball };
+    spread(&truth, world.impact().as_ref(), &films, kind)
 }
 
 /// The predicted scatter over the measured one, by name.

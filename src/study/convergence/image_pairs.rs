@@ -51,9 +51,9 @@ pub(super) struct Subject {
 }
 
 impl Subject {
-    /// Returns width and height of the frames, px.
-    pub(super) fn size(&self) -> (usize, usize) {
-        self.pairs.first().map_or((0, 0), |pair| (pair.reference.view().width(), pair.reference.view().height()))
+    /// Returns the size of the frames.
+    pub(super) fn size(&self) -> Size {
+        self.pairs.first().map_or(Size { width: 0, height: 0 }, |pair| Size::of(pair.reference.view()))
     }
 }
 
@@ -87,7 +87,8 @@ pub(super) fn draw(displacements_px: &[[f64; 2]], params: &CorrelationParams) ->
     Ok(Subject { pairs: pairs.collect::<Result<_, Failure>>()?, points })
 }
 
-fn draw_pair([u, v]: [f64; 2]) -> Result<Pair, Failure> {
+fn draw_pair(displacement_px: [f64; 2]) -> Result<Pair, Failure> {
+    let [u, v] = displacement_px;
     let mut scenario = Scenario::translation(u, v, 0.0);
     (scenario.camera.width_px, scenario.camera.height_px, scenario.camera.frames) = (SIDE_PX, SIDE_PX, 2);
     scenario.body.diameter_mm = DIAMETER_PX * scenario.scale.mm_per_px;
@@ -101,7 +102,7 @@ fn draw_pair([u, v]: [f64; 2]) -> Result<Pair, Failure> {
         Frame { meta: crate::camera::simulated::meta(&world, index), bytes: &bytes }.unpack(&mut image)?;
         Ok(image)
     };
-    Ok(Pair { reference: frame(0)?, target: frame(1)?, truth_px: Some([u, v]) })
+    Ok(Pair { reference: frame(0)?, target: frame(1)?, truth_px: Some(displacement_px) })
 }
 
 #[cfg(test)]

@@ -17,7 +17,7 @@ use crate::process::Stop;
 use criterion::{Answers, Change, Deviation, change, deviation, mean};
 use image_pairs::{Files, Subject};
 
-use crate::command::field::Roi;
+use crate::command::field::{Roi, Size};
 
 /// The numbers of spline points to try, in this order.
 pub const SPLINE_POINTS: [u32; 9] = [0, 1, 2, 3, 5, 7, 10, 14, 20];
@@ -186,8 +186,8 @@ fn measure(
     methods: &[Method],
     stop: &Stop,
 ) -> Result<Vec<Row>, Failure> {
-    let (width, height) = subject.size();
-    let plan = |method: &Method| Ok((*method, plan(options, *method, (width, height))?));
+    let size = subject.size();
+    let plan = |method: &Method| Ok((*method, plan(options, *method, size)?));
     let planned = methods.iter().map(plan).collect::<Result<Vec<_>, Failure>>()?;
     let (sender, receiver) = channel();
     let worker = std::thread::spawn(move || work(planned, &subject, &sender));
@@ -220,8 +220,8 @@ fn collect(receiver: &Receiver<Row>, stop: &Stop, mut take: impl FnMut(Row)) -> 
     }
 }
 
-fn plan(options: &ConvergenceOptions, method: Method, (width, height): (usize, usize)) -> Result<Correlator, Failure> {
-    let correlator = Correlator::new(&options.params(method), width, height)?;
+fn plan(options: &ConvergenceOptions, method: Method, size: Size) -> Result<Correlator, Failure> {
+    let correlator = Correlator::new(&options.params(method), size.width, size.height)?;
     Ok(match method {
         Method::Spline { peak: Peak::Highest, .. } => correlator.without_peak_fit(),
         _ => correlator,

@@ -1,6 +1,7 @@
 //! `ricochet study design`: the predicted uncertainty of a rig, and what to change first.
 
 mod advice;
+mod films;
 mod monte_carlo;
 mod output;
 mod pose_noise;

@@ -1,15 +1,14 @@
 //! The scatter of a pose, estimated from rendered frames of the rig.
 
+use super::films::{pixels_of, steps};
 use super::rig::Rig;
 use super::{reference_renewal, subset_noise};
-use crate::camera::simulated;
 use crate::console::UsageError;
-use crate::dic::{Correlator, Region, RigidBody};
+use crate::dic::{Correlator, RigidBody};
 use crate::failure::Failure;
-use crate::image::{Frame, Image};
-use crate::measure::{MeasureParams, Measured, Measurer, Share, matched_region};
+use crate::image::Image;
 use crate::process::analysis_params;
-use crate::results::{BodyStep, Circle, PointStatus};
+use crate::results::{BodyStep, PointStatus};
 use crate::synth::SimulatedFilm;
 use std::ops::Range;
 
@@ -90,7 +89,7 @@ impl Noise {
                 let last =
                     (first..first + RENEWED_FRAMES).take_while(|index| *index < world.frames() && is_seen(index));
                 let last = last.last().unwrap_or(first);
-                let matched = reference_renewal::matched(rig, world, (first, last))?;
+                let matched = reference_renewal::matched(rig, world, first..=last)?;
                 smoothing = smoothed(&matched.poses, &bound);
                 (bound, matched.renewal, [1.0; 3], [1.0; 3])
             }
@@ -114,31 +113,11 @@ fn measured(rig: &Rig, world: &SimulatedFilm, frames: Range<u64>) -> Result<Vec<
     Ok(rows)
 }
 
-/// Measures every step of a few frames of a film.
-///
-/// # Errors
-///
-/// When the settings cannot be used.
-pub(super) fn steps(
-    params: &MeasureParams,
-    film: &SimulatedFilm,
-    frames: Range<u64>,
-) -> Result<Vec<BodyStep>, Failure> {
-    let (width, height) = (film.width_px() as usize, film.height_px() as usize);
-    let mut measurer = Measurer::new(params, Share::ALL, width, height)?;
-    let (mut rows, mut bytes): (Vec<Measured>, _) = (Vec::new(), vec![0; film.frame_bytes()]);
-    for index in frames {
-        film.render(index, &mut bytes);
-        measurer.push(&Frame { meta: simulated::meta(film, index), bytes: &bytes }, &mut rows)?;
-    }
-    measurer.finish(&mut rows);
-    Ok(rows.into_iter().map(|row| row.step).collect())
-}
-
 /// Returns the lower bound of the scatter for this texture; half of a match's variance belongs to the other frame.
-fn bound(rig: &Rig, light: &Image, [x_px, y_px]: [f64; 2], pixel_dn: f64) -> Result<[f64; 3], Failure> {
+fn bound(rig: &Rig, light: &Image, center_px: [f64; 2], pixel_dn: f64) -> Result<[f64; 3], Failure> {
+    let [x_px, y_px] = center_px;
     let correlator = Correlator::new(&rig.config.correlation(), light.view().width(), light.view().height())?;
-    let body = RigidBody::new(&correlator.prepare(light.view()), &pixels_of(rig, [x_px, y_px])).map_err(|status| {
+    let body = RigidBody::new(&correlator.prepare(light.view()), &pixels_of(rig, center_px)).map_err(|status| {
         UsageError(format!("{}: cannot match the whole body: {}", rig.config.origin, status.as_str()))
     })?;
     Ok(body.expected_sigma((x_px, y_px), pixel_dn).map(|sigma| sigma * std::f64::consts::FRAC_1_SQRT_2))
@@ -160,13 +139,6 @@ fn between_pixels(moved: [f64; 2]) -> f64 {
     moved.iter().map(|part| (std::f64::consts::PI * part).sin().powi(2)).sum()
 }
 
-/// Returns the pixels of a ball used in whole-body matching.
-pub(super) fn pixels_of(rig: &Rig, [x_px, y_px]: [f64; 2]) -> Region {
-    let radius_px = rig.scenario.radius_px();
-    let (sigma_center_px, sigma_radius_px, visible_fraction) = (0.0, 0.0, 1.0);
-    matched_region(&Circle { x_px, y_px, radius_px, sigma_center_px, sigma_radius_px, visible_fraction })
-}
-
 /// Returns the reported sigma of subset fits, root mean square per pose; a step has the noise of two poses.
 fn stated(steps: &[&BodyStep]) -> [f64; 3] {
     let mut sums = [0.0; 3];
@@ -179,7 +151,8 @@ fn stated(steps: &[&BodyStep]) -> [f64; 3] {
 }
 
 /// Returns the noise of the body's pixels, weighted by their squared gradients.
-fn pixel_noise_dn(rig: &Rig, light: &Image, [x_px, y_px]: [f64; 2]) -> f64 {
+fn pixel_noise_dn(rig: &Rig, light: &Image, center_px: [f64; 2]) -> f64 {
+    let [x_px, y_px] = center_px;
     let (view, radius_px) = (light.view(), rig.scenario.radius_px());
     let (mut weights, mut sum) = (0.0, 0.0);
     for y in 1..view.height() - 1 {

@@ -4,13 +4,14 @@
 //! them is interpolated once as a target and used as is as a reference. The effect depends on how finely the pattern
 //! is sampled, so it is observed on rendered frames of this rig with independent noise.
 
-use super::pose_noise::pixels_of;
+use super::films::pixels_of;
 use super::rig::Rig;
 use crate::camera::simulated;
 use crate::dic::{Correlator, PreparedFrame, RigidBody};
 use crate::failure::Failure;
 use crate::image::{Frame, Image};
 use crate::synth::SimulatedFilm;
+use std::ops::RangeInclusive;
 
 /// Number of renderings: the error of an update is known to 15 %, the scatter of a pose to 4 %.
 const TAKES: u64 = 24;
@@ -45,7 +46,7 @@ struct Parts {
     own: Vec<f64>,
 }
 
-/// Observes the scatter of poses from `first` to `last`, and the permanent error of an update between them.
+/// Observes the scatter of poses over an interval of frames, and the permanent error of an update between them.
 ///
 /// Both paths from the first to a last frame differ by the error of the update, which all later frames share, and by
 /// the interpolation of the last frame, which is its own noise. Several last frames separate the two. Interpolation
@@ -54,7 +55,8 @@ struct Parts {
 /// # Errors
 ///
 /// When a film cannot be rendered or the settings cannot be used.
-pub(super) fn matched(rig: &Rig, world: &SimulatedFilm, (first, last): (u64, u64)) -> Result<Matched, Failure> {
+pub(super) fn matched(rig: &Rig, world: &SimulatedFilm, interval: RangeInclusive<u64>) -> Result<Matched, Failure> {
+    let (first, last) = interval.into_inner();
     let (width, height) = (world.width_px() as usize, world.height_px() as usize);
     let correlator = Correlator::new(&rig.config.correlation(), width, height)?;
     let mut renewed = RENEWED_AT.map(|at| first + (at * (last - first) / 16).max(1)).to_vec();

@@ -3,6 +3,7 @@
 use super::monte_carlo::Course;
 use super::pose_noise::Noise;
 use super::rig::Rig;
+use crate::config::BodyKind;
 use crate::failure::Failure;
 use crate::process::Stop;
 use crate::results::{BodyVelocity, Impact, Phase, VelocitySample};
@@ -32,17 +33,21 @@ pub struct Expected {
     pub outliers: f64,
 }
 
-/// A velocity column: name, unit, accessor.
-type OfVelocity = (&'static str, &'static str, fn(&BodyVelocity) -> f64);
+/// A column of the `velocity` table.
+struct VelocityColumn {
+    name: &'static str,
+    value: fn(&BodyVelocity) -> f64,
+}
 
-const VELOCITIES: [OfVelocity; 3] = [
-    ("vn_m_s", "m/s", |velocity| velocity.vn_m_s),
-    ("vt_m_s", "m/s", |velocity| velocity.vt_m_s),
-    ("omega_rad_s", "rad/s", |velocity| velocity.omega_rad_s),
+const VELOCITIES: [VelocityColumn; 3] = [
+    VelocityColumn { name: "vn_m_s", value: |velocity| velocity.vn_m_s },
+    VelocityColumn { name: "vt_m_s", value: |velocity| velocity.vt_m_s },
+    VelocityColumn { name: "omega_rad_s", value: |velocity| velocity.omega_rad_s },
 ];
 
-const PHASES: [(&str, Phase); 4] =
-    [("motion", Phase::Unknown), ("flight", Phase::Flight), ("contact", Phase::Contact), ("rebound", Phase::Rebound)];
+/// The phases of a film; `Unknown` is that of a motion without an impact.
+const PHASES: [(Phase, &str); 4] =
+    [(Phase::Unknown, "motion"), (Phase::Flight, "flight"), (Phase::Contact, "contact"), (Phase::Rebound, "rebound")];
 
 /// Outlier threshold, in multiples of the scatter.
 const OUTLIER_SIGMAS: f64 = 5.0;
@@ -84,11 +89,18 @@ impl Errors {
 /// Computes scatter and mean error over films with known truth.
 ///
 /// A velocity is pooled over the frames of a phase in which most films have it.
-pub fn spread(truth: &[VelocitySample], impact: Option<&Impact>, films: &[TrackerRows], is_rod: bool) -> Vec<Expected> {
+pub fn spread(
+    truth: &[VelocitySample],
+    impact: Option<&Impact>,
+    films: &[TrackerRows],
+    kind: BodyKind,
+) -> Vec<Expected> {
+    let is_rod = kind == BodyKind::Rod;
     let mut rows = Vec::new();
-    for (word, phase) in PHASES {
-        for column in VELOCITIES.iter().filter(|column| !(is_rod && column.0 == "omega_rad_s")) {
-            rows.extend(of_velocity(word, phase, column, truth, films));
+    for (phase, prefix) in PHASES {
+        for column in VELOCITIES.iter().filter(|column| !(is_rod && column.name == "omega_rad_s")) {
+            let expected = of_velocity(column, phase, truth, films);
+            rows.extend(expected.map(|expected| Expected { name: format!("{prefix}.{}", column.name), ..expected }));
         }
     }
     let Some(impact) = impact else { return rows };
@@ -102,17 +114,16 @@ pub fn spread(truth: &[VelocitySample], impact: Option<&Impact>, films: &[Tracke
 }
 
 fn of_velocity(
-    word: &str,
+    column: &VelocityColumn,
     phase: Phase,
-    (name, unit, number): &OfVelocity,
     truth: &[VelocitySample],
     films: &[TrackerRows],
 ) -> Option<Expected> {
     let (mut variance, mut offset, mut size, mut frames, mut fraction, mut outliers) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
     for (index, row) in truth.iter().enumerate().filter(|(_, row)| row.phase == phase) {
-        let Some(exact) = row.velocity.as_ref().map(number) else { continue };
+        let Some(exact) = row.velocity.as_ref().map(column.value) else { continue };
         let measured = films.iter().filter_map(|film| film.velocities.get(index)?.velocity.as_ref());
-        let errors = Errors(measured.map(|velocity| number(velocity) - exact).collect());
+        let errors = Errors(measured.map(|velocity| (column.value)(velocity) - exact).collect());
         let count = errors.0.len() as f64;
         let Some(own) = errors.scatter().filter(|_| count >= MIN_FRACTION * films.len() as f64) else { continue };
         variance += own.variance;
@@ -122,8 +133,8 @@ fn of_velocity(
             (size + exact.abs(), frames + 1.0, fraction + count / films.len() as f64, outliers + own.outliers);
     }
     (frames > 0.0).then(|| Expected {
-        name: format!("{word}.{name}"),
-        unit,
+        name: column.name.into(),
+        unit: unit(column.name),
         sigma: f64::sqrt(variance / frames),
         offset: f64::sqrt(offset / frames),
         truth: size / frames,
@@ -176,7 +187,7 @@ impl Prediction {
         let noise = Noise::of(rig, &world)?;
         let course = Course::new(rig, &world, noise.clone());
         let Some(films) = all(&course, films, stop)? else { return Ok(None) };
-        let rows = spread(&truth(&world), world.impact().as_ref(), &films, rig.scenario.body.rod.is_some());
+        let rows = spread(&truth(&world), world.impact().as_ref(), &films, rig.config.bodies[0].kind);
         Ok(Some(Self { noise, rows }))
     }
 

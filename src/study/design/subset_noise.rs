@@ -4,7 +4,7 @@
 //! is the permanent error of the steps, and the remaining scatter of a step is the noise of its two poses. Both
 //! depend on how finely the pattern is sampled, so they are observed on films of this rig.
 
-use super::pose_noise::steps;
+use super::films::steps;
 use super::rig::Rig;
 use crate::failure::Failure;
 use crate::motion::subset_walk;

@@ -2,7 +2,7 @@
 
 use super::films_plan::{Film, Speeds};
 use crate::failure::Failure;
-use crate::image::{Frame, Image};
+use crate::image::{Frame, Image, ImageView};
 use crate::synth::{MotionSetup, PatternSetup, Scenario, ScenarioError, SimulatedFilm};
 
 /// Side of the frames, px.
@@ -76,6 +76,13 @@ pub(super) fn film(ball: &SimulatedFilm, film: &Film, filming: &Filming) -> Resu
         start_px: [start(0, vx_px_frame), start(1, vy_px_frame)],
     };
     Ok(RenderedFilm { world: ball.retake(motion, take)? })
+}
+
+/// Two successive frames.
+#[derive(Clone, Copy)]
+pub(super) struct FramePair<'a> {
+    pub(super) before: ImageView<'a>,
+    pub(super) after: ImageView<'a>,
 }
 
 /// A film whose frames can be rendered.

@@ -1,5 +1,6 @@
 //! The compared methods: each measures the motion of the ball's centre from two frames.
 
+use super::film::FramePair;
 use super::plain_correlation::Plain;
 use crate::ball::{BallFinder, BallParams};
 use crate::console::UsageError;
@@ -9,7 +10,6 @@ use crate::dic::{
 };
 use crate::dic::{grid, rigid_fit};
 use crate::failure::Failure;
-use crate::image::ImageView;
 use crate::results::{Circle, FieldPoint, PointStatus};
 
 /// Spline points between two pixels, as in the paper.
@@ -167,15 +167,15 @@ impl Evaluator {
     /// Measures two frames with every method, in the planned order.
     ///
     /// The ball is detected in the first frame; only the range of its radius is known in advance.
-    pub(super) fn measure(&mut self, before: ImageView<'_>, after: ImageView<'_>) -> Vec<Answer> {
-        let Some(circle) = self.finder.find(before) else {
+    pub(super) fn measure(&mut self, pair: FramePair<'_>) -> Vec<Answer> {
+        let Some(circle) = self.finder.find(pair.before) else {
             let lost = Answer { step: None, sigma: None, points: 0, status: PointStatus::Lost };
             return vec![lost; self.methods.len()];
         };
         let Self { methods, windows, field, frames, side_px, ring, .. } = self;
         let [reference, target] = frames;
         // All methods share the interpolation.
-        for (image, frame) in [(before, &mut *reference), (after, &mut *target)] {
+        for (image, frame) in [(pair.before, &mut *reference), (pair.after, &mut *target)] {
             let prepared = methods.iter().find_map(|(_, engine)| match engine {
                 Engine::Correlator(correlator) => Some(correlator),
                 Engine::Plain(_) => None,
@@ -185,7 +185,6 @@ impl Evaluator {
             }
         }
         let points = points(&circle, *windows, *side_px);
-        let images = (before, after);
         let answer = |(method, engine): &mut (Method, Engine)| {
             match engine {
                 Engine::Correlator(correlator) => {
@@ -193,35 +192,39 @@ impl Evaluator {
                 }
                 Engine::Plain(plain) => {
                     let vectors: Vec<CenterVector> =
-                        points.iter().filter_map(|at| plain.vector(images, *at, &circle)).collect();
+                        points.iter().filter_map(|at| plain.vector(pair, *at, &circle)).collect();
                     return as_the_paper(&vectors, *windows, PointStatus::LowCorrelation);
                 }
             }
+            let status = why_not(field);
+            if matches!(method, Method::Paper | Method::PaperFit | Method::PeakSpline | Method::PeakPlain) {
+                let center = (circle.x_px, circle.y_px);
+                let vectors: Vec<_> =
+                    field.iter().filter_map(|point| CenterVector::from_point(point, center)).collect();
+                return as_the_paper(&vectors, *windows, status);
+            }
+            let Some(near) = rigid_fit(field, circle.x_px, circle.y_px, windows.subset_size_px) else {
+                return none(status);
+            };
             match method {
-                Method::IcGn => fitted(field, &circle, windows.subset_size_px),
-                Method::Ring => ringed(ring, (reference, target), field, &circle, windows.subset_size_px),
-                Method::Rigid => whole(reference, target, field, &circle, windows.subset_size_px),
-                _ => {
-                    let center = (circle.x_px, circle.y_px);
-                    let vectors: Vec<_> =
-                        field.iter().filter_map(|point| CenterVector::from_point(point, center)).collect();
-                    as_the_paper(&vectors, *windows, why_not(field))
-                }
+                Method::Ring => with_ring(ring, reference, target, &circle, near),
+                Method::Rigid => whole(reference, target, &circle, &near),
+                _ => of(&near),
             }
         };
         methods.iter_mut().map(answer).collect()
     }
 
     /// Correlates the windows of one method on the last measured frames; returns their number.
-    pub(super) fn correlate_again(&mut self, place: usize, (before, after): (ImageView<'_>, ImageView<'_>)) -> usize {
-        let Some(circle) = self.finder.find(before) else { return 0 };
+    pub(super) fn correlate_again(&mut self, place: usize, pair: FramePair<'_>) -> usize {
+        let Some(circle) = self.finder.find(pair.before) else { return 0 };
         let points = points(&circle, self.windows, self.side_px);
         match &mut self.methods[place].1 {
             Engine::Correlator(correlator) => {
                 correlator.correlate(&self.frames[0], &self.frames[1], &points, Start::Search, &mut self.field);
             }
             Engine::Plain(plain) => {
-                let found = points.iter().filter_map(|at| plain.vector((before, after), *at, &circle));
+                let found = points.iter().filter_map(|at| plain.vector(pair, *at, &circle));
                 std::hint::black_box(found.count());
             }
         }
@@ -258,22 +261,14 @@ fn points(circle: &Circle, windows: Windows, side_px: usize) -> Vec<GridPoint> {
     grid::disc(circle.x_px, circle.y_px, radius_px, windows.step_px, windows.subset_size_px, side_px, side_px)
 }
 
-/// Fits the rigid motion of a field, weighted by the uncertainties of the vectors.
-fn fitted(field: &mut [FieldPoint], circle: &Circle, subset_size_px: u32) -> Answer {
-    let status = why_not(field);
-    rigid_fit(field, circle.x_px, circle.y_px, subset_size_px).map_or_else(|| none(status), |motion| of(&motion))
-}
-
-/// Combines the centre's motion from the windows with the rotation of the ring.
-fn ringed(
+/// Replaces the rotation of the windows by that of the ring around the centre.
+fn with_ring(
     ring: &mut PolarCorrelator,
-    (reference, target): (&PreparedFrame, &PreparedFrame),
-    field: &mut [FieldPoint],
+    reference: &PreparedFrame,
+    target: &PreparedFrame,
     circle: &Circle,
-    subset_size_px: u32,
+    near: RigidMotion,
 ) -> Answer {
-    let status = why_not(field);
-    let Some(near) = rigid_fit(field, circle.x_px, circle.y_px, subset_size_px) else { return none(status) };
     let (from, to) = ((circle.x_px, circle.y_px), (circle.x_px + near.u_px, circle.y_px + near.v_px));
     let radii_px = (RING_SHARE * circle.radius_px, circle.radius_px * (1.0 - RIM_CLEARANCE));
     let turn = ring.rotation((reference, from), (target, to), radii_px, Some(near.angle_deg));
@@ -283,15 +278,7 @@ fn ringed(
 }
 
 /// Matches all pixels of the ball, starting from the motion of the windows.
-fn whole(
-    reference: &PreparedFrame,
-    target: &PreparedFrame,
-    field: &mut [FieldPoint],
-    circle: &Circle,
-    subset_size_px: u32,
-) -> Answer {
-    let status = why_not(field);
-    let Some(near) = rigid_fit(field, circle.x_px, circle.y_px, subset_size_px) else { return none(status) };
+fn whole(reference: &PreparedFrame, target: &PreparedFrame, circle: &Circle, near: &RigidMotion) -> Answer {
     let radius_px = circle.radius_px * (1.0 - RIM_CLEARANCE);
     let region = Region::Disc { x_px: circle.x_px, y_px: circle.y_px, radius_px };
     let found = RigidBody::new(reference, &region)
@@ -338,7 +325,7 @@ mod tests {
         let methods = Method::WORDS.map(|(_, method)| method);
         let mut evaluator = Evaluator::new(&methods, Windows { subset_size_px: 25, step_px: 12 }, 160).unwrap();
         let image = crate::image::Image::new(160, 160);
-        let answers = evaluator.measure(image.view(), image.view());
+        let answers = evaluator.measure(FramePair { before: image.view(), after: image.view() });
         assert_eq!(answers.len(), methods.len());
         assert!(answers.iter().all(|answer| answer.status == PointStatus::Lost && answer.step.is_none()));
     }
@@ -357,7 +344,7 @@ mod tests {
         }
         let methods = [Method::Paper, Method::PaperFit, Method::IcGn, Method::Rigid];
         let mut evaluator = Evaluator::new(&methods, Windows { subset_size_px: 25, step_px: 20 }, SIDE_PX).unwrap();
-        let answers = evaluator.measure(images[0].view(), images[1].view());
+        let answers = evaluator.measure(FramePair { before: images[0].view(), after: images[1].view() });
         let steps: Vec<[f64; 3]> = answers.iter().map(|answer| answer.step.unwrap()).collect();
         assert!(steps[0].iter().all(|part| part.abs() < 1e-12), "the grid's nearest point is 0: {steps:?}");
         for (step, most_px) in steps[1..].iter().zip([0.015, 0.005, 0.004]) {

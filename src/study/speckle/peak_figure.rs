@@ -6,7 +6,7 @@ use std::time::Instant;
 use maud::html;
 use serde_json::json;
 
-use super::film::{self, SIDE_PX};
+use super::film::{self, FramePair, SIDE_PX};
 use super::films_plan::Speeds;
 use super::method_style::{self, LEGEND};
 use super::methods::{Evaluator, Method};
@@ -113,12 +113,13 @@ pub(super) fn costs(job: &Job) -> Result<Vec<Cost>, Failure> {
     rendered.draw(0, &mut bytes, &mut before)?;
     rendered.draw(1, &mut bytes, &mut after)?;
     let mut evaluator = Evaluator::new(&job.methods, job.windows, SIDE_PX)?;
-    evaluator.measure(before.view(), after.view());
+    let pair = FramePair { before: before.view(), after: after.view() };
+    evaluator.measure(pair);
     let mut times = vec![Vec::new(); job.methods.len()];
     for _ in 0..TURNS {
         for (place, times) in times.iter_mut().enumerate() {
             let began = Instant::now();
-            let windows = evaluator.correlate_again(place, (before.view(), after.view()));
+            let windows = evaluator.correlate_again(place, pair);
             times.push(1e6 * began.elapsed().as_secs_f64() / windows.max(1) as f64);
         }
     }
@@ -199,7 +200,8 @@ mod tests {
             let speed = film.velocity.px_frame[0];
             let step = (!is_missing(film, method)).then_some([1.01 * speed, 0.0, 0.0]);
             Row::new(
-                (SpeckleStudy::Peak, film),
+                SpeckleStudy::Peak,
+                film,
                 0,
                 method,
                 &Answer { step, sigma: None, points: 9, status: PointStatus::Valid },

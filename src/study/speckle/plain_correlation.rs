@@ -3,6 +3,7 @@
 //! The more a window is shifted, the smaller the overlap and the sum, which biases the peak towards zero. This module
 //! shows by how much; measurements normalise by the overlap.
 
+use super::film::FramePair;
 use super::spline_surface::SplineSurface;
 use crate::dic::{CenterVector, GridPoint};
 use crate::image::{Image, ImageView};
@@ -37,13 +38,8 @@ impl Plain {
 
     /// Returns the displacement of one window, at its position relative to the ball's centre. Returns `None` when the
     /// window exceeds the image or the peak lies at the maximum shift.
-    pub(super) fn vector(
-        &mut self,
-        (before, after): (ImageView<'_>, ImageView<'_>),
-        at: GridPoint,
-        circle: &Circle,
-    ) -> Option<CenterVector> {
-        for (window, image) in self.windows.iter_mut().zip([before, after]) {
+    pub(super) fn vector(&mut self, pair: FramePair<'_>, at: GridPoint, circle: &Circle) -> Option<CenterVector> {
+        for (window, image) in self.windows.iter_mut().zip([pair.before, pair.after]) {
             cut(image, at, self.subset_size_px, window)?;
         }
         self.correlate();
@@ -168,9 +164,15 @@ mod tests {
             visible_fraction: 1.0,
         };
         let mut plain = Plain::new(25, 5);
-        let still = plain.vector((image.view(), image.view()), GridPoint { x: 32, y: 29 }, &circle).unwrap();
+        let still = plain
+            .vector(FramePair { before: image.view(), after: image.view() }, GridPoint { x: 32, y: 29 }, &circle)
+            .unwrap();
         assert!(still.u_px.abs() < 1e-9 && still.v_px.abs() < 1e-9, "{still:?}");
         assert!((still.x_px - 2.0).abs() < 1e-9 && (still.y_px + 1.0).abs() < 1e-9, "{still:?}");
-        assert!(plain.vector((image.view(), image.view()), GridPoint { x: 11, y: 29 }, &circle).is_none());
+        assert!(
+            plain
+                .vector(FramePair { before: image.view(), after: image.view() }, GridPoint { x: 11, y: 29 }, &circle)
+                .is_none()
+        );
     }
 }

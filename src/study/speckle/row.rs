@@ -43,7 +43,7 @@ pub(super) struct Row {
 }
 
 impl Row {
-    pub(super) fn new((study, film): (SpeckleStudy, &Film), frame: u64, method: Method, answer: &Answer) -> Self {
+    pub(super) fn new(study: SpeckleStudy, film: &Film, frame: u64, method: Method, answer: &Answer) -> Self {
         let part = |values: Option<[f64; 3]>, axis: usize| values.map(|values| rounded(values[axis]));
         let [vx_px_frame, vy_px_frame] = film.velocity.px_frame;
         let level = |of: SpeckleStudy| study.levels().get(film.level).copied().filter(|_| study == of);

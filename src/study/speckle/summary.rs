@@ -173,7 +173,7 @@ mod tests {
                         [vx + x, vy + y, film.velocity.deg_frame + turn]
                     });
                     let answer = Answer { step, sigma: None, points: 9, status: PointStatus::Valid };
-                    rows.push(Row::new((SpeckleStudy::General, film), frame, *method, &answer));
+                    rows.push(Row::new(SpeckleStudy::General, film, frame, *method, &answer));
                 }
             }
         }

@@ -172,7 +172,7 @@ mod tests {
             let step = [x + 0.003, y - 0.004, film.velocity.deg_frame + 0.01];
             let step = Some(step).filter(|_| method == Method::IcGn || film.level + 1 < job.study.levels().len());
             let answer = Answer { step, sigma: None, points: 9, status: PointStatus::Valid };
-            Row::new((job.study, film), 0, method, &answer)
+            Row::new(job.study, film, 0, method, &answer)
         };
         job.films.iter().flat_map(|film| job.methods.iter().map(move |method| row(film, *method))).collect()
     }

@@ -6,7 +6,7 @@ use std::collections::btree_map::Entry;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
-use super::film::{self, Filming, SIDE_PX};
+use super::film::{self, Filming, FramePair, SIDE_PX};
 use super::films_plan::{Film, SpeckleStudy};
 use super::methods::{Evaluator, Method, Windows};
 use super::row::Row;
@@ -119,12 +119,12 @@ impl Job {
         let mut rows = Vec::new();
         for frame in 0..self.filming.frames - 1 {
             rendered.draw(frame + 1, &mut bytes, &mut after)?;
-            let answers = evaluator.measure(before.view(), after.view());
+            let answers = evaluator.measure(FramePair { before: before.view(), after: after.view() });
             rows.extend(
                 self.methods
                     .iter()
                     .zip(&answers)
-                    .map(|(method, answer)| Row::new((self.study, plan), frame, *method, answer)),
+                    .map(|(method, answer)| Row::new(self.study, plan, frame, *method, answer)),
             );
             std::mem::swap(&mut before, &mut after);
         }
