@@ -56,7 +56,7 @@ pub(super) fn dilatation(
     };
     let fit = fit_dilatation(&field.points, ball)?;
     // The uncertainty of the rotation per frame.
-    let sigma = fit.sigma_ratios.map(|ratio| Some(ratio * step.step?.sigma_dtheta_deg.to_radians()));
+    let sigma = fit.sigma_ratios.map(|ratio| Some(ratio * step.motion?.sigma_dtheta_deg.to_radians()));
     let frames = f64::from(step.interval_frames);
     let per_frame = |value: f64, sigma: Option<f64>| Some(Estimate { value: value / frames, sigma: sigma? });
     step.growth_fraction = per_frame(fit.dilatation, sigma[0]);
@@ -70,7 +70,7 @@ pub(super) fn set_drift(step: &mut BodyStep, motion: Option<[Estimate; 3]>) {
         let minus = |of: Estimate, value: f64| Estimate { value: of.value - value, ..of };
         [minus(x, step.dx_px), minus(y, step.dy_px), minus(rotation, step.dtheta_deg)]
     };
-    step.drift = step.step.zip(motion).map(difference);
+    step.drift = step.motion.zip(motion).map(difference);
 }
 
 /// Estimates the unknown motion of a ball from a few subsets, which suffices to match the whole ball.

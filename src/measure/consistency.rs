@@ -45,7 +45,7 @@ pub(super) fn is_consistent(
     outlines: OutlinePair<'_>,
 ) -> bool {
     let (Ok(Outline::Ball(from)), Ok(Outline::Ball(to)), Some(step)) =
-        (outlines.reference, outlines.target, measured.center_step())
+        (outlines.reference, outlines.target, measured.center_motion())
     else {
         return true;
     };
@@ -125,24 +125,8 @@ mod tests {
     }
 
     fn moved(is_matched: bool, interval_frames: u32) -> Measured {
-        let (circle, rod, step, status) = (None, None, Some(step(7.8)), PointStatus::Valid);
-        let (rim_fraction, fixed_fraction) = (None, None);
-        let step = BodyStep {
-            is_whole: is_matched,
-            rim_fraction,
-            fixed_fraction,
-            growth_fraction: None,
-            is_carried: false,
-            drift: None,
-            frame: 3,
-            stamp_ns: 3,
-            body: 0,
-            interval_frames,
-            circle,
-            rod,
-            step,
-            status,
-        };
+        let motion = Some(step(7.8));
+        let step = BodyStep { frame: 3, stamp_ns: 3, interval_frames, motion, ..BodyStep::default() };
         Measured { step, field: None, is_matched }
     }
 

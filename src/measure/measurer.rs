@@ -265,7 +265,7 @@ impl Measurer {
         for body in 0..self.finders.len() {
             let slot = body * intervals;
             let is_detected = reference.is_comparable(target, body) && self.params.is_interval(0, frames);
-            let is_lost = |measured: &Measured| measured.step.step.is_none() && measured.field.is_some();
+            let is_lost = |measured: &Measured| measured.step.motion.is_none() && measured.field.is_some();
             if !is_detected || !reference.done[slot].as_ref().is_some_and(is_lost) {
                 continue;
             }
@@ -279,7 +279,7 @@ impl Measurer {
             (state.motion, state.center_motion) = (Some(rate), Some(rate));
             let target = Target { sequence: target.meta.sequence, prepared: &target.prepared, is_narrow: false };
             let retried = self.measure_body(reference, slot, Some(target));
-            if retried.as_ref().is_some_and(|retried| retried.step.step.is_some()) {
+            if retried.as_ref().is_some_and(|retried| retried.step.motion.is_some()) {
                 reference.done[slot] = retried;
             }
         }
@@ -347,16 +347,15 @@ impl Measurer {
         let (body, place) = (slot / intervals, slot % intervals);
         let key = BodyKey { body, block: reference.block };
         let outline = reference.outlines[body];
-        let mut step = reference.empty_step(body, self.params.intervals_frames[place]);
+        let mut step = reference.outline_step(body, self.params.intervals_frames[place]);
         let Ok(outline) = outline else { return Some(Measured { step, field: None, is_matched: false }) };
-        outline.write_to(&mut step);
         let Some(target) = target else { return Some(Measured { step, field: None, is_matched: false }) };
         let Target { sequence: target_frame, prepared, is_narrow } = target;
         let mut field =
             PairField { frame: step.frame, target_frame, stamp_ns: step.stamp_ns, body: step.body, points: Vec::new() };
         let frames = f64::from(step.interval_frames);
         // Longer intervals start from the frame's own shortest step, whatever was measured since.
-        let own = reference.done[slot - place].as_ref().and_then(|shortest| shortest.step.step);
+        let own = reference.done[slot - place].as_ref().and_then(|shortest| shortest.step.motion);
         let known = if place == 0 { self.states.of(key).motion } else { own };
         if is_narrow && known.is_none() {
             return None;
@@ -375,7 +374,7 @@ impl Measurer {
         }
         self.mask_occluded(span, &mut field);
         let mut moved = self.fit_subsets(span, &outline, &mut field, &mut step, start);
-        if let (None, Some(rate)) = (rigid, step.step) {
+        if let (None, Some(rate)) = (rigid, step.motion) {
             rigid = self.match_whole_body(span, &outline, &rate);
             // The match shows what occludes the body.
             if self.mask_occluded(span, &mut field) {
@@ -385,11 +384,11 @@ impl Measurer {
         if let Outline::Patch(_) = outline {
             // Subsets follow whatever occludes the patch. If they led astray, the patch may not have moved.
             rigid = rigid.or_else(|| self.match_whole_body(span, &outline, &RigidStep::STILL));
-            step.step = None;
+            step.motion = None;
         }
         let rigid = rigid.filter(|rigid| {
             let agrees =
-                step.step.is_none_or(|field| consistency::agrees_with_subsets(&rigid.step, &field, step.drift));
+                step.motion.is_none_or(|field| consistency::agrees_with_subsets(&rigid.step, &field, step.drift));
             // A pattern that moves over the body soon differs from that of its reference.
             if !agrees || step.drifts() {
                 self.rigid_matcher.forget(key);
@@ -401,13 +400,14 @@ impl Measurer {
             rigid.write_to(&mut step);
         }
         set_drift(&mut step, moved);
-        if step.step.is_none() {
+        if step.motion.is_none() {
             step.status = consistency::failure_status(&field);
         }
         if place == 0 {
             let state = self.states.of(key);
-            (state.motion, state.center_motion) = (step.step, step.center_step());
-            step.fixed_fraction = step.step.and_then(|_| self.fixed_patterns.bias_fraction(body, reference, &outline));
+            (state.motion, state.center_motion) = (step.motion, step.center_motion());
+            step.fixed_fraction =
+                step.motion.and_then(|_| self.fixed_patterns.bias_fraction(body, reference, &outline));
         }
         Some(Measured { step, field: Some(field), is_matched: rigid.is_some() })
     }
@@ -429,14 +429,13 @@ impl Measurer {
         start: Start,
     ) -> Option<[Estimate; 3]> {
         let (frames, correlation) = (f64::from(step.interval_frames), &self.params.correlation);
-        step.step = rigid_step(field, outline, frames, correlation.subset_size_px, start);
+        step.motion = rigid_step(field, outline, frames, correlation.subset_size_px, start);
         let moved = dilatation(field, step, outline, correlation.subset_size_px);
-        if let (Rotation::Center, Some(_)) = (self.params.rotation, &step.circle) {
-            step.step = step.step.and_then(|_| center_step(field, outline, frames, correlation));
+        let circle = step.circle();
+        if let (Rotation::Center, Some(_)) = (self.params.rotation, &circle) {
+            step.motion = step.motion.and_then(|_| center_step(field, outline, frames, correlation));
         }
-        if let (Rotation::Ring(limits), Some(found), Some(circle)) =
-            (self.params.rotation, &mut step.step, &step.circle)
-        {
+        if let (Rotation::Ring(limits), Some(found), Some(circle)) = (self.params.rotation, &mut step.motion, &circle) {
             let pair = FramePair { reference: &span.reference.prepared, target: span.target.prepared };
             self.ring_rotation.replace(found, circle, pair, limits, frames);
         }

@@ -7,7 +7,7 @@ use super::patch_finder::{PatchFinder, PatchPose};
 use crate::ball::{BallFinder, Presence};
 use crate::dic::{CorrelationParams, GridPoint, Method, Region, grid};
 use crate::image::ImageView;
-use crate::results::{BodyStep, Circle, PointStatus, RigidStep, Rod};
+use crate::results::{BodyStep, Circle, OutlineOrigin, OutlineShape, PointStatus, RigidStep, Rod};
 use crate::rod::{RodFinder, RodObservation};
 
 /// The margin of the subsets to the rim, as a fraction of the radius.
@@ -233,13 +233,14 @@ impl Outline {
         }
     }
 
-    /// Writes the outline into the row of its frame.
-    pub(super) fn write_to(&self, step: &mut BodyStep) {
-        match self {
-            Self::Ball(circle) => step.circle = Some(*circle),
-            Self::Rod(observation) => step.rod = Some(observation.rod),
-            Self::Patch(pose) => step.circle = Some(pose.circle()),
-        }
+    /// Returns the outline as it is written into the row of its frame.
+    pub(super) fn result(&self, origin: OutlineOrigin) -> crate::results::Outline {
+        let shape = match self {
+            Self::Ball(circle) => OutlineShape::Circle(*circle),
+            Self::Rod(observation) => OutlineShape::Rod(observation.rod),
+            Self::Patch(pose) => OutlineShape::Circle(pose.circle()),
+        };
+        crate::results::Outline::new(shape, origin)
     }
 }
 
@@ -302,5 +303,5 @@ fn rod_circle(rod: &Rod) -> Circle {
 
 /// Returns the position and size of the body of a step, if it was detected.
 pub(crate) fn body_circle(step: &BodyStep) -> Option<Circle> {
-    step.circle.or_else(|| step.rod.as_ref().map(rod_circle))
+    step.circle().or_else(|| step.rod().as_ref().map(rod_circle))
 }

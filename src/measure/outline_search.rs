@@ -3,10 +3,10 @@
 use super::measurer::Measurer;
 use super::outline::{Finder, Outline, SearchRange};
 use super::patch_finder::{AngleRange, FrameKey};
-use super::pending_frame::{BodyKey, OutlineOrigin};
+use super::pending_frame::BodyKey;
 use crate::ball::Presence;
 use crate::image::Frame;
-use crate::results::PointStatus;
+use crate::results::{OutlineOrigin, PointStatus};
 
 /// The number of frames from one detected outline to the next of a ball that is matched as a whole and not occluded.
 pub const OUTLINE_INTERVAL_FRAMES: u64 = 4;

@@ -3,7 +3,7 @@
 use super::outline::Outline;
 use crate::dic::PreparedFrame;
 use crate::image::FrameMeta;
-use crate::results::{BodyStep, PairField, PointStatus, RigidStep};
+use crate::results::{BodyStep, OutlineOrigin, PairField, PointStatus, RigidStep};
 
 /// One body within one block.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -46,17 +46,6 @@ pub struct Measured {
     pub(super) is_matched: bool,
 }
 
-/// The origin of an outline.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum OutlineOrigin {
-    /// Detected in the frame.
-    Detected,
-    /// Not searched, since the whole body was visible: predicted by its motion.
-    Reused,
-    /// Searched in vain: predicted by its motion.
-    Predicted,
-}
-
 /// A frame that waits for its targets.
 pub(super) struct PendingFrame {
     pub(super) meta: FrameMeta,
@@ -77,23 +66,16 @@ impl PendingFrame {
         self.origins[body] != OutlineOrigin::Predicted && target.origins[body] == OutlineOrigin::Detected
     }
 
-    /// Returns the row of a body without any result.
-    pub(super) fn empty_step(&self, body: usize, interval_frames: u32) -> BodyStep {
+    /// Returns the row of a body with its outline alone.
+    pub(super) fn outline_step(&self, body: usize, interval_frames: u32) -> BodyStep {
         BodyStep {
-            is_carried: self.outlines[body].is_ok() && self.origins[body] != OutlineOrigin::Detected,
-            drift: None,
-            is_whole: false,
-            rim_fraction: None,
-            fixed_fraction: None,
-            growth_fraction: None,
             frame: self.meta.sequence,
             stamp_ns: self.meta.stamp_ns,
             body: u32::try_from(body).unwrap_or(u32::MAX),
             interval_frames,
-            circle: None,
-            rod: None,
-            step: None,
+            outline: self.outlines[body].ok().map(|outline| outline.result(self.origins[body])),
             status: self.outlines[body].err().unwrap_or_default(),
+            ..BodyStep::default()
         }
     }
 }

@@ -5,7 +5,7 @@
 //! reference.
 
 use crate::dic::{BodyMotion, OcclusionMap, PreparedFrame, Region, RigidBody};
-use crate::results::{BodyStep, Circle, FieldPoint, PointStatus, RigidStep};
+use crate::results::{BodyStep, Circle, FieldPoint, MotionMethod, OutlineShape, PointStatus, RigidStep};
 
 use super::outline::RIM_CLEARANCE;
 use super::pending_frame::{BodyKey, Interval, Target};
@@ -91,9 +91,11 @@ impl RigidMatch {
         };
         let RigidStep { dx_px, dy_px, dtheta_deg, .. } = self.step;
         let own = RigidStep { dx_px: dx_px - x, dy_px: dy_px - y, dtheta_deg: dtheta_deg - angle, ..self.step };
-        (step.step, step.is_whole) = (Some(own), true);
-        if let (Some(circle), Some(fraction)) = (&mut step.circle, self.visible_fraction) {
-            step.rim_fraction = Some(circle.visible_fraction);
+        (step.motion, step.method) = (Some(own), MotionMethod::WholeBody);
+        if let (Some(outline), Some(fraction)) = (&mut step.outline, self.visible_fraction)
+            && let OutlineShape::Circle(circle) = &mut outline.shape
+        {
+            outline.rim_fraction = Some(circle.visible_fraction);
             circle.visible_fraction = fraction;
         }
     }

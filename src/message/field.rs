@@ -1,89 +1,90 @@
-//! Displacement fields: a header for the body and its step, and a slice of points.
+//! The `field` topic: a header with the step of a body, and a slice of subsets.
 
 use super::{Number, RodMessage};
 use crate::results::{
-    BodyStep, Circle, Displacement, Estimate, FieldPoint, PairField, PointStatus, RigidStep, field_row,
+    BodyStep, Circle, Displacement, Estimate, FieldPoint, MotionMethod, Outline, OutlineOrigin, OutlineShape,
+    PairField, PointStatus, RigidStep, field_row,
 };
 use iceoryx2::prelude::ZeroCopySend;
 
-/// One body in one frame, its outline and its motion to the next frame.
+/// One body in one frame, with its outline and its motion to the target frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("ricochet.FieldHeader.v7")]
+#[type_name("ricochet.FieldHeader.v8")]
 #[repr(C)]
 pub struct FieldHeader {
-    /// Which start of the acquire process the frames belong to.
+    /// The start of the acquire process that the frames belong to.
     pub run_id: u64,
-    /// Sequence number of the reference frame.
+    /// The sequence number of the reference frame.
     pub sequence: u64,
-    /// Sequence number of the target frame; equal to `sequence` when there is no field.
+    /// The sequence number of the target frame; equal to `sequence` when there is no field.
     pub target_sequence: u64,
-    /// Exposure start of the reference frame, ns since the Unix epoch.
+    /// The start of the reference frame's exposure, ns since the Unix epoch.
     pub stamp_ns: u64,
-    /// Index of the body in the rig's configuration.
+    /// The index of the body in the rig's configuration.
     pub body: u32,
-    /// The interval the motion was measured over, frames.
+    /// The interval that the motion is measured over, frames.
     pub interval_frames: u32,
-    /// Number of the body's `PointStatus`.
+    /// The number of the body's `PointStatus`.
     pub status: u32,
-    /// Subsets the step rests on.
+    /// The number of subsets that the motion rests on.
     pub points: u32,
-    /// Index of the worker that measured it.
+    /// The index of the worker that measured it.
     pub worker: u32,
-    /// When the circle below was measured: 1, or 2 where the share in sight is not its rim's; 3 and 4 where it was carried
-    /// by its motion.
-    pub circle_known: u32,
-    /// When the step below was measured: 1 from subsets, 2 as a match of the whole body with a kept reference.
-    pub step_known: u32,
-    /// How long the frame was exposed, ns; 0 when that is not known.
+    /// The kind of the outline below: 0 for none, else 1 + 2 x the number of its `OutlineOrigin`, and 1 more where the visible
+    /// share is not that of its rim.
+    pub outline: u32,
+    /// The number of the `MotionMethod` of the motion below; 0 for none.
+    pub method: u32,
+    /// The exposure time of the frame, ns; 0 when it is unknown.
     pub exposure_ns: u32,
-    /// Centre, px.
+    /// The centre of the circle along x, px. The circle has no meaning when there is a rod.
     pub center_x_px: f64,
-    /// Centre, px (down).
+    /// The centre of the circle along y (down), px.
     pub center_y_px: f64,
-    /// Radius, px.
+    /// The radius of the circle, px.
     pub radius_px: f64,
-    /// Standard uncertainty of each centre coordinate, px.
+    /// The standard uncertainty of each centre coordinate, px.
     pub sigma_center_px: f64,
-    /// Standard uncertainty of the radius, px.
+    /// The standard uncertainty of the radius, px.
     pub sigma_radius_px: f64,
-    /// Share of the disc that is not hidden.
+    /// The visible share of the disc.
     pub visible_fraction: f64,
-    /// The same by the rim alone.
+    /// The visible share of the rim.
     pub rim_fraction: f64,
-    /// Motion of the centre along x, px/frame.
+    /// The motion of the centre along x, px/frame.
     pub dx_px: f64,
-    /// Motion of the centre along y (down), px/frame.
+    /// The motion of the centre along y (down), px/frame.
     pub dy_px: f64,
-    /// Rotation, counter-clockwise on the screen, deg/frame.
+    /// The rotation, counter-clockwise on the screen, deg/frame.
     pub dtheta_deg: f64,
-    /// Standard uncertainty of `dx_px`.
+    /// The standard uncertainty of `dx_px`.
     pub sigma_dx_px: f64,
-    /// Standard uncertainty of `dy_px`.
+    /// The standard uncertainty of `dy_px`.
     pub sigma_dy_px: f64,
-    /// Standard uncertainty of `dtheta_deg`.
+    /// The standard uncertainty of `dtheta_deg`.
     pub sigma_dtheta_deg: f64,
-    /// By which share the sensor's pattern makes short steps shorter, as this frame shows it.
+    /// The share by which short steps are underestimated because of the sensor's fixed pattern.
     pub fixed_fraction: Number,
-    /// By which share a frame the body grows in the picture ...
+    /// The relative growth of the image of the body per frame.
     pub growth_fraction: Number,
-    /// ... and its standard uncertainty.
+    /// The standard uncertainty of `growth_fraction`.
     pub sigma_growth_fraction: f64,
-    /// By how much a frame a ball's centre moves beside what the step says along x, px, ...
+    /// The motion of a ball's centre relative to the motion above along x, px/frame.
     pub drift_x_px: Number,
-    /// ... along y ...
+    /// The same along y (down), px/frame.
     pub drift_y_px: Number,
-    /// ... and the standard uncertainty of both.
+    /// The standard uncertainty of both, px/frame.
     pub sigma_drift_px: f64,
-    /// By how much a frame it turns beside that, deg, ...
+    /// The rotation of a ball relative to the motion above, deg/frame.
     pub drift_deg: Number,
-    /// ... and its standard uncertainty.
+    /// The standard uncertainty of `drift_deg`, deg/frame.
     pub sigma_drift_deg: f64,
-    /// The rod, where the body is one.
+    /// The rod, if the body is one.
     pub rod: RodMessage,
 }
 
 impl FieldHeader {
-    /// The header of a measured step and its field.
+    /// Creates the header of a measured step and its field.
     pub fn new(step: &BodyStep, field: Option<&PairField>, run_id: u64, worker: u32) -> Self {
         let mut header = Self {
             run_id,
@@ -102,12 +103,15 @@ impl FieldHeader {
             sigma_drift_px: step.drift.map_or(0.0, |drift| drift[0].sigma),
             drift_deg: step.drift.map(|drift| drift[2].value).into(),
             sigma_drift_deg: step.drift.map_or(0.0, |drift| drift[2].sigma),
-            rod: step.rod.into(),
+            rod: step.rod().into(),
             ..Self::default()
         };
-        if let Some(circle) = step.circle {
-            header.circle_known = 1 + u32::from(step.rim_fraction.is_some()) + 2 * u32::from(step.is_carried);
-            header.rim_fraction = step.rim_fraction.unwrap_or(circle.visible_fraction);
+        if let Some(outline) = step.outline {
+            header.outline = 1 + 2 * outline.origin as u32 + u32::from(outline.rim_fraction.is_some());
+        }
+        if let Some(circle) = step.circle() {
+            let rim_fraction = step.outline.and_then(|outline| outline.rim_fraction);
+            header.rim_fraction = rim_fraction.unwrap_or(circle.visible_fraction);
             header.center_x_px = circle.x_px;
             header.center_y_px = circle.y_px;
             header.radius_px = circle.radius_px;
@@ -115,8 +119,8 @@ impl FieldHeader {
             header.sigma_radius_px = circle.sigma_radius_px;
             header.visible_fraction = circle.visible_fraction;
         }
-        if let Some(motion) = step.step {
-            header.step_known = 1 + u32::from(step.is_whole);
+        if let Some(motion) = step.motion {
+            header.method = step.method as u32;
             header.dx_px = motion.dx_px;
             header.dy_px = motion.dy_px;
             header.dtheta_deg = motion.dtheta_deg;
@@ -128,17 +132,49 @@ impl FieldHeader {
         header
     }
 
-    /// The step it tells; `None` when the status is not one of ours.
+    /// Returns the step; `None` when the number of a status, origin or method is unknown.
     pub fn step(&self) -> Option<BodyStep> {
-        let circle = matches!(self.circle_known, 1..=4).then_some(Circle {
+        let outline = match self.outline.checked_sub(1) {
+            Some(kind) => Some(Outline {
+                shape: Option::from(self.rod).map_or(OutlineShape::Circle(self.circle()), OutlineShape::Rod),
+                origin: OutlineOrigin::from_number(kind / 2)?,
+                rim_fraction: (kind % 2 == 1).then_some(self.rim_fraction),
+            }),
+            None => None,
+        };
+        let (motion, method) = match self.method {
+            0 => (None, MotionMethod::default()),
+            method => (Some(self.motion()), MotionMethod::from_number(method)?),
+        };
+        let growth: Option<f64> = self.growth_fraction.into();
+        Some(BodyStep {
+            frame: self.sequence,
+            stamp_ns: self.stamp_ns,
+            body: self.body,
+            interval_frames: self.interval_frames,
+            outline,
+            motion,
+            method,
+            fixed_fraction: self.fixed_fraction.into(),
+            growth_fraction: growth.map(|value| Estimate { value, sigma: self.sigma_growth_fraction }),
+            drift: self.drift(),
+            status: PointStatus::from_number(self.status)?,
+        })
+    }
+
+    fn circle(&self) -> Circle {
+        Circle {
             x_px: self.center_x_px,
             y_px: self.center_y_px,
             radius_px: self.radius_px,
             sigma_center_px: self.sigma_center_px,
             sigma_radius_px: self.sigma_radius_px,
             visible_fraction: self.visible_fraction,
-        });
-        let step = matches!(self.step_known, 1 | 2).then_some(RigidStep {
+        }
+    }
+
+    fn motion(&self) -> RigidStep {
+        RigidStep {
             dx_px: self.dx_px,
             dy_px: self.dy_px,
             dtheta_deg: self.dtheta_deg,
@@ -146,24 +182,7 @@ impl FieldHeader {
             sigma_dy_px: self.sigma_dy_px,
             sigma_dtheta_deg: self.sigma_dtheta_deg,
             points: self.points,
-        });
-        Some(BodyStep {
-            is_carried: self.circle_known > 2,
-            is_whole: self.step_known == 2,
-            fixed_fraction: self.fixed_fraction.into(),
-            growth_fraction: Option::<f64>::from(self.growth_fraction)
-                .map(|value| Estimate { value, sigma: self.sigma_growth_fraction }),
-            drift: self.drift(),
-            rim_fraction: matches!(self.circle_known, 2 | 4).then_some(self.rim_fraction),
-            frame: self.sequence,
-            stamp_ns: self.stamp_ns,
-            body: self.body,
-            interval_frames: self.interval_frames,
-            circle,
-            rod: self.rod.into(),
-            step,
-            status: PointStatus::from_number(self.status)?,
-        })
+        }
     }
 
     fn drift(&self) -> Option<[Estimate; 3]> {
@@ -173,7 +192,7 @@ impl FieldHeader {
         Some([along(x, place)?, along(y, place)?, along(self.drift_deg.into(), turn)?])
     }
 
-    /// The field it heads; `None` when there is none.
+    /// Returns the field with these points; `None` when there is none.
     pub fn field(&self, points: &[FieldPointMessage]) -> Option<PairField> {
         (self.target_sequence != self.sequence).then(|| PairField {
             frame: self.sequence,
@@ -253,9 +272,10 @@ const _: () = assert!(size_of::<Number>() == 16 && size_of::<FieldPointMessage>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::results::{ROD_EDGES, Rod};
 
     #[test]
-    fn everything_that_a_step_tells_crosses_the_border() {
+    fn a_step_survives_the_bus() {
         let circle = Circle {
             x_px: 1.0,
             y_px: 2.0,
@@ -264,27 +284,33 @@ mod tests {
             sigma_radius_px: 0.2,
             visible_fraction: 0.7,
         };
+        let estimate = Estimate { value: 5.5, sigma: 0.5 };
+        let rod = Rod {
+            x_px: estimate,
+            y_px: estimate,
+            half_width_px: estimate,
+            tilt_deg: estimate,
+            edges: [None; ROD_EDGES],
+        };
         let motion = RigidStep { dx_px: 4.0, dy_px: 5.0, dtheta_deg: 6.0, points: 7, ..RigidStep::STILL };
+        let shape = OutlineShape::Circle(circle);
         let step = BodyStep {
-            is_carried: false,
-            is_whole: true,
-            rim_fraction: Some(0.9),
-            fixed_fraction: Some(-2.5e-4),
-            growth_fraction: Some(Estimate { value: 3e-5, sigma: 4e-6 }),
-            drift: Some([(0.11, 0.01), (-0.07, 0.01), (0.02, 0.003)].map(|(value, sigma)| Estimate { value, sigma })),
             frame: 8,
             stamp_ns: 9,
             body: 10,
             interval_frames: 11,
-            circle: Some(circle),
-            rod: None,
-            step: Some(motion),
+            outline: Some(Outline { rim_fraction: Some(0.9), ..Outline::new(shape, OutlineOrigin::Detected) }),
+            motion: Some(motion),
+            method: MotionMethod::WholeBody,
+            fixed_fraction: Some(-2.5e-4),
+            growth_fraction: Some(Estimate { value: 3e-5, sigma: 4e-6 }),
+            drift: Some([(0.11, 0.01), (-0.07, 0.01), (0.02, 0.003)].map(|(value, sigma)| Estimate { value, sigma })),
             status: PointStatus::Occluded,
         };
-        let carried = BodyStep { is_carried: true, ..step };
-        for step in
-            [step, BodyStep { is_whole: false, ..step }, step.without_motion(), carried, carried.without_motion()]
-        {
+        let origins = OutlineOrigin::ALL.map(|origin| Some(Outline::new(shape, origin)));
+        let outlines = [step.outline, None].into_iter().chain(origins).map(|outline| BodyStep { outline, ..step });
+        let rod = BodyStep { outline: Some(rod.into()), method: MotionMethod::Subsets, ..step };
+        for step in outlines.chain([rod, step.without_motion()]) {
             assert_eq!(FieldHeader::new(&step, None, 12, 13).step(), Some(step));
         }
     }

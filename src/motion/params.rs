@@ -114,7 +114,7 @@ impl MotionParams {
     /// Converts a step from the recorded to the rectified image; its numbers are `None` beyond the calibration.
     pub fn rectified(&self, step: &BodyStep) -> BodyStep {
         let Some(rectifier) = &self.rectifier else { return *step };
-        rectifier.step(step, self.form).unwrap_or(BodyStep { circle: None, rod: None, step: None, ..*step })
+        rectifier.step(step, self.form).unwrap_or(BodyStep { outline: None, motion: None, ..*step })
     }
 
     /// Returns the position in the recorded image of a centre in the rectified one.

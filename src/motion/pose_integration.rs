@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::random_walk::{KeptReference, LONG_STEP_WEIGHT, RandomWalk};
-use crate::results::{BodyStep, RigidStep};
+use crate::results::{BodyStep, MotionMethod, RigidStep};
 
 /// The maximum gap over which a pose is extrapolated, frames.
 const BRIDGE_FRAMES: f64 = 8.0;
@@ -66,7 +66,7 @@ impl PoseIntegrator {
     /// `periods` is the time between the exposures of the body in this frame and the next, in nominal frame periods.
     pub fn push(&mut self, step: &BodyStep, time_frames: f64, periods: f64) -> Option<Pose> {
         let arrived = self.arrive(step.frame);
-        let outgoing = step.step.filter(sound);
+        let outgoing = step.motion.filter(sound);
         let n = f64::from(step.interval_frames.max(1));
         let sigma_out = outgoing.map(|s| {
             [s.sigma_dx_px, s.sigma_dy_px, s.sigma_dtheta_deg]
@@ -99,7 +99,7 @@ impl PoseIntegrator {
     /// Takes a step over a longer interval, after the shortest one of its frame.
     pub fn link(&mut self, step: &BodyStep) {
         let Some(from) = self.newest.filter(|node| node.frame == step.frame) else { return };
-        let Some(out) = step.step.filter(sound) else { return };
+        let Some(out) = step.motion.filter(sound) else { return };
         let n = f64::from(step.interval_frames.max(1));
         let moved = [out.dx_px, out.dy_px, out.dtheta_deg].map(|rate| n * rate);
         let target = step.frame + u64::from(step.interval_frames);
@@ -109,9 +109,9 @@ impl PoseIntegrator {
     /// Returns the node at the end of a step of this size.
     fn moved(&self, from: &Pose, step: &BodyStep, moved: [f64; 3]) -> Pose {
         let mut kept = from.kept;
-        let walk_share = match step.is_whole {
-            true => self.walk.whole(from.frame, from.pose[2], &mut kept),
-            false => self.walk.subsets(moved),
+        let walk_share = match step.method {
+            MotionMethod::WholeBody => self.walk.whole(from.frame, from.pose[2], &mut kept),
+            MotionMethod::Subsets => self.walk.subsets(moved),
         };
         Pose { pose: std::array::from_fn(|k| from.pose[k] + moved[k]), walk_share, kept, ..*from }
     }
@@ -173,7 +173,6 @@ impl PoseIntegrator {
 mod tests {
     use super::super::{Renewal, subset_walk};
     use super::*;
-    use crate::results::PointStatus;
 
     /// Approximately normal numbers: sums of twelve uniform ones.
     struct Noise(u64);
@@ -200,25 +199,7 @@ mod tests {
             sigma_dtheta_deg: sigma,
             points: 9,
         };
-        let (circle, rod, status) = (None, None, PointStatus::Valid);
-        let (is_whole, step) = (false, Some(step));
-        let (rim_fraction, fixed_fraction) = (None, None);
-        BodyStep {
-            is_whole,
-            rim_fraction,
-            fixed_fraction,
-            growth_fraction: None,
-            is_carried: false,
-            drift: None,
-            frame,
-            stamp_ns: frame,
-            body: 0,
-            interval_frames,
-            circle,
-            rod,
-            step,
-            status,
-        }
+        BodyStep { frame, stamp_ns: frame, interval_frames, motion: Some(step), ..BodyStep::default() }
     }
 
     /// The root mean square drift of a chain of noisy steps after 4000 frames, over several runs.
@@ -240,7 +221,8 @@ mod tests {
     fn a_pose_drifts_as_the_step_that_led_to_it() {
         let mut chain = PoseIntegrator::new(RandomWalk::of(&[1], Some(Renewal { block_frames: 8, stale_deg: 3.0 })));
         let shares = (0..6).map(|frame| {
-            let step = BodyStep { is_whole: frame == 1 || frame == 2, ..step(frame, 1, 0.5) };
+            let method = if frame == 1 || frame == 2 { MotionMethod::WholeBody } else { MotionMethod::Subsets };
+            let step = BodyStep { method, ..step(frame, 1, 0.5) };
             chain.push(&step, frame as f64, 1.0).unwrap().walk_share[0]
         });
         let shares: Vec<f64> = shares.collect();
@@ -254,7 +236,7 @@ mod tests {
     fn each_of_several_interleaved_chains_has_the_renewal_in_it() {
         let mut chain = PoseIntegrator::new(RandomWalk::of(&[3], Some(Renewal { block_frames: 6, stale_deg: 3.0 })));
         let renewed = |frame: u64| {
-            let step = BodyStep { is_whole: true, ..step(frame, 3, 0.5) };
+            let step = BodyStep { method: MotionMethod::WholeBody, ..step(frame, 3, 0.5) };
             chain.push(&step, frame as f64, 1.0).unwrap().walk_share[0] > 0.0
         };
         // Steps from the first three frames of a block continue its reference, those from the others keep it.
@@ -279,7 +261,7 @@ mod tests {
         let mut chain = PoseIntegrator::new(RandomWalk::default());
         for frame in 0..20 {
             let mut one = step(frame, 1, 0.5);
-            one.step = one.step.filter(|_| frame != 9);
+            one.motion = one.motion.filter(|_| frame != 9);
             let node = chain.push(&one, frame as f64, 1.0).unwrap();
             assert_eq!(node.component, 0, "frame {frame}");
             assert!((node.pose[0] - 0.5 * frame as f64).abs() < 1e-12);

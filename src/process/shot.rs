@@ -244,10 +244,11 @@ fn annotations(step: &BodyStep, field: Option<&PairField>) -> Annotations {
         let tip = [x + MAGNIFICATION * f64::from(motion.u_px), y + MAGNIFICATION * f64::from(motion.v_px)];
         Some([[x, y], tip])
     };
-    let outline = step.rod.iter().flat_map(segments);
+    let rod = step.rod();
+    let outline = rod.iter().flat_map(segments);
     let arrows = field.into_iter().flat_map(|field| field.points.iter().filter_map(vector));
     Annotations {
-        circles: step.circle.iter().map(|circle| [circle.x_px, circle.y_px, circle.radius_px]).collect(),
+        circles: step.circle().iter().map(|circle| [circle.x_px, circle.y_px, circle.radius_px]).collect(),
         vectors: outline.chain(arrows).collect(),
     }
 }

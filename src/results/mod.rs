@@ -28,7 +28,7 @@ pub(crate) use named::named_enum;
 pub use rod::{ROD_EDGES, Rod, RodEdge};
 pub use rod_lines::{Segment, segments};
 pub use status::{Phase, PointStatus};
-pub use step::{BodyStep, Circle};
+pub use step::{BodyStep, Circle, MotionMethod, Outline, OutlineOrigin, OutlineShape};
 pub use track::TrackSample;
 pub(crate) use track::track_row;
 pub(crate) use velocity::velocity_row;

@@ -1,26 +1,27 @@
-//! What one pair of frames says of one body.
+//! Steps: one body in one frame, and its motion to a later one.
 
+use super::named::named_enum;
 use super::{Estimate, PointStatus, RigidStep, Rod};
 
-/// A ball's outline in one frame; of a patch, a disc of its area about the point that is told.
+/// The outline of a ball in one frame; for a patch, a disc of the same area around its reported point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Circle {
-    /// Centre, px.
+    /// The centre along x, px.
     pub x_px: f64,
-    /// Centre, px (down).
+    /// The centre along y (down), px.
     pub y_px: f64,
-    /// Radius, px.
+    /// The radius, px.
     pub radius_px: f64,
-    /// Standard uncertainty of each centre coordinate, px.
+    /// The standard uncertainty of each centre coordinate, px.
     pub sigma_center_px: f64,
-    /// Standard uncertainty of the radius, px.
+    /// The standard uncertainty of the radius, px.
     pub sigma_radius_px: f64,
-    /// Share of the disc's area that is not hidden, 0 to 1.
+    /// The visible share of the disc's area, 0 to 1.
     pub visible_fraction: f64,
 }
 
 impl RigidStep {
-    /// No motion, of which nothing is known.
+    /// No motion, with no uncertainty.
     pub const STILL: Self = Self {
         dx_px: 0.0,
         dy_px: 0.0,
@@ -31,91 +32,184 @@ impl RigidStep {
         points: 0,
     };
 
-    /// The same about a centre that is known to `center_sigma_px` only.
+    /// Adds the uncertainty that the rotation about a centre uncertain by `center_sigma_px` brings.
     #[must_use]
     pub fn about(self, center_sigma_px: f64) -> Self {
-        let whirl = self.dtheta_deg.to_radians() * center_sigma_px;
-        Self { sigma_dx_px: self.sigma_dx_px.hypot(whirl), sigma_dy_px: self.sigma_dy_px.hypot(whirl), ..self }
+        let sigma_px = self.dtheta_deg.to_radians() * center_sigma_px;
+        Self { sigma_dx_px: self.sigma_dx_px.hypot(sigma_px), sigma_dy_px: self.sigma_dy_px.hypot(sigma_px), ..self }
     }
 }
 
-/// One body in one frame, and its motion to the next.
+named_enum! {
+    /// The origin of an outline.
+    OutlineOrigin: "origin" {
+        /// Detected in the frame.
+        Detected = 0 "detected",
+        /// Searched in vain, and predicted by the motion of the body.
+        Predicted = 1 "predicted",
+        /// Not searched, since the whole body was visible, and predicted by its motion.
+        Reused = 2 "reused",
+    }
+}
+
+/// The shape of an outline.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BodyStep {
-    /// Whether the outline was not found in this frame, or not looked for, but is where the motion leads.
-    pub is_carried: bool,
-    /// Whether `step` is a match of the whole body with a reference that was kept, not of its subsets from frame to frame.
-    pub is_whole: bool,
-    /// Share of the body in sight by its rim, where the circle has what a match of the whole body told.
+pub enum OutlineShape {
+    /// A ball or a patch.
+    Circle(Circle),
+    /// A rod.
+    Rod(Rod),
+}
+
+/// The outline of a body in one frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Outline {
+    /// The shape.
+    pub shape: OutlineShape,
+    /// The origin.
+    pub origin: OutlineOrigin,
+    /// The visible share of the body by its rim, 0 to 1, if a match of the whole body replaced it in the circle.
     pub rim_fraction: Option<f64>,
-    /// By which share steps of far less than a pixel come out short because the sensor's pixels differ, as this frame
-    /// shows it beside an earlier one; it scatters about its mean, below zero as well. `None` where it was not looked for.
-    pub fixed_fraction: Option<f64>,
-    /// By which share a frame the body grows in the picture from this frame on, as its subsets show it: it comes nearer to
-    /// the camera, or goes to where the lens draws it larger.
-    pub growth_fraction: Option<Estimate>,
-    /// By how much a frame a ball moves beside what `step` says: its centre along x and y, px, and its rotation, deg. Its
-    /// pattern moves with its front, which goes another way where the ball turns about an axis in the picture's plane.
-    pub drift: Option<[Estimate; 3]>,
-    /// Sequence number of the frame.
+}
+
+impl Outline {
+    /// An outline of this shape and origin.
+    #[must_use]
+    pub fn new(shape: OutlineShape, origin: OutlineOrigin) -> Self {
+        Self { shape, origin, rim_fraction: None }
+    }
+}
+
+impl From<Circle> for Outline {
+    fn from(circle: Circle) -> Self {
+        Self::new(OutlineShape::Circle(circle), OutlineOrigin::Detected)
+    }
+}
+
+impl From<Rod> for Outline {
+    fn from(rod: Rod) -> Self {
+        Self::new(OutlineShape::Rod(rod), OutlineOrigin::Detected)
+    }
+}
+
+named_enum! {
+    /// The method that measured a motion.
+    #[derive(Default)]
+    MotionMethod: "method" {
+        /// The subsets of the body, matched from frame to frame.
+        #[default]
+        Subsets = 1 "subsets",
+        /// A rigid match of the whole body with a stored reference.
+        WholeBody = 2 "whole-body",
+    }
+}
+
+/// One body in one frame, and its motion to a later one.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct BodyStep {
+    /// The sequence number of the frame.
     pub frame: u64,
-    /// Exposure start of the frame, ns since the Unix epoch.
+    /// The start of the frame's exposure, ns since the Unix epoch.
     pub stamp_ns: u64,
-    /// Index of the body in the configuration.
+    /// The index of the body in the configuration.
     pub body: u32,
-    /// The interval the motion was measured over, frames.
+    /// The interval that the motion is measured over, frames.
     pub interval_frames: u32,
-    /// The outline found in this frame, where the body is a ball or a patch.
-    pub circle: Option<Circle>,
-    /// The rod found in this frame, where the body is one.
-    pub rod: Option<Rod>,
+    /// The outline in this frame.
+    pub outline: Option<Outline>,
     /// The motion from this frame on; `None` in the last frames of a stream and where it could not be measured.
-    pub step: Option<RigidStep>,
-    /// What became of it.
+    pub motion: Option<RigidStep>,
+    /// The method that measured `motion`.
+    pub method: MotionMethod,
+    /// The share by which steps much shorter than a pixel are underestimated because of the sensor's fixed pattern. It is
+    /// measured against an earlier frame and scatters about its mean, also below zero. `None` where it was not measured.
+    pub fixed_fraction: Option<f64>,
+    /// The relative growth of the body's image per frame from this frame on, measured from its subsets. The body comes
+    /// nearer to the camera, or moves to where the lens draws it larger.
+    pub growth_fraction: Option<Estimate>,
+    /// The motion of a ball per frame relative to `motion`: its centre along x and y, px, and its rotation, deg. The
+    /// pattern moves with the front of the ball, which moves differently when the ball turns about an axis in the image
+    /// plane.
+    pub drift: Option<[Estimate; 3]>,
+    /// The status of the measurement.
     pub status: PointStatus,
 }
 
-/// A drift of more than so many sigmas is no chance.
-const SURE_SIGMAS: f64 = 5.0;
+/// The number of standard uncertainties from which a drift is significant.
+const SIGNIFICANT_DRIFT_SIGMAS: f64 = 5.0;
 
 impl BodyStep {
-    /// Whether the centre surely moves otherwise than the step says.
+    /// Returns the circle of a ball or patch.
     #[must_use]
-    pub fn drifts(&self) -> bool {
-        self.drift.is_some_and(|[x, y, _]| (x.value / x.sigma).hypot(y.value / y.sigma) > SURE_SIGMAS)
+    pub fn circle(&self) -> Option<Circle> {
+        match self.outline?.shape {
+            OutlineShape::Circle(circle) => Some(circle),
+            OutlineShape::Rod(_) => None,
+        }
     }
 
-    /// The motion of the ball a frame: the step's, with the drift where that is no chance.
+    /// Returns the rod.
     #[must_use]
-    pub fn center_step(&self) -> Option<RigidStep> {
-        let step = self.step?;
-        let Some([x, y, turn]) = self.drift.filter(|_| self.drifts()) else { return Some(step) };
-        Some(RigidStep {
-            dx_px: step.dx_px + x.value,
-            dy_px: step.dy_px + y.value,
-            sigma_dx_px: step.sigma_dx_px.hypot(x.sigma),
-            sigma_dy_px: step.sigma_dy_px.hypot(y.sigma),
-            dtheta_deg: step.dtheta_deg + turn.value,
-            sigma_dtheta_deg: step.sigma_dtheta_deg.hypot(turn.sigma),
-            ..step
+    pub fn rod(&self) -> Option<Rod> {
+        match self.outline?.shape {
+            OutlineShape::Rod(rod) => Some(rod),
+            OutlineShape::Circle(_) => None,
+        }
+    }
+
+    /// Returns the visible centre of the body: that of the circle, or the point that moves with the rod, px.
+    #[must_use]
+    pub fn center_px(&self) -> Option<[f64; 2]> {
+        Some(match self.outline?.shape {
+            OutlineShape::Circle(circle) => [circle.x_px, circle.y_px],
+            OutlineShape::Rod(rod) => [rod.x_px.value, rod.y_px.value],
         })
     }
 
-    /// The same without its motion, and without what a match of the whole body told of the share in sight.
+    /// Whether the outline was detected in this frame.
+    #[must_use]
+    pub fn is_detected(&self) -> bool {
+        self.outline.is_some_and(|outline| outline.origin == OutlineOrigin::Detected)
+    }
+
+    /// Whether the centre moves significantly differently than `motion`.
+    #[must_use]
+    pub fn drifts(&self) -> bool {
+        self.drift.is_some_and(|[x, y, _]| (x.value / x.sigma).hypot(y.value / y.sigma) > SIGNIFICANT_DRIFT_SIGMAS)
+    }
+
+    /// Returns the motion of the body's centre per frame: `motion`, plus a significant drift.
+    #[must_use]
+    pub fn center_motion(&self) -> Option<RigidStep> {
+        let motion = self.motion?;
+        let Some([x, y, turn]) = self.drift.filter(|_| self.drifts()) else { return Some(motion) };
+        Some(RigidStep {
+            dx_px: motion.dx_px + x.value,
+            dy_px: motion.dy_px + y.value,
+            sigma_dx_px: motion.sigma_dx_px.hypot(x.sigma),
+            sigma_dy_px: motion.sigma_dy_px.hypot(y.sigma),
+            dtheta_deg: motion.dtheta_deg + turn.value,
+            sigma_dtheta_deg: motion.sigma_dtheta_deg.hypot(turn.sigma),
+            ..motion
+        })
+    }
+
+    /// Returns the step without its motion, and with the visible share by the rim.
     #[must_use]
     pub fn without_motion(self) -> Self {
-        let by_rim = |circle: Circle| {
-            let visible_fraction = self.rim_fraction.unwrap_or(circle.visible_fraction);
-            Circle { visible_fraction, ..circle }
+        let by_rim = |outline: Outline| match (outline.shape, outline.rim_fraction) {
+            (OutlineShape::Circle(circle), Some(visible_fraction)) => {
+                Outline::new(OutlineShape::Circle(Circle { visible_fraction, ..circle }), outline.origin)
+            }
+            _ => outline,
         };
         Self {
-            circle: self.circle.map(by_rim),
-            rim_fraction: None,
+            outline: self.outline.map(by_rim),
+            motion: None,
+            method: MotionMethod::default(),
             fixed_fraction: None,
             growth_fraction: None,
             drift: None,
-            is_whole: false,
-            step: None,
             ..self
         }
     }

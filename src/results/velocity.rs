@@ -21,7 +21,7 @@ macro_rules! velocity_row {
                     /// The unsmoothed motion of a body from one frame to the next.
                     ///
                     /// It is measured over `interval_frames` and divided by it, so it is always per frame.
-                    step: RigidStep {
+                    motion: RigidStep {
                         numbers {
                             /// The motion of the body's centre along x, px/frame.
                             dx_px = 7,

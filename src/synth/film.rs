@@ -297,7 +297,7 @@ impl SimulatedFilm {
             center_x_px: Some(pose.center_px[0]),
             center_y_px: Some(pose.center_px[1]),
             radius_px: scenario.body.rod.is_none().then_some(radius_px),
-            step: next.map(|next| step(&pose, &next)),
+            motion: next.map(|next| step(&pose, &next)),
             velocity: Some(velocity(&pose, tangent(scenario))),
             visible_fraction: Some(visible),
             phase: phase(trajectory, shown_s),

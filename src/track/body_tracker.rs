@@ -9,7 +9,9 @@ use crate::motion::{
     PoseIntegrator, Regime, RollingShutter, RunningBias, RunningRadius, Scale, SizeChange, SpeedBias, View,
     ViewPosition, gravity_px, lag_frames, physical, smooth,
 };
-use crate::results::{Alarm, AlarmKind, BodyStep, Estimate, Impact, Phase, PointStatus, TrackSample, VelocitySample};
+use crate::results::{
+    Alarm, AlarmKind, BodyStep, Estimate, Impact, MotionMethod, Phase, PointStatus, TrackSample, VelocitySample,
+};
 
 /// The lengths of the flight after the end of contact at which an impact is measured again; the last is final, frames.
 const REVISIONS_FRAMES: [f64; 2] = [16.0, 64.0];
@@ -67,7 +69,7 @@ pub struct BodyTracker {
     /// The offset of a rod from the pose that its steps lead to, px.
     rod_px: Option<[f64; 2]>,
     /// Whether the newest step comes from a match of the whole body.
-    is_whole: bool,
+    method: MotionMethod,
     nodes: Vec<Pose>,
     /// The newest frame, whether the body was detected in it or not.
     newest_frame: u64,
@@ -96,7 +98,7 @@ impl BodyTracker {
             drift: OutlineDrift::new(&rolling),
             rolling,
             rod_px: None,
-            is_whole: false,
+            method: MotionMethod::default(),
             nodes: Vec::new(),
             newest_frame: 0,
             first_sigma_deg: None,
@@ -124,15 +126,15 @@ impl BodyTracker {
     fn process(&mut self, step: &BodyStep, time_frames: f64, rows: &mut TrackerRows) {
         self.newest_frame = step.frame;
         // An outline that was predicted by the motion holds no information of its own.
-        let outline = body_circle(step).filter(|_| !step.is_carried);
+        let outline = body_circle(step).filter(|_| step.is_detected());
         if let Some(circle) = &outline {
             self.radius.push(circle);
         }
         if let Some(share) = step.fixed_fraction {
             self.fixed.push(share);
         }
-        if step.step.is_some() {
-            self.is_whole = step.is_whole;
+        if step.motion.is_some() {
+            self.method = step.method;
         }
         self.growth.push(step, time_frames);
         if self.params.form == Form::Ball {
@@ -145,7 +147,7 @@ impl BodyTracker {
         if let Some(circle) = outline.filter(|_| self.params.form == Form::Ball) {
             self.drift.push(&node, &circle);
         }
-        if let Some(rod) = &step.rod {
+        if let Some(rod) = step.rod() {
             self.rod_px = Some([rod.x_px.value - node.pose[0], rod.y_px.value - node.pose[1]]);
         }
         let gravity = self.gravity().map(|g| self.axes.surface(g[0], g[1]).normal);
@@ -281,7 +283,7 @@ impl BodyTracker {
         SpeedBias {
             share: self.fixed.significant(),
             spans: self.params.spans,
-            is_whole: self.is_whole,
+            is_whole: self.method == MotionMethod::WholeBody,
             radius_px: radius_px.map_or(0.0, |radius| radius.value),
         }
     }
@@ -406,7 +408,7 @@ impl BodyTracker {
             || (is_undetected && step.status == PointStatus::Ambiguous);
         let node = self.nodes.binary_search_by_key(&step.frame, |n| n.frame).ok().map(|i| self.nodes[i]);
         let node = node.filter(|_| !is_missing);
-        let circle = step.circle.filter(|_| !is_missing);
+        let circle = step.circle().filter(|_| !is_missing);
         let outline = body_circle(step).filter(|_| !is_missing);
         let (regime, phase) = self.detector.as_ref().map_or((Regime::Unknown, Phase::Unknown), |d| {
             (d.regime(step.frame), if node.is_some() { d.phase(step.frame) } else { Phase::Unknown })
@@ -434,7 +436,7 @@ impl BodyTracker {
             sigma_center_px: center.map(|c| c.sigma_px),
             sigma_angle_deg: angle.map(sigma_angle),
             visible_fraction: circle.map(|c| c.visible_fraction),
-            rod: step.rod.filter(|_| !is_missing),
+            rod: step.rod().filter(|_| !is_missing),
             status: step.status,
         };
         let rates = here.and_then(|(n, here)| {
@@ -451,8 +453,8 @@ impl BodyTracker {
             center_x_px: track.center_x_px,
             center_y_px: track.center_y_px,
             radius_px: track.radius_px,
-            step: step
-                .step
+            motion: step
+                .motion
                 .filter(|_| !is_missing)
                 .map(|moved| here.map_or(moved, |(_, here)| OutlineDrift::apply_to_step(moved, step.drift, &here)))
                 .map(|moved| moved.about(center_sigma_px)),

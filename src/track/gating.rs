@@ -53,7 +53,7 @@ pub struct ValidationGate {
 impl ValidationGate {
     /// Returns the step if it is accepted, otherwise an ambiguous step without values.
     pub fn gate(&mut self, step: &BodyStep) -> BodyStep {
-        let Some(circle) = step.circle else {
+        let Some(circle) = step.circle() else {
             let is_missing = matches!(step.status, PointStatus::Lost | PointStatus::Occluded | PointStatus::OutOfFrame);
             self.missing += u32::from(is_missing);
             self.is_ambiguous |= step.status == PointStatus::Ambiguous;
@@ -69,11 +69,11 @@ impl ValidationGate {
             self.is_ambiguous = true;
             if self.rejected < MAX_REJECTED_FRAMES {
                 self.rejected_frame = Some(step.frame);
-                return BodyStep { circle: None, step: None, status: PointStatus::Ambiguous, ..*step };
+                return BodyStep { outline: None, motion: None, status: PointStatus::Ambiguous, ..*step };
             }
         }
         (self.rejected, self.is_ambiguous) = (0, false);
-        let measured = step.center_step().map(|step| [step.dx_px, step.dy_px]);
+        let measured = step.center_motion().map(|step| [step.dx_px, step.dy_px]);
         let motion_px = measured.or(self.last.map(|last| last.motion_px)).unwrap_or_default();
         self.last =
             Some(Position { frame: step.frame, center_px, sigma_px, motion_px, is_measured: measured.is_some() });
@@ -106,7 +106,7 @@ impl Position {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::results::{Circle, RigidStep};
+    use crate::results::{Circle, MotionMethod, RigidStep};
 
     fn detected(frame: u64, x_px: f64, dx_px: f64) -> BodyStep {
         let circle = Circle {
@@ -126,34 +126,25 @@ mod tests {
             sigma_dtheta_deg: 0.001,
             points: 30,
         };
-        let status = PointStatus::Valid;
-        let (circle, step) = (Some(circle), Some(step));
         BodyStep {
-            is_whole: true,
-            rim_fraction: None,
-            fixed_fraction: None,
-            growth_fraction: None,
-            is_carried: false,
-            drift: None,
             frame,
             stamp_ns: frame,
-            body: 0,
             interval_frames: 1,
-            circle,
-            rod: None,
-            step,
-            status,
+            outline: Some(circle.into()),
+            motion: Some(step),
+            method: MotionMethod::WholeBody,
+            ..BodyStep::default()
         }
     }
 
     fn missing(frame: u64) -> BodyStep {
-        BodyStep { circle: None, step: None, status: PointStatus::Lost, ..detected(frame, 0.0, 0.0) }
+        BodyStep { outline: None, motion: None, status: PointStatus::Lost, ..detected(frame, 0.0, 0.0) }
     }
 
     /// Counts the accepted steps.
     fn accepted(steps: impl IntoIterator<Item = BodyStep>) -> usize {
         let mut gate = ValidationGate::default();
-        steps.into_iter().filter(|step| gate.gate(step).step.is_some()).count()
+        steps.into_iter().filter(|step| gate.gate(step).motion.is_some()).count()
     }
 
     #[test]

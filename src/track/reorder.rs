@@ -153,20 +153,12 @@ impl ReorderBuffer {
             (None, None, _, _) => return None,
         };
         Some(BodyStep {
-            is_whole: false,
-            rim_fraction: None,
-            fixed_fraction: None,
-            growth_fraction: None,
-            is_carried: false,
-            drift: None,
             frame,
             body: slot / self.intervals(),
             stamp_ns: stamp_at(frame, &a, &b),
             interval_frames: self.intervals_frames[(slot % self.intervals()) as usize],
-            circle: None,
-            rod: None,
-            step: None,
             status: PointStatus::Lost,
+            ..BodyStep::default()
         })
     }
 }
@@ -188,24 +180,7 @@ mod tests {
 
     fn step(frame: u64, body: u32) -> BodyStep {
         let stamp_ns = 1_000 + 100 * frame;
-        let (circle, rod, step, status) = (None, None, None, PointStatus::Valid);
-        let (is_whole, rim_fraction, fixed_fraction) = (false, None, None);
-        BodyStep {
-            is_whole,
-            rim_fraction,
-            fixed_fraction,
-            growth_fraction: None,
-            is_carried: false,
-            drift: None,
-            frame,
-            stamp_ns,
-            body,
-            interval_frames: 1,
-            circle,
-            rod,
-            step,
-            status,
-        }
+        BodyStep { frame, stamp_ns, body, interval_frames: 1, ..BodyStep::default() }
     }
 
     fn drain(order: &mut ReorderBuffer) -> Vec<BodyStep> {

@@ -1,6 +1,6 @@
 //! The prediction of a position: a fit of the newest positions and steps of a body in free flight.
 
-use crate::results::{BodyStep, PointStatus, Rod};
+use crate::results::{BodyStep, OutlineShape, PointStatus, Rod};
 use std::collections::VecDeque;
 
 /// The minimum uncertainty of a position, px. Outlines have an error that stays the same from frame to frame.
@@ -190,19 +190,18 @@ pub(super) fn center_px(step: &BodyStep) -> Option<[f64; 2]> {
 
 fn position(step: &BodyStep, end_px: Option<f64>) -> Option<Position> {
     let is_gone = matches!(step.status, PointStatus::Lost | PointStatus::Occluded | PointStatus::OutOfFrame);
-    let motion = step.step.map(|motion| Step {
+    let motion = step.motion.map(|motion| Step {
         rate_px: [motion.dx_px, motion.dy_px],
         sigma_px: motion.sigma_dx_px.max(motion.sigma_dy_px).max(MIN_STEP_SIGMA_PX),
         interval_frames: f64::from(step.interval_frames.max(1)),
     });
-    let (at_px, sigma_px, radius_px) = match (&step.circle, &step.rod) {
-        (_, Some(rod)) if end_px.is_some() => {
-            let (at_px, sigma_px) = end(rod, end_px?)?;
+    let (at_px, sigma_px, radius_px) = match (step.outline?.shape, end_px) {
+        (OutlineShape::Circle(circle), _) => ([circle.x_px, circle.y_px], circle.sigma_center_px, circle.radius_px),
+        (OutlineShape::Rod(rod), None) => ([rod.x_px.value, rod.y_px.value], rod.x_px.sigma.max(rod.y_px.sigma), 0.0),
+        (OutlineShape::Rod(rod), Some(end_px)) => {
+            let (at_px, sigma_px) = end(&rod, end_px)?;
             (at_px, sigma_px, 0.0)
         }
-        (Some(circle), _) => ([circle.x_px, circle.y_px], circle.sigma_center_px, circle.radius_px),
-        (None, Some(rod)) => ([rod.x_px.value, rod.y_px.value], rod.x_px.sigma.max(rod.y_px.sigma), 0.0),
-        (None, None) => return None,
     };
     let is_valid = at_px.iter().all(|x| x.is_finite()) && !is_gone;
     is_valid.then_some(Position {

@@ -241,7 +241,7 @@ impl Body {
         match self.watch.motion.scale {
             Scale::MmPerPx(mm) => Some(1e-3 * mm),
             Scale::BallDiameterMm(mm) => {
-                let radius_px = step.circle.map(|circle| circle.radius_px).or_else(|| self.flight.radius_px())?;
+                let radius_px = step.circle().map(|circle| circle.radius_px).or_else(|| self.flight.radius_px())?;
                 (radius_px > 0.0).then(|| 0.5e-3 * mm / radius_px)
             }
             Scale::Unknown => None,

@@ -169,7 +169,7 @@ mod tests {
             center_x_px: None,
             center_y_px: None,
             radius_px: None,
-            step: None,
+            motion: None,
             velocity: Some(velocity),
             visible_fraction: None,
             phase,

@@ -17,9 +17,9 @@ const FRAMES: u64 = 16;
 /// Measures the motion of a simulated ball, each step with its truth.
 fn measure(scenario: &Scenario) -> Vec<(RigidStep, RigidStep)> {
     let world = SimulatedFilm::new(scenario).unwrap();
-    let truth = |frame: u64| world.truth(frame).step;
+    let truth = |frame: u64| world.truth(frame).motion;
     let rows = measured(&world);
-    rows.iter().filter_map(|row| Some((row.step.step?, truth(row.step.frame)?))).collect()
+    rows.iter().filter_map(|row| Some((row.step.motion?, truth(row.step.frame)?))).collect()
 }
 
 /// Measures a simulated ball.
@@ -123,9 +123,9 @@ fn the_visible_fraction_of_a_struck_ball_is_right() {
             let world = SimulatedFilm::new(&struck(speed_px, occluder.clone())).unwrap();
             for row in measured(&world).iter().filter(|row| row.step.frame + 1 < FRAMES) {
                 let (step, truth) = (row.step, world.truth(row.step.frame));
-                let (found, moved) = (step.step.unwrap(), truth.step.unwrap());
+                let (found, moved) = (step.motion.unwrap(), truth.motion.unwrap());
                 let off = (found.dx_px - moved.dx_px).hypot(found.dy_px - moved.dy_px);
-                let (share, exact) = (step.circle.unwrap().visible_fraction, truth.visible_fraction.unwrap());
+                let (share, exact) = (step.circle().unwrap().visible_fraction, truth.visible_fraction.unwrap());
                 let at = format!("{speed_px} px, frame {}: {off} px, {share} for {exact} visible", step.frame);
                 assert!(off < 0.008 && (share - exact).abs() < 0.015, "{at}");
                 let points = &row.field.as_ref().unwrap().points;
@@ -152,14 +152,14 @@ fn centres_between_detected_outlines_have_the_uncertainty_they_claim() {
             let film = Scenario { seed: 80 + seed, occluder: occluder.clone(), ..scenario(0.37, -0.23, 0.3) };
             let world = SimulatedFilm::new(&film).unwrap();
             let rows = measured(&world);
-            let carried = rows.iter().filter(|row| row.step.is_carried).count();
+            let carried = rows.iter().filter(|row| !row.step.is_detected()).count();
             assert!(carried >= carried_min, "{carried} outlines were not detected");
             for row in rows {
-                let (circle, truth) = (row.step.circle.unwrap(), world.truth(row.step.frame));
+                let (circle, truth) = (row.step.circle().unwrap(), world.truth(row.step.frame));
                 let hidden = 1.0 - truth.visible_fraction.unwrap();
-                assert!(!row.step.is_carried || hidden < 0.05, "frame {}: {hidden} hidden", row.step.frame);
+                assert!(row.step.is_detected() || hidden < 0.05, "frame {}: {hidden} hidden", row.step.frame);
                 let off = [circle.x_px - truth.center_x_px.unwrap(), circle.y_px - truth.center_y_px.unwrap()];
-                let (square, count) = &mut pulls[usize::from(row.step.is_carried)];
+                let (square, count) = &mut pulls[usize::from(!row.step.is_detected())];
                 *square += off.iter().map(|off| (off / circle.sigma_center_px).powi(2)).sum::<f64>();
                 *count += 2.0;
             }

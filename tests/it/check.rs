@@ -224,7 +224,7 @@ fn relative_shortfall(camera: &CameraSetup) -> f64 {
         world.render(index, &mut bytes);
         measurer.push(&Frame { meta: meta(&world, index), bytes: &bytes }, &mut measured).unwrap();
     }
-    let steps: Vec<f64> = measured.iter().filter_map(|row| Some(row.step.step?.dx_px)).collect();
+    let steps: Vec<f64> = measured.iter().filter_map(|row| Some(row.step.motion?.dx_px)).collect();
     1.0 - steps.iter().sum::<f64>() / steps.len() as f64 / 0.37
 }
 

@@ -60,7 +60,7 @@ fn judge(film: &[Shot], rows: &TrackerRows) -> Verdict {
         };
         check("x", track.center_x_px, truth.center_x_px, track.sigma_center_px);
         check("y", track.center_y_px, truth.center_y_px, track.sigma_center_px);
-        if let Some((step, true_step)) = row.step.zip(truth.step) {
+        if let Some((step, true_step)) = row.motion.zip(truth.motion) {
             check("dx", Some(step.dx_px), Some(true_step.dx_px), Some(step.sigma_dx_px));
             check("dy", Some(step.dy_px), Some(true_step.dy_px), Some(step.sigma_dy_px));
             check("turn", Some(step.dtheta_deg), Some(true_step.dtheta_deg), Some(step.sigma_dtheta_deg));
@@ -114,7 +114,7 @@ fn a_flickering_lamp_does_not_bias_results() {
 
 /// The truth of a frame without a ball.
 fn nothing(like: &VelocitySample) -> VelocitySample {
-    VelocitySample { center_x_px: None, center_y_px: None, radius_px: None, step: None, velocity: None, ..*like }
+    VelocitySample { center_x_px: None, center_y_px: None, radius_px: None, motion: None, velocity: None, ..*like }
 }
 
 #[test]

@@ -181,7 +181,7 @@ fn two_cameras_on_one_line_share_each_shot() {
             let sequences: Vec<u64> = camera.frames().unwrap().map(|frame| frame.unwrap().0.sequence).collect();
             assert_eq!(sequences, wanted);
             let rows: Vec<_> = camera.velocities().unwrap().map(Result::unwrap).collect();
-            assert!(rows.len() == 12 && rows[..11].iter().all(|row| row.step.is_some()), "{rows:?}");
+            assert!(rows.len() == 12 && rows[..11].iter().all(|row| row.motion.is_some()), "{rows:?}");
         }
         assert!(csv(path, "events").contains("side: 12 of 12 frames match one of the first camera"));
     }

@@ -1,7 +1,7 @@
 //! Collisions against simulated truth.
 
 use ricochet::motion::MotionParams;
-use ricochet::results::{BodyStep, Estimate, ForceLaw, Impact, Phase, PointStatus};
+use ricochet::results::{BodyStep, Circle, Estimate, ForceLaw, Impact, Phase, PointStatus};
 use ricochet::track::{Tracker, TrackerParams, TrackerRows};
 
 use crate::synth_physics::{Experiment, Law, Noise, Ripple, Truth, lacrosse, rod, steps, tennis};
@@ -294,7 +294,7 @@ fn missing_steps_in_contact_cost_little() {
             let mut steps = truth.steps(1, &mut noise);
             let middle = ((truth.start + truth.end) / 2.0) as usize;
             for at in [middle - 12, middle, middle + 1, middle + 10] {
-                (steps[at].step, steps[at].status) = (None, PointStatus::LowCorrelation);
+                (steps[at].motion, steps[at].status) = (None, PointStatus::LowCorrelation);
             }
             let rows = track(&steps, &experiment.params());
             compare(&mut errors, rows.impacts.last().expect("an impact"), &truth);
@@ -437,8 +437,9 @@ fn the_deepest_moment_of_a_spinning_ball_includes_the_uncertainty_of_its_centre(
         let truth = Experiment { omega_rad_s, ..lacrosse(false) }.simulate(0.25);
         [0.02, 1.0].map(|sigma_center_px| {
             let mut steps = truth.steps(1, &mut Noise::new(3));
-            let circles = steps.iter_mut().filter_map(|step| step.circle.as_mut());
-            circles.for_each(|circle| circle.sigma_center_px = sigma_center_px);
+            for step in &mut steps {
+                step.outline = step.circle().map(|circle| Circle { sigma_center_px, ..circle }.into());
+            }
             // The field shows that it rotates about no other axis.
             steps.iter_mut().for_each(|step| step.drift = Some([Estimate { value: 0.0, sigma: 2e-3 }; 3]));
             let rows = track(&steps, &truth.experiment.params());

@@ -17,7 +17,7 @@ fn uniform(n: usize, frames: usize, rate: [f64; 3]) -> Vec<BodyStep> {
     let poses: Vec<_> = (0..frames).map(pose).collect();
     let mut steps = steps(&poses, n, 1e5, (0.0, 0.0, 50.0), &mut Noise::new(3));
     for step in &mut steps {
-        if let Some(s) = &mut step.step {
+        if let Some(s) = &mut step.motion {
             (s.sigma_dx_px, s.sigma_dy_px, s.sigma_dtheta_deg) = (0.0015, 0.0015, 0.002);
         }
     }
@@ -55,7 +55,7 @@ fn a_gap_does_not_change_uniform_motion() {
     let rate = [0.37, -0.2, 0.35];
     let mut steps = uniform(1, 60, rate);
     for step in &mut steps[20..24] {
-        (step.step, step.circle, step.status) = (None, None, PointStatus::Lost);
+        (step.motion, step.outline, step.status) = (None, None, PointStatus::Lost);
     }
     let rows = track(&steps, &params());
     for (row, track) in rows.velocities.iter().zip(&rows.tracks) {
@@ -81,7 +81,7 @@ fn true_stamps_count_not_frame_numbers() {
     let mut steps = steps(&poses, 1, 1e5, (0.0, 0.0, 50.0), &mut noise);
     for (step, t) in steps.iter_mut().zip(&times) {
         step.stamp_ns = 1_000_000_000 + ((t + 1.0) * 1e5).round() as u64;
-        if let Some(s) = &mut step.step {
+        if let Some(s) = &mut step.motion {
             (s.sigma_dx_px, s.sigma_dy_px, s.sigma_dtheta_deg) = (0.0015, 0.0015, 0.002);
         }
     }
@@ -206,7 +206,7 @@ fn rows_come_in_order_with_the_stated_lag_and_depend_on_nothing_newer() {
     assert_eq!(all, track(&steps, &motion), "drained or not");
     let moved = |step: &RigidStep| [step.dx_px, step.dy_px, step.dtheta_deg];
     let is_of = |row: &VelocitySample, step: &BodyStep| {
-        row.frame == step.frame && row.step.as_ref().map(moved) == step.step.as_ref().map(moved)
+        row.frame == step.frame && row.motion.as_ref().map(moved) == step.motion.as_ref().map(moved)
     };
     assert!(all.velocities.iter().zip(&steps).all(|(row, step)| is_of(row, step)));
     // Rows that were published do not depend on later steps.
@@ -255,9 +255,9 @@ fn velocity_uncertainties_hold_when_a_body_is_lost_at_contact() {
             let first = truth.start as usize + 1 + (seed % 4) as usize;
             let last = (truth.end as usize - 1).max(first + 4);
             // The step of the frame before leads into a frame without the body.
-            steps[first - 1].step = None;
+            steps[first - 1].motion = None;
             for step in &mut steps[first..last] {
-                (step.step, step.circle, step.rod, step.status) = (None, None, None, PointStatus::Lost);
+                (step.motion, step.outline, step.status) = (None, None, PointStatus::Lost);
             }
             let rows = track(&steps, &experiment.params());
             for at in (first - 4..first).chain(last..last + 4) {

@@ -61,7 +61,7 @@ fn velocity_is_that_of_the_centre_and_not_of_the_front() {
             if let (Some(x), Some(sigma)) = (track.center_x_px, track.sigma_center_px) {
                 centers.push(x - truth.center_x_px.unwrap(), sigma);
             }
-            if let Some(step) = row.step {
+            if let Some(step) = row.motion {
                 steps.push(step.dx_px - 1.87, step.sigma_dx_px);
             }
         }

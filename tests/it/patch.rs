@@ -96,7 +96,7 @@ fn a_polygon_with_a_hole_is_followed_within_thousandths_of_a_pixel() {
         assert!((velocity.omega_rad_s / (1.37_f64.to_radians() * 1e4) - 1.0).abs() < 0.01, "frame {}", row.frame);
         // The reported point lies 2.7 px from the centre of the ball and moves around it.
         assert!((velocity.vx_m_s - 0.83 * speed).abs() < 0.09 * speed, "frame {}", row.frame);
-        assert!(row.step.is_none_or(|step| step.sigma_dx_px < 0.005) && row.visible_fraction.unwrap() > 0.97);
+        assert!(row.motion.is_none_or(|step| step.sigma_dx_px < 0.005) && row.visible_fraction.unwrap() > 0.97);
     }
 }
 
@@ -188,7 +188,7 @@ fn a_patch_without_texture_has_no_numbers() {
     let blank = |_| vec![120; world.frame_bytes()];
     let rows = rows_of_pictures((0..8).map(blank), &world, &rig(&[("p", octagon([180.0, 180.0], 30.0))]));
     assert!(rows.tracks.iter().all(|track| track.center_x_px.is_none() && track.status != PointStatus::Valid));
-    assert!(rows.velocities.iter().all(|row| row.step.is_none() && row.velocity.is_none()));
+    assert!(rows.velocities.iter().all(|row| row.motion.is_none() && row.velocity.is_none()));
 }
 
 #[test]

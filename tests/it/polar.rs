@@ -21,7 +21,7 @@ fn film(seed: u64, (vx, vy, spin_deg): (f64, f64, f64)) -> Scenario {
 
 /// The root mean square errors of the rotation from frame to frame, in deg and in sigmas, and the number of steps.
 fn judge(rows: &TrackerRows, spin_deg: f64) -> (f64, f64, usize) {
-    let steps: Vec<_> = rows.velocities.iter().filter_map(|row| row.step).collect();
+    let steps: Vec<_> = rows.velocities.iter().filter_map(|row| row.motion).collect();
     let rms = |of: &dyn Fn(&ricochet::results::RigidStep) -> f64| {
         (steps.iter().map(|step| of(step).powi(2)).sum::<f64>() / steps.len() as f64).sqrt()
     };

@@ -162,6 +162,6 @@ fn warming_up_changes_no_result() {
     for share in [Share::ALL, Share { index: 1, of: 2 }] {
         let ((measured, cold), (rehearsed, warm)) = (first_measured(false, share), first_measured(true, share));
         println!("first frame: {cold:?}, after warming up {warm:?}");
-        assert!(measured.iter().any(|measured| measured.step.step.is_some()) && measured == rehearsed);
+        assert!(measured.iter().any(|measured| measured.step.motion.is_some()) && measured == rehearsed);
     }
 }

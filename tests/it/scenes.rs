@@ -103,7 +103,7 @@ fn piecewise_motion_changes_speed_at_its_times_and_never_jumps() {
     let px_s = 1e-3 * scenario.scale.mm_per_px * scenario.camera.frame_rate_hz;
     assert!((speed(3).vx_m_s - px_s).abs() < 1e-9 && (speed(3).vy_m_s - 0.5 * px_s).abs() < 1e-9);
     assert!(speed(4).vx_m_s.abs() < 1e-12 && (speed(4).omega_rad_s + 1f64.to_radians() * 1e4).abs() < 1e-6);
-    let turn = world.truth(3).step.unwrap();
+    let turn = world.truth(3).motion.unwrap();
     assert!((turn.dx_px - 0.5).abs() < 1e-9 && (turn.dtheta_deg - 0.5).abs() < 1e-9, "{turn:?}");
 }
 
@@ -177,7 +177,7 @@ fn a_sphere_that_rotates_about_an_image_axis_moves_its_front_sideways() {
         let half = shift.map(|part| part / 2);
         let (near, far) = (apart(&world, side(51), half), apart(&world, side(51), shift));
         assert!(near < 0.5 * far, "{tilt_deg_frame:?}: {near} {far} DN");
-        assert_eq!(world.truth(0).step.unwrap().dtheta_deg.abs(), 0.0);
+        assert_eq!(world.truth(0).motion.unwrap().dtheta_deg.abs(), 0.0);
     }
 }
 
@@ -297,7 +297,7 @@ fn a_film_of_two_balls_holds_the_truth_of_both_and_its_measurement_agrees() {
         let (mut count, mut squares) = (0.0, [0.0; 3]);
         for row in &rows.velocities {
             let exact = world.truths(row.frame)[row.body as usize];
-            let (Some(step), Some(exact_step)) = (row.step, exact.step) else { continue };
+            let (Some(step), Some(exact_step)) = (row.motion, exact.motion) else { continue };
             // Subsets that rotate over the rim are not rigid, and are flagged or off.
             if name == "passing" && (row.body == 0 && row.frame >= 69) {
                 continue;

@@ -174,7 +174,7 @@ fn truth_is_consistent_with_its_own_differences() {
     let m_per_px = world.scenario().scale.mm_per_px * 1e-3;
     for index in 1..world.frames() - 1 {
         let (before, here, after) = (world.truth(index - 1), world.truth(index), world.truth(index + 1));
-        let step = before.step.unwrap();
+        let step = before.motion.unwrap();
         assert!((here.center_x_px.unwrap() - before.center_x_px.unwrap() - step.dx_px).abs() < 1e-12);
         assert!((here.center_y_px.unwrap() - before.center_y_px.unwrap() - step.dy_px).abs() < 1e-12);
         let turned = world.angle_deg(index) - world.angle_deg(index - 1);
@@ -186,7 +186,7 @@ fn truth_is_consistent_with_its_own_differences() {
         assert!((vx - velocity.vx_m_s).abs() < 0.01 && (vy - velocity.vy_m_s).abs() < 0.01, "{index}: {vx} {vy}");
         assert!((velocity.vn_m_s - velocity.vy_m_s).abs() < 1e-12 && (velocity.vt_m_s - velocity.vx_m_s).abs() < 1e-12);
     }
-    assert_eq!(world.truth(world.frames() - 1).step, None);
+    assert_eq!(world.truth(world.frames() - 1).motion, None);
 }
 
 #[test]

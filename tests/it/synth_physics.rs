@@ -3,7 +3,7 @@
 //! Independent integration in SI units (Runge-Kutta, 400 steps per frame) that shares nothing with the measured code.
 
 use ricochet::motion::{Form, Intervals, MotionParams, RandomWalk, Scale, Shutter, View};
-use ricochet::results::{BodyStep, Circle, Estimate, PointStatus, RigidStep};
+use ricochet::results::{BodyStep, Circle, Estimate, Outline, RigidStep};
 
 /// The uncertainty of the motion of a ball's centre relative to its front, px per rad of uncertainty of its rotation,
 /// for a fully visible ball of some 60 px radius.
@@ -395,27 +395,20 @@ pub fn steps(
     };
     (0..poses.len())
         .map(|i| BodyStep {
-            is_whole: false,
-            rim_fraction: None,
-            fixed_fraction: None,
-            growth_fraction: None,
-            is_carried: false,
             drift: step(i).map(|_| std::array::from_fn(|k| beside(i, k))),
             frame: i as u64,
             stamp_ns: 1_700_000_000_000_000_000 + (i as f64 * period_ns).round() as u64,
-            body: 0,
             interval_frames: n as u32,
-            circle: Some(Circle {
+            outline: Some(Outline::from(Circle {
                 x_px: poses[i][0] + 0.02 * noise.gauss(),
                 y_px: poses[i][1] + 0.02 * noise.gauss(),
                 radius_px,
                 sigma_center_px: 0.02,
                 sigma_radius_px: 0.02,
                 visible_fraction: 1.0,
-            }),
-            rod: None,
-            step: step(i),
-            status: PointStatus::Valid,
+            })),
+            motion: step(i),
+            ..BodyStep::default()
         })
         .collect()
 }

@@ -67,12 +67,12 @@ pub(super) fn floor(config: &Config, grabbed: &Grabbed) -> Result<Floor, Failure
     measurer.finish(&mut measured);
     let rate_hz = grabbed.frames.len() as f64 / began.elapsed().as_secs_f64().max(1e-9);
     measured.retain(|measured| measured.step.interval_frames == shortest);
-    let seen = measured.iter().filter(|measured| measured.step.circle.is_some() || measured.step.rod.is_some()).count();
+    let seen = measured.iter().filter(|measured| measured.step.outline.is_some()).count();
     let points = || measured.iter().filter_map(|measured| measured.field.as_ref()).flat_map(|field| &field.points);
     let valid = points().filter(|point| point.status == PointStatus::Valid).count();
     let steps: Vec<[f64; 3]> = measured
         .iter()
-        .filter_map(|measured| measured.step.step.map(|step| [step.dx_px, step.dy_px, step.dtheta_deg]))
+        .filter_map(|measured| measured.step.motion.map(|step| [step.dx_px, step.dy_px, step.dtheta_deg]))
         .collect();
     let moves = motion(&steps);
     let still = moves.is_none();

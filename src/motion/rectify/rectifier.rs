@@ -6,7 +6,7 @@
 
 use super::lens::{Distortion, Lens, derivative};
 use crate::motion::Form;
-use crate::results::{BodyStep, Circle, Estimate, RigidStep};
+use crate::results::{BodyStep, Circle, Estimate, Outline, OutlineShape, RigidStep};
 
 /// The step of numerical derivatives, px.
 const NEAR_PX: f64 = 1e-3;
@@ -158,39 +158,44 @@ impl Rectifier {
     ///
     /// The circle of a ball is its outline.
     pub fn step(&self, step: &BodyStep, form: Form) -> Option<BodyStep> {
-        let seen = step.circle.map(|c| [c.x_px, c.y_px]).or(step.rod.map(|rod| [rod.x_px.value, rod.y_px.value]));
-        let Some(seen) = seen else { return Some(*step) };
-        let radius_px = step.circle.map_or(0.0, |circle| circle.radius_px);
+        let Some(seen) = step.center_px() else { return Some(*step) };
+        let radius_px = step.circle().map_or(0.0, |circle| circle.radius_px);
         let (center, uneven) = if form == Form::Ball { self.center(seen, radius_px)? } else { (seen, 0.0) };
         let [x, y] = self.place(center)?;
         let jacobian = self.jacobian(center)?;
         let (least, mean) = stretch(&jacobian);
         // A ball's outline is not foreshortened with the plane.
         let size = if self.mm_per_px.is_some() { least } else { mean };
-        let circle = step.circle.map(|circle| Circle {
+        let rectified = |circle: Circle| Circle {
             x_px: x,
             y_px: y,
             radius_px: size * circle.radius_px,
             sigma_center_px: mean * circle.sigma_center_px.hypot(uneven * circle.radius_px),
             sigma_radius_px: size * circle.sigma_radius_px.hypot(uneven * circle.radius_px),
             ..circle
-        });
-        let rod = match &step.rod {
-            Some(rod) => Some(self.rod(rod)?),
+        };
+        let outline = match step.outline {
+            Some(outline) => Some(Outline {
+                shape: match &outline.shape {
+                    OutlineShape::Circle(circle) => OutlineShape::Circle(rectified(*circle)),
+                    OutlineShape::Rod(rod) => OutlineShape::Rod(self.rod(rod)?),
+                },
+                ..outline
+            }),
             None => None,
         };
         let frames = f64::from(step.interval_frames.max(1));
-        let motion = match &step.step {
+        let motion = match &step.motion {
             Some(motion) => Some(self.motion(motion, &Disc { seen, center, radius_px }, &jacobian, frames)?),
             None => None,
         };
-        let growth_fraction = step.growth_fraction.zip(step.step).and_then(|(grown, motion)| {
+        let growth_fraction = step.growth_fraction.zip(step.motion).and_then(|(grown, motion)| {
             let end = [center[0] + frames * motion.dx_px, center[1] + frames * motion.dy_px];
             let larger = (stretch(&self.jacobian(end)?).1 / mean).ln() / frames;
             Some(Estimate { value: grown.value + larger, ..grown })
         });
         // Lens distortion looks like a rotation out of the plane; only outlines separate the two.
-        Some(BodyStep { circle, rod, growth_fraction, drift: None, step: motion, ..*step })
+        Some(BodyStep { outline, growth_fraction, drift: None, motion, ..*step })
     }
 
     /// Returns the pixel of the centre of the ball whose outline is best fitted by a circle, and its uncertainty in
@@ -353,7 +358,7 @@ fn upright(matrix: &[[f64; 2]; 2], size: f64) -> [[f64; 2]; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::results::PointStatus;
+    use crate::results::MotionMethod;
 
     const BARREL: Lens = Lens {
         focal_px: [700.0, 698.0],
@@ -453,23 +458,17 @@ mod tests {
                     };
                     let (step, grown) = recorded(&rectifier, center, truth);
                     let seen = BodyStep {
-                        is_whole: true,
-                        rim_fraction: None,
-                        fixed_fraction: None,
-                        growth_fraction: Some(Estimate { value: grown, sigma: 4e-5 }),
-                        is_carried: false,
-                        drift: None,
                         frame: 3,
                         stamp_ns: 3,
-                        body: 0,
                         interval_frames: 1,
-                        circle: Some(circle),
-                        rod: None,
-                        step: Some(step),
-                        status: PointStatus::Valid,
+                        outline: Some(circle.into()),
+                        motion: Some(step),
+                        method: MotionMethod::WholeBody,
+                        growth_fraction: Some(Estimate { value: grown, sigma: 4e-5 }),
+                        ..BodyStep::default()
                     };
                     let measured = rectifier.step(&seen, Form::Ball).unwrap();
-                    let (step, left) = (measured.step.unwrap(), measured.growth_fraction.unwrap().value);
+                    let (step, left) = (measured.motion.unwrap(), measured.growth_fraction.unwrap().value);
                     let most = 0.03 * grown.abs() + 1e-5 * (1.0 + truth.2.abs());
                     assert!(left.abs() < most, "{center:?} {truth:?}: {left} of {grown}");
                     let wrong = [step.dx_px - truth.0, step.dy_px - truth.1, step.dtheta_deg - truth.2];

@@ -51,7 +51,7 @@ impl<const N: usize> CumulativeSums<N> {
             self.seen.drain(..KEPT);
         }
         self.seen.push(here);
-        if let (Some(change), Some(sigmas), Some(moved)) = (change, sigmas, &step.step) {
+        if let (Some(change), Some(sigmas), Some(moved)) = (change, sigmas, &step.motion) {
             let [_, _, left] = subset_walk([n * moved.dx_px, n * moved.dy_px, n * moved.dtheta_deg]);
             let there = |k: usize| Sample {
                 value: here[k].value + n * change[k].value,

@@ -116,9 +116,9 @@ impl OutlineDrift {
 
     /// Takes the drift that the step from a frame shows.
     pub fn push_step(&mut self, time_frames: f64, step: &BodyStep) {
-        let Some(moved) = step.step else { return };
+        let Some(moved) = step.motion else { return };
         let speed_px = moved.dx_px.hypot(moved.dy_px);
-        if let Some(circle) = &step.circle {
+        if let Some(circle) = &step.circle() {
             self.radius_px = circle.radius_px;
             let px = speed_px.hypot(circle.radius_px * moved.dtheta_deg.to_radians());
             let hidden = (1.0 - circle.visible_fraction).clamp(0.0, 1.0);

@@ -117,24 +117,17 @@ pub fn significant(seen: Estimate) -> Estimate {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::results::{PointStatus, RigidStep};
+    use crate::results::{MotionMethod, RigidStep};
 
     fn step(frame: u64, interval_frames: u32, growth: Option<f64>) -> BodyStep {
         BodyStep {
-            is_whole: true,
-            rim_fraction: None,
-            fixed_fraction: None,
-            growth_fraction: growth.map(|value| Estimate { value, sigma: 4e-5 / f64::from(interval_frames) }),
-            is_carried: false,
-            drift: None,
             frame,
             stamp_ns: frame,
-            body: 0,
             interval_frames,
-            circle: None,
-            rod: None,
-            step: Some(RigidStep::STILL),
-            status: PointStatus::Valid,
+            motion: Some(RigidStep::STILL),
+            method: MotionMethod::WholeBody,
+            growth_fraction: growth.map(|value| Estimate { value, sigma: 4e-5 / f64::from(interval_frames) }),
+            ..BodyStep::default()
         }
     }
 

@@ -1,7 +1,7 @@
 //! The correction for cameras that expose the rows of a frame one after another.
 
 use crate::motion::{Form, PixelRates, Pose, Shutter};
-use crate::results::{BodyStep, Circle, Estimate, Impact, RigidStep, Rod};
+use crate::results::{BodyStep, Circle, Estimate, Impact, Outline, OutlineShape, RigidStep, Rod};
 
 /// The weight of the measured position of a ball against its propagated one in the estimate of its row.
 const ROW_FILTER_WEIGHT: f64 = 0.1;
@@ -92,14 +92,14 @@ impl RollingShutter {
     pub fn push(&mut self, step: &BodyStep) -> f64 {
         self.row_px = self.row(step);
         self.frame = step.frame;
-        if let Some(circle) = step.circle {
+        if let Some(circle) = step.circle() {
             (self.radius_px, self.hidden) = (circle.radius_px, unfollowed(&self.shutter, &circle));
         }
         // The occluded part lies to one side of the rest.
         let row_offset_px =
             |circle: Circle| circle.radius_px * EFFECTIVE_ROW_OFFSET.hypot(1.0 - circle.visible_fraction);
-        self.row_offset_px = self.row_offset_px.max(step.circle.map_or(0.0, row_offset_px));
-        let moved_px = step.center_step().map(|step| [step.dx_px, step.dy_px]);
+        self.row_offset_px = self.row_offset_px.max(step.circle().map_or(0.0, row_offset_px));
+        let moved_px = step.center_motion().map(|step| [step.dx_px, step.dy_px]);
         let moved_px = moved_px.filter(|moved| moved.iter().all(|px| px.is_finite()));
         let before_px = self.moved_px.map(|[newest, _]| newest);
         // A body that was lost may have been struck meanwhile.
@@ -115,9 +115,9 @@ impl RollingShutter {
         let ahead_px =
             self.moved_px.map_or(0.0, |[newest, _]| step.frame.saturating_sub(self.frame) as f64 * newest[1]);
         let led_px = self.row_px.map(|row_px| row_px + ahead_px);
-        let seen_px = step.circle.map(|circle| circle.y_px).or(step.rod.map(|rod| rod.y_px.value));
+        let seen_px = step.center_px().map(|[_, y_px]| y_px);
         match (led_px, seen_px.filter(|row_px| row_px.is_finite())) {
-            (Some(led_px), Some(_)) if self.is_led && step.rod.is_some() => Some(led_px),
+            (Some(led_px), Some(_)) if self.is_led && step.rod().is_some() => Some(led_px),
             (Some(led_px), Some(seen_px)) if self.is_led => Some(led_px + ROW_FILTER_WEIGHT * (seen_px - led_px)),
             (led_px, seen_px) => seen_px.or(led_px),
         }
@@ -221,16 +221,19 @@ impl RollingShutter {
         let longer = 0.5 * change[1];
         let growth = |grown: Estimate| Estimate { value: grown.value - longer, sigma: grown.sigma.hypot(longer) };
         let straight = BodyStep {
-            // The outline of a patch stays as it was drawn.
-            circle: step.circle.map(|circle| match self.form {
-                Form::Patch => circle,
-                Form::Ball | Form::Rod => unstretched(circle, stretch, change),
+            outline: step.outline.map(|outline| Outline {
+                shape: match outline.shape {
+                    // The outline of a patch stays as it was drawn.
+                    shape @ OutlineShape::Circle(_) if self.form == Form::Patch => shape,
+                    OutlineShape::Circle(circle) => OutlineShape::Circle(unstretched(circle, stretch, change)),
+                    OutlineShape::Rod(rod) => OutlineShape::Rod(self.upright(rod, stretch, change)),
+                },
+                ..outline
             }),
-            rod: step.rod.map(|rod| self.upright(rod, stretch, change)),
             growth_fraction: step.growth_fraction.map(growth),
             ..*step
         };
-        match step.circle {
+        match step.circle() {
             Some(circle) => self.without_sinking(straight, &circle, stretch, change),
             None => straight,
         }
@@ -238,7 +241,7 @@ impl RollingShutter {
 
     /// Removes the apparent sinking of a rotating ball or patch.
     fn without_sinking(&self, step: BodyStep, circle: &Circle, stretch: [f64; 2], change: [f64; 2]) -> BodyStep {
-        let Some(seen) = step.step else { return step };
+        let Some(seen) = step.motion else { return step };
         let (radius_px, hidden) = (circle.radius_px, self.hidden);
         let interval = f64::from(step.interval_frames.max(1));
         let turn = seen.dtheta_deg.to_radians();
@@ -262,7 +265,7 @@ impl RollingShutter {
             };
             [x, y, turn]
         });
-        BodyStep { step: Some(straight), drift, ..step }
+        BodyStep { motion: Some(straight), drift, ..step }
     }
 
     /// Returns a rod at the moment that its centre was exposed.

@@ -63,7 +63,7 @@ impl CameraPart {
 
 /// Removes the motion of a step, as for the last frames of a recording.
 fn cut_off(step: BodyStep) -> BodyStep {
-    let is_seen = step.circle.is_some() || step.rod.is_some();
+    let is_seen = step.outline.is_some();
     let status = if is_seen { PointStatus::Valid } else { step.status };
     BodyStep { status, ..step.without_motion() }
 }

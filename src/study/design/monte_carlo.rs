@@ -9,7 +9,9 @@ use crate::dic::STALE_DEG;
 use crate::motion::subset_walk;
 use crate::numeric::{Stream, key};
 use crate::process::analysis_params;
-use crate::results::{BodyStep, Circle, Estimate, PointStatus, RigidStep, Rod, VelocitySample};
+use crate::results::{
+    BodyStep, Circle, Estimate, MotionMethod, Outline, OutlineShape, PointStatus, RigidStep, Rod, VelocitySample,
+};
 use crate::synth::SimulatedFilm;
 use crate::track::{Tracker, TrackerParams, TrackerRows};
 
@@ -55,7 +57,7 @@ impl Course {
             let seen = self.seen(index, &mut stream);
             for interval in &self.intervals {
                 let step = self.step(index, *interval, &white, &mut stream);
-                tracker.push(&BodyStep { interval_frames: *interval, step, ..seen }, &mut rows);
+                tracker.push(&BodyStep { interval_frames: *interval, motion: step, ..seen }, &mut rows);
             }
         }
         tracker.finish(&mut rows);
@@ -95,26 +97,30 @@ impl Course {
         let (is_seen, like) = (self.is_seen(index), &self.noise.step);
         let place = [truth.center_x_px, truth.center_y_px].map(Option::unwrap_or_default);
         let mut at = |k: usize, sigma: f64| place[k] + self.noise.off_px[k] + sigma * stream.normal();
-        let circle = like.circle.map(|circle| Circle {
-            x_px: at(0, circle.sigma_center_px),
-            y_px: at(1, circle.sigma_center_px),
-            visible_fraction: truth.visible_fraction.unwrap_or(1.0),
-            ..circle
-        });
-        let rod = like.rod.map(|rod| Rod {
-            x_px: Estimate { value: at(0, rod.x_px.sigma), ..rod.x_px },
-            y_px: Estimate { value: at(1, rod.y_px.sigma), ..rod.y_px },
-            ..rod
+        let outline = like.outline.map(|outline| Outline {
+            shape: match outline.shape {
+                OutlineShape::Circle(circle) => OutlineShape::Circle(Circle {
+                    x_px: at(0, circle.sigma_center_px),
+                    y_px: at(1, circle.sigma_center_px),
+                    visible_fraction: truth.visible_fraction.unwrap_or(1.0),
+                    ..circle
+                }),
+                OutlineShape::Rod(rod) => OutlineShape::Rod(Rod {
+                    x_px: Estimate { value: at(0, rod.x_px.sigma), ..rod.x_px },
+                    y_px: Estimate { value: at(1, rod.y_px.sigma), ..rod.y_px },
+                    ..rod
+                }),
+            },
+            ..outline
         });
         BodyStep {
             frame: truth.frame,
             stamp_ns: truth.stamp_ns,
             body: 0,
-            circle: circle.filter(|_| is_seen),
-            rod: rod.filter(|_| is_seen),
+            outline: outline.filter(|_| is_seen),
+            motion: None,
             growth_fraction: None,
             drift: None,
-            step: None,
             status: truth.status,
             ..*like
         }
@@ -129,10 +135,10 @@ impl Course {
         }
         let ((here, angle), (there, turned)) = (&self.frames[index], &self.frames[to]);
         let truth = [there.center_x_px? - here.center_x_px?, there.center_y_px? - here.center_y_px?, turned - angle];
-        let left = match self.noise.step.is_whole {
-            true if self.renewed[index + 1..=to].contains(&true) => self.noise.renewal,
-            true => [0.0; 3],
-            false => {
+        let left = match self.noise.step.method {
+            MotionMethod::WholeBody if self.renewed[index + 1..=to].contains(&true) => self.noise.renewal,
+            MotionMethod::WholeBody => [0.0; 3],
+            MotionMethod::Subsets => {
                 let share = subset_walk(truth);
                 std::array::from_fn(|k| share[k] * self.noise.walk[k] * self.noise.pose[k])
             }
@@ -147,7 +153,7 @@ impl Course {
             sigma_dx_px: sigma(0),
             sigma_dy_px: sigma(1),
             sigma_dtheta_deg: sigma(2),
-            points: self.noise.step.step.map_or(0, |step| step.points),
+            points: self.noise.step.motion.map_or(0, |step| step.points),
         })
     }
 }

@@ -6,6 +6,7 @@ use super::scatter::{Expected, Prediction};
 use super::{DesignOptions, FILMS, FILMS_OF_A_CHANGE};
 use crate::console::table;
 use crate::failure::Failure;
+use crate::results::MotionMethod;
 use crate::study::output_files::{Report, Table};
 use serde_json::{Value, json};
 
@@ -64,7 +65,7 @@ impl Study<'_> {
             "rig": rig.config.origin, "scenario": rig.scenario.name,
             "frame_rate_hz": camera.frame_rate_hz, "exposure_us": camera.exposure_us, "noise_dn": camera.noise_dn,
             "diameter_px": 2.0 * rig.scenario.radius_px(), "motion_blur_px": self.blur_px(),
-            "pixel_noise_dn": prediction.noise.pixel_dn, "is_whole": prediction.noise.step.is_whole,
+            "pixel_noise_dn": prediction.noise.pixel_dn, "is_whole": prediction.noise.step.method == MotionMethod::WholeBody,
             "sigma_x_px": x, "sigma_y_px": y, "sigma_angle_deg": angle,
             "films": FILMS, "films_of_a_change": FILMS_OF_A_CHANGE,
             "expected": expected.as_json(), "advice": advice.collect::<Vec<_>>(),
@@ -90,7 +91,10 @@ impl Study<'_> {
             camera.noise_dn,
             2u32.pow(camera.bits)
         );
-        let method = if noise.step.is_whole { "whole-body match" } else { "subsets" };
+        let method = match noise.step.method {
+            MotionMethod::WholeBody => "whole-body match",
+            MotionMethod::Subsets => "subsets",
+        };
         let pose = format!("pose noise ({method}): {x:.5} px, {y:.5} px, {angle:.5} deg (1 sigma)");
         let header = ["result", "true", "scatter (1 sigma)", "relative", "mean error", ""].map(str::to_owned).to_vec();
         let rows: Vec<_> = std::iter::once(header).chain(prediction.rows.iter().map(cells)).collect();

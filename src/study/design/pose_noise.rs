@@ -8,7 +8,7 @@ use crate::dic::{Correlator, RigidBody};
 use crate::failure::Failure;
 use crate::image::Image;
 use crate::process::analysis_params;
-use crate::results::{BodyStep, PointStatus};
+use crate::results::{BodyStep, MotionMethod, PointStatus};
 use crate::synth::SimulatedFilm;
 use std::ops::Range;
 
@@ -72,7 +72,7 @@ impl Noise {
             return Err(UsageError(format!("{origin}: the body is never fully visible for {pictures} frames")).into());
         };
         let steps = measured(rig, world, first..first + pictures)?;
-        let found: Vec<&BodyStep> = steps.iter().filter(|step| step.step.is_some()).collect();
+        let found: Vec<&BodyStep> = steps.iter().filter(|step| step.motion.is_some()).collect();
         let Some(step) = found.first().map(|step| **step) else {
             let status = steps.first().map_or(PointStatus::Lost, |step| step.status);
             let why = format!("{origin}: cannot track the body in the rendered frames: {}", status.as_str());
@@ -83,8 +83,8 @@ impl Noise {
         let light = world.render_light(first);
         let pixel_dn = pixel_noise_dn(rig, &light, center_px);
         let mut smoothing = 0.0;
-        let (pose, renewal, walk, stated) = match step.is_whole {
-            true => {
+        let (pose, renewal, walk, stated) = match step.method {
+            MotionMethod::WholeBody => {
                 let bound = bound(rig, &light, center_px, pixel_dn)?;
                 let last =
                     (first..first + RENEWED_FRAMES).take_while(|index| *index < world.frames() && is_seen(index));
@@ -93,14 +93,13 @@ impl Noise {
                 smoothing = smoothed(&matched.poses, &bound);
                 (bound, matched.renewal, [1.0; 3], [1.0; 3])
             }
-            false => {
+            MotionMethod::Subsets => {
                 let (stated, seen) = (stated(&found), subset_noise::stepped(rig, world, first)?);
                 let over = |k: usize| if seen.pose[k] > 0.0 { stated[k] / seen.pose[k] } else { 1.0 };
                 (seen.pose, [0.0; 3], seen.walk, [0, 1, 2].map(over))
             }
         };
-        let place = step.circle.map(|c| [c.x_px, c.y_px]).or(step.rod.map(|rod| [rod.x_px.value, rod.y_px.value]));
-        let off_px = place.map_or([0.0; 2], |place| [place[0] - center_px[0], place[1] - center_px[1]]);
+        let off_px = step.center_px().map_or([0.0; 2], |place| [place[0] - center_px[0], place[1] - center_px[1]]);
         Ok(Self { pose, renewal, walk, stated, smoothing, pixel_dn, step, off_px })
     }
 }
@@ -142,7 +141,7 @@ fn between_pixels(moved: [f64; 2]) -> f64 {
 /// Returns the reported sigma of subset fits, root mean square per pose; a step has the noise of two poses.
 fn stated(steps: &[&BodyStep]) -> [f64; 3] {
     let mut sums = [0.0; 3];
-    for (step, frames) in steps.iter().filter_map(|step| Some((step.step?, f64::from(step.interval_frames)))) {
+    for (step, frames) in steps.iter().filter_map(|step| Some((step.motion?, f64::from(step.interval_frames)))) {
         for (sum, sigma) in sums.iter_mut().zip([step.sigma_dx_px, step.sigma_dy_px, step.sigma_dtheta_deg]) {
             *sum += (frames * sigma).powi(2) / 2.0;
         }

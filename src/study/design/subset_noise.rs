@@ -116,7 +116,7 @@ fn closure(rows: &[BodyStep], start: u64, short: u32, long: u32) -> Option<[f64;
 /// Returns the motion of a step over this interval.
 fn moved(rows: &[BodyStep], from: u64, interval: u32) -> Option<[f64; 3]> {
     let row = rows.iter().find(|row| row.frame == from && row.interval_frames == interval)?;
-    let step = row.step?;
+    let step = row.motion?;
     Some([step.dx_px, step.dy_px, step.dtheta_deg].map(|mean| mean * f64::from(interval)))
 }
 

@@ -63,7 +63,7 @@ fn numbers_read_back_exactly_and_missing_ones_are_empty() {
         let read = |cell: &str| (!cell.is_empty()).then(|| cell.parse::<f64>().unwrap().to_bits());
         assert_eq!(read(&row[4]), sample.center_x_px.map(f64::to_bits));
         assert_eq!(row[6], "", "no radius");
-        assert_eq!(read(&row[7]), sample.step.map(|s| s.dx_px.to_bits()));
+        assert_eq!(read(&row[7]), sample.motion.map(|s| s.dx_px.to_bits()));
         assert_eq!(read(&row[17]), sample.velocity.map(|v| v.omega_rad_s.to_bits()));
         assert_eq!(row[21..], [sample.phase.as_str(), sample.status.as_str()]);
     }

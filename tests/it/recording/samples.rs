@@ -52,7 +52,7 @@ pub fn velocity(frame: u64, body: u32) -> VelocitySample {
         center_x_px: whole.then(|| n(0)),
         center_y_px: Some(n(1)),
         radius_px: None,
-        step: whole.then(|| RigidStep {
+        motion: whole.then(|| RigidStep {
             dx_px: n(2),
             dy_px: n(3),
             dtheta_deg: n(4),

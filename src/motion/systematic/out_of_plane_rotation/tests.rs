@@ -1,7 +1,7 @@
 //! Centres that leave their poses, by made-up steps and outlines.
 
 use super::*;
-use crate::results::PointStatus;
+use crate::results::MotionMethod;
 
 const FLIGHT: Regime = Regime::Flight { from: 0, to: u64::MAX };
 
@@ -26,20 +26,13 @@ fn circle(frame: u64, [x, y]: [f64; 2]) -> Circle {
 fn step(frame: u64, [x, y]: [f64; 2]) -> BodyStep {
     let along = |value: f64, sigma: f64| Estimate { value, sigma };
     BodyStep {
-        is_carried: false,
-        is_whole: true,
-        rim_fraction: None,
-        fixed_fraction: None,
-        growth_fraction: None,
-        drift: Some([along(x, 0.01), along(y, 0.01), along(0.0, 0.005)]),
         frame,
         stamp_ns: frame,
-        body: 0,
         interval_frames: 1,
-        circle: None,
-        rod: None,
-        step: Some(RigidStep { dx_px: 1.5, ..RigidStep::STILL }),
-        status: PointStatus::Valid,
+        motion: Some(RigidStep { dx_px: 1.5, ..RigidStep::STILL }),
+        method: MotionMethod::WholeBody,
+        drift: Some([along(x, 0.01), along(y, 0.01), along(0.0, 0.005)]),
+        ..BodyStep::default()
     }
 }
 
@@ -80,8 +73,8 @@ fn a_ball_whose_drift_nobody_sees_is_as_unsure_as_balls_turn() {
     let mut drift = OutlineDrift::default();
     drift.push(&node(0), &circle(0, [0.0; 2]));
     for frame in 0..40 {
-        let circle = Some(circle(frame, [0.0; 2]));
-        drift.push_step(frame as f64, &BodyStep { drift: None, circle, ..step(frame, [0.0; 2]) });
+        let outline = Some(circle(frame, [0.0; 2]).into());
+        drift.push_step(frame as f64, &BodyStep { drift: None, outline, ..step(frame, [0.0; 2]) });
     }
     assert_eq!(drift.significant(0.0, 39.0), None);
     let [x, _, _] = drift.expected(0.0, 39.0).unwrap();

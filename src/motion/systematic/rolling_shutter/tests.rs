@@ -4,22 +4,6 @@ use super::*;
 use crate::results::{PointStatus, ROD_EDGES, RodEdge};
 
 const RADIUS_PX: f64 = 57.0;
-const STEP: BodyStep = BodyStep {
-    is_carried: false,
-    is_whole: false,
-    rim_fraction: None,
-    fixed_fraction: None,
-    growth_fraction: None,
-    drift: None,
-    frame: 0,
-    stamp_ns: 0,
-    body: 0,
-    interval_frames: 1,
-    circle: None,
-    rod: None,
-    step: None,
-    status: PointStatus::Valid,
-};
 
 /// A disc filmed by a rolling shutter, by the definition alone: the slow twin.
 struct Film {
@@ -91,7 +75,7 @@ impl Film {
         let [x_px, y_px] = center;
         let (sigma_center_px, sigma_radius_px) = (0.0, 0.0);
         let circle = Circle { x_px, y_px, radius_px, sigma_center_px, sigma_radius_px, visible_fraction: 1.0 };
-        BodyStep { frame, circle: Some(circle), step: Some(step), ..STEP }
+        BodyStep { frame, interval_frames: 1, outline: Some(circle.into()), motion: Some(step), ..BodyStep::default() }
     }
 }
 
@@ -122,7 +106,7 @@ fn a_ball_is_as_large_as_it_is_at_the_moment_its_centre_was_exposed() {
                 let step = film.step(frame);
                 let later = rolling.push(&step);
                 let straight = rolling.straightened(&step);
-                let (seen, measured) = (step.circle.unwrap(), straight.circle.unwrap());
+                let (seen, measured) = (step.circle().unwrap(), straight.circle().unwrap());
                 let (_, time) = film.shown(frame, [0.0; 2]);
                 assert!((frame as f64 + later - time).abs() < 1e-6, "{later} at {frame}, truly {time}");
                 let (was, is) = (seen.radius_px - RADIUS_PX, measured.radius_px - RADIUS_PX);
@@ -133,7 +117,7 @@ fn a_ball_is_as_large_as_it_is_at_the_moment_its_centre_was_exposed() {
                 let by = row_time_frames * speed_px[1];
                 assert!((was - 0.5 * by * RADIUS_PX).abs() < 0.1, "{was} px at {by}");
                 // Periods between images make a step a speed.
-                let measured_px = straight.step.unwrap().dy_px / rolling.periods();
+                let measured_px = straight.motion.unwrap().dy_px / rolling.periods();
                 assert!((measured_px - speed_px[1]).abs() < 1e-6, "{measured_px} for {speed_px:?}");
             }
         }
@@ -150,7 +134,7 @@ fn a_ball_that_turns_does_not_sink() {
             rolling.push(&step);
             let straight = rolling.straightened(&step);
             let truth = film.shown(frame + 1, [0.0; 2]).0[1] - film.shown(frame, [0.0; 2]).0[1];
-            let (seen, measured) = (step.step.unwrap().dy_px - truth, straight.step.unwrap());
+            let (seen, measured) = (step.motion.unwrap().dy_px - truth, straight.motion.unwrap());
             let off = measured.dy_px - truth;
             assert!(seen * row_time_frames > 0.0, "downwards with the rows: {seen}");
             assert!(
@@ -180,7 +164,7 @@ fn a_ball_that_is_pushed_aside_is_not_turned_by_it() {
         let off = measured_deg - truth_deg;
         worst = worst.max(if frame == 0 { 0.0 } else { off.abs() });
         seen = seen.max((angle_deg - truth_deg).abs());
-        angle_deg += step.step.unwrap().dtheta_deg;
+        angle_deg += step.motion.unwrap().dtheta_deg;
     }
     assert!(seen > 0.5 && worst < 0.06, "{seen} {worst}");
 }
@@ -209,10 +193,16 @@ fn a_rod_has_its_edges_and_its_tilt_of_one_moment() {
         };
         let next = film.shown(frame + 1, [0.0; 2]).0;
         let moved = RigidStep { dx_px: next[0] - middle[0], dy_px: next[1] - middle[1], ..RigidStep::STILL };
-        let step = BodyStep { frame, rod: Some(rod), step: Some(moved), ..STEP };
+        let step = BodyStep {
+            frame,
+            interval_frames: 1,
+            outline: Some(rod.into()),
+            motion: Some(moved),
+            ..BodyStep::default()
+        };
         let later = rolling.push(&step);
         assert!((later - row_time_frames * middle[1]).abs() < 1e-9);
-        let measured = rolling.straightened(&step).rod.unwrap();
+        let measured = rolling.straightened(&step).rod().unwrap();
         assert!((rod.tilt_deg.value - tilt_deg).abs() > 0.2, "{rod:?}");
         assert!((measured.tilt_deg.value - tilt_deg).abs() < 1e-6, "{measured:?}");
         for (edge, along) in measured.edges.iter().flatten().zip(along) {
@@ -236,7 +226,13 @@ fn a_rod_represented_by_another_point_is_seen_when_it_was() {
             edges: [None; ROD_EDGES],
         };
         let moved = RigidStep { dy_px: 5.0, ..RigidStep::STILL };
-        let later = rolling.push(&BodyStep { frame, rod: Some(rod), step: Some(moved), ..STEP });
+        let later = rolling.push(&BodyStep {
+            frame,
+            interval_frames: 1,
+            outline: Some(rod.into()),
+            motion: Some(moved),
+            ..BodyStep::default()
+        });
         assert!((later - 0.004 * (80.0 + 5.0 * frame as f64)).abs() < 1e-9, "{frame}: {later}");
     }
 }
