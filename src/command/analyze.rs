@@ -74,7 +74,7 @@ pub fn run(options: &AnalyzeOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let truncated = film.truncated.clone();
     let (path, missing) = measure(film, &output, stop)?;
     let results = Recording::open(&path)?;
-    tell(&last_revisions(&results)?, &results, &path, options.json);
+    print_impacts(&last_revisions(&results)?, &results, &path, options.json);
     Ok(Outcome::of_file(missing, &options.inputs[0], truncated.as_deref()))
 }
 
@@ -209,7 +209,7 @@ pub(super) fn last_revisions(recording: &Recording) -> Result<Vec<Impact>, Recor
     Ok(report::last_revisions(recording.impacts()?.collect::<Result<_, _>>()?))
 }
 
-fn tell(impacts: &[Impact], results: &Recording, path: &Path, json: bool) {
+fn print_impacts(impacts: &[Impact], results: &Recording, path: &Path, json: bool) {
     if json {
         let rows: Vec<_> = impacts.iter().map(|impact| as_json(impact, results)).collect();
         say(&serde_json::json!({ "results": path, "impacts": rows }).to_string());

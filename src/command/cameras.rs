@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_of_the_kernel_is_told_with_what_each_format_becomes() {
+    fn a_camera_of_the_kernel_is_listed_with_the_conversion_of_each_format() {
         assert_eq!(
             kernel_camera_as_text(&webcam()),
             "/dev/video0\n  model    Webcam, serial number none\n  address  usb-1 (V4L2, driver uvcvideo)\n  \

@@ -17,7 +17,7 @@ use stream::Streamed;
 /// The playback rate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Rate {
-    /// As fast as the rig takes the frames, without loss.
+    /// The rate at which the rig takes the frames, without loss.
     Max,
     /// A multiple of real time; a slow reader loses frames, as with a camera.
     Times(f64),

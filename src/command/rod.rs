@@ -1,4 +1,4 @@
-//! What a row of the `track` table has of a rod.
+//! The columns of a rod in the `track` table.
 
 use crate::results::{PointStatus, ROD_EDGES, Rod, RodEdge};
 
@@ -6,7 +6,7 @@ const EDGES: [&str; ROD_EDGES] = ["edge_1_px", "edge_2_px", "edge_3_px", "edge_4
 const SIGMAS: [&str; ROD_EDGES] = ["sigma_edge_1_px", "sigma_edge_2_px", "sigma_edge_3_px", "sigma_edge_4_px"];
 const STATUSES: [&str; ROD_EDGES] = ["edge_1_status", "edge_2_status", "edge_3_status", "edge_4_status"];
 
-/// Its numbers by column: the edges first.
+/// Returns its numbers by column, the edges first.
 pub(super) fn numbers(rod: Option<&Rod>) -> Vec<(&'static str, Option<f64>)> {
     let place = |index: usize| rod.and_then(|rod| rod.edges[index]).and_then(|edge| edge.y_px);
     let edges = (0..ROD_EDGES).map(|index| (EDGES[index], place(index).map(|y| y.value)));
@@ -20,7 +20,7 @@ pub(super) fn numbers(rod: Option<&Rod>) -> Vec<(&'static str, Option<f64>)> {
     edges.chain(sigmas).chain(shape).collect()
 }
 
-/// What became of its edges; `None` for those that are not followed.
+/// Returns the status of its edges by column; `None` for those that are not followed.
 pub(super) fn statuses(rod: Option<&Rod>) -> Vec<(&'static str, Option<PointStatus>)> {
     let status = |edge: RodEdge| edge.status;
     (0..ROD_EDGES).map(|index| (STATUSES[index], rod.and_then(|rod| rod.edges[index]).map(status))).collect()

@@ -55,10 +55,10 @@ pub fn run(options: &SimulateOptions) -> Result<Outcome, Failure> {
     draw(&world, &format, &mut writer)?;
     let finished = writer.finish()?;
     if options.json {
-        let told = serde_json::json!({
+        let summary = serde_json::json!({
             "path": finished.path, "frames": finished.frames, "bytes": finished.bytes,
         });
-        say(&told.to_string());
+        say(&summary.to_string());
     }
     Ok(Outcome::Clean)
 }

@@ -52,7 +52,7 @@ pub(super) struct PendingFrame {
     pub(super) block: u64,
     pub(super) prepared: PreparedFrame,
     pub(super) outlines: Vec<Result<Outline, PointStatus>>,
-    /// By body.
+    /// The origin of each body's outline.
     pub(super) origins: Vec<OutlineOrigin>,
     /// The results by body and interval; `None` until the target came or was missed.
     pub(super) done: Vec<Option<Measured>>,

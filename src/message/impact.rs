@@ -36,7 +36,7 @@ macro_rules! impact_message {
         #[type_name("ricochet.Impact.v4")]
         #[repr(C)]
         pub struct ImpactMessage {
-            /// Which start of the acquire process the frames belong to.
+            /// The start of the acquire process that the frames belong to.
             pub run_id: u64,
             /// The origin of the `_s` moments, ns since the Unix epoch.
             pub origin_ns: u64,

@@ -34,7 +34,7 @@ macro_rules! sample_message {
         #[type_name($type_name)]
         #[repr(C)]
         pub struct $Message {
-            /// Which start of the acquire process the frame belongs to.
+            /// The start of the acquire process that the frame belongs to.
             pub run_id: u64,
             /// The sequence number of the frame.
             pub sequence: u64,

@@ -1,4 +1,4 @@
-//! Which topics a recording holds, and the schema each is written with.
+//! The topics of a recording and their schemas.
 
 pub(super) mod proto;
 
@@ -13,19 +13,19 @@ named_enum! {
     Topic: "topic" {
         /// The frames, as `foxglove.RawImage`.
         Image = 0 "/camera/image",
-        /// What an image message cannot hold of a frame.
+        /// The metadata of a frame that an image message cannot hold.
         FrameInfo = 1 "/camera/frame_info",
         /// Circles and vectors to draw over the frames, as `foxglove.ImageAnnotations`.
         Annotations = 2 "/camera/annotations",
         /// Displacement fields.
         Field = 3 "/field",
-        /// Where the bodies are.
+        /// Positions of the bodies.
         Track = 4 "/track",
-        /// How fast they move.
+        /// Velocities of the bodies.
         Velocity = 5 "/velocity",
-        /// What the collisions did.
+        /// Collisions.
         Impact = 6 "/impact",
-        /// How the rig's processes are doing.
+        /// Status of the rig's processes.
         Status = 7 "/status",
         /// Triggers and changes of state.
         Events = 8 "/events",

@@ -35,7 +35,7 @@ const MAX_SECONDS: f64 = 600.0;
 pub struct CheckOptions {
     /// Rig file.
     pub config: PathBuf,
-    /// How long to film, s.
+    /// The filming time, s.
     #[arg(long, default_value_t = 1.0)]
     pub seconds: f64,
     /// HTML page to write.
