@@ -67,12 +67,11 @@ pub fn role(role: Role, options: &RoleOptions, stop: &Stop) -> Result<Outcome, F
         let origin = &config.origin;
         return Err(crate::console::UsageError(format!("{origin}: nothing to record: add a [record] table")).into());
     }
-    let resumed = options.resume.is_some();
     let summary = match role {
         Role::Acquire => process::acquire(config, options.resume, stop)?,
-        Role::Correlate => process::correlate(config, options.worker, resumed, stop)?,
+        Role::Correlate => process::correlate(config, options.worker, options.resume, stop)?,
         Role::Track => process::track(config, options.resume, stop)?,
-        Role::Record => process::record(config, resumed, stop)?,
+        Role::Record => process::record(config, options.resume, stop)?,
         Role::Supervise => process::supervise(config, stop, |_| ())?,
     };
     Ok(outcome(&summary))

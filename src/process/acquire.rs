@@ -43,7 +43,7 @@ const RELEASE_TIMEOUT: Duration = Duration::from_secs(20);
 /// If the camera cannot be opened or is lost for good, or shared memory cannot be used.
 pub fn run(config: &Config, resume: Option<Resume>, stop: &Stop) -> Result<Summary, Failure> {
     let begin = now();
-    let source = open(config, resume.is_some(), stop)?;
+    let source = open(config, resume, stop)?;
     config.check_calibration(source.format().width_px, source.format().height_px)?;
     let bus = Bus::join_as(&config.rig.name, Role::Acquire.as_str(), SUCCESSION)?;
     if resume.is_none() {
@@ -62,11 +62,11 @@ pub fn run(config: &Config, resume: Option<Resume>, stop: &Stop) -> Result<Summa
 }
 
 /// Opens the camera. A camera whose controlling process was killed may refuse for some seconds.
-fn open(config: &Config, is_resumed: bool, stop: &Stop) -> Result<Source, CameraError> {
+fn open(config: &Config, resume: Option<Resume>, stop: &Stop) -> Result<Source, CameraError> {
     let timeout = Timeout::new(RELEASE_TIMEOUT);
     loop {
         match Source::open(config) {
-            Err(error) if is_resumed && !timeout.has_expired() && !stop.requested() => {
+            Err(error) if resume.is_some() && !timeout.has_expired() && !stop.requested() => {
                 log::info!("{error}; retrying");
                 std::thread::sleep(Duration::from_millis(200));
             }

@@ -3,6 +3,7 @@
 use super::clock::{Timeout, now};
 use super::frame_stamp::FrameStamp;
 use super::reference_picture;
+use super::resume::Resume;
 use super::setup::{SUCCESSION, analysis_params, expected_format, limits};
 use super::status_reporter::StatusReporter;
 use super::stop::Stop;
@@ -23,12 +24,12 @@ const LINGER_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// Measures every `workers.count`-th block of frames, as worker `index`, until the stream ends.
 ///
-/// `resumed` says that this process replaces a dead worker of the same index.
+/// `resume` is the last state of a dead predecessor.
 ///
 /// # Errors
 ///
 /// If the measurement cannot be planned, or shared memory cannot be used.
-pub fn run(config: &Config, index: u32, mut resumed: bool, stop: &Stop) -> Result<Summary, Failure> {
+pub fn run(config: &Config, index: u32, mut resume: Option<Resume>, stop: &Stop) -> Result<Summary, Failure> {
     let format = expected_format(config)?;
     config.check_calibration(format.width_px, format.height_px)?;
     let limits = limits(config, &format);
@@ -63,8 +64,7 @@ pub fn run(config: &Config, index: u32, mut resumed: bool, stop: &Stop) -> Resul
     let mut stream = StreamState::new(&bus, &limits)?;
     while !stop.requested() {
         if stream.update()? {
-            worker.attach(&stream, resumed, stop)?;
-            resumed = false;
+            worker.attach(&stream, resume.take(), stop)?;
         }
         let ended = stream.end.is_some();
         worker.drain(stop)?;
@@ -116,7 +116,7 @@ struct Worker<'a> {
 
 impl Worker<'_> {
     /// Maps the ring of a newly announced run and publishes readiness.
-    fn attach(&mut self, stream: &StreamState, resumed: bool, stop: &Stop) -> Result<(), Failure> {
+    fn attach(&mut self, stream: &StreamState, resume: Option<Resume>, stop: &Stop) -> Result<(), Failure> {
         if stream.continues && self.reporter.run_id() != 0 {
             // What the camera's dead process left in the ring is measured completely.
             self.drain(stop)?;
@@ -128,7 +128,7 @@ impl Worker<'_> {
         self.newest = FrameStamp::default();
         (self.shot, self.is_ended) = (0, true);
         self.next = None;
-        self.is_late = resumed || stream.first.is_some();
+        self.is_late = resume.is_some() || stream.first.is_some();
         self.first_complete = 0;
         self.reporter.set_run(stream.run_id.unwrap_or(0));
         // A dead worker left no record of its progress. Nobody must wait for frames that it will never measure.
@@ -163,7 +163,7 @@ impl Worker<'_> {
             self.summary.taken += 1;
             if std::mem::take(&mut self.needs_reference) {
                 let frame = Frame { meta, bytes: sample.bytes() };
-                self.set_reference(&frame, is_first)?;
+                self.set_reference(is_first.then_some(&frame))?;
             }
             // A block measured from its middle would differ from a replay.
             if meta.sequence >= self.first_complete {
@@ -202,9 +202,9 @@ impl Worker<'_> {
         self.publish()
     }
 
-    /// Sets the reference picture of patches, if it is available by now.
-    fn set_reference(&mut self, frame: &Frame<'_>, is_first: bool) -> Result<(), Failure> {
-        match reference_picture::obtain(self.config, frame, is_first) {
+    /// Sets the reference picture of patches, if it is available by now; `first` is the stream's first frame.
+    fn set_reference(&mut self, first: Option<&Frame<'_>>) -> Result<(), Failure> {
+        match reference_picture::obtain(self.config, first) {
             Some(picture) => self.measurer.set_reference(&picture)?,
             None => self.needs_reference = true,
         }

@@ -1,4 +1,4 @@
-//! The frame that an event belongs to.
+//! The place of a frame in its stream.
 
 use crate::message::{Event, FrameHeader};
 

@@ -14,6 +14,7 @@ use super::action::{Actions, TriggerCause};
 use super::clock::{PeriodicTimer, Timeout};
 use super::frame_stamp::FrameStamp;
 use super::live_trigger::LiveTrigger;
+use super::resume::Resume;
 use super::shot::{Shot, free_path, recording_info};
 use super::stop::Stop;
 use super::storage::{Storage, prepare_directory};
@@ -43,27 +44,26 @@ const GATHER: Duration = Duration::from_secs(2);
 /// Records shots (or the whole stream) until the stream ends.
 ///
 /// A disk that is full, gone or read-only ends the recording, not the recorder. The written part stays, the loss is
-/// reported and counted, and the next shot is recorded again. `resumed` says that this process replaces a dead
-/// recorder.
+/// reported and counted, and the next shot is recorded again. `resume` is the last state of a dead predecessor.
 ///
 /// # Errors
 ///
 /// If the folder cannot be used from the start, or shared memory cannot be used.
-pub fn run(config: &Config, resumed: bool, stop: &Stop) -> Result<Summary, Failure> {
+pub fn run(config: &Config, resume: Option<Resume>, stop: &Stop) -> Result<Summary, Failure> {
     let Some(record) = &config.record else {
         return Err(Failure::internal(format!("{}: nothing to record: there is no [record] table", config.origin)));
     };
     if let Err(error) = prepare_directory(record) {
-        if !resumed {
+        if resume.is_none() {
             return Err(error.into());
         }
         log::warn!("{error}");
     }
-    let (first, bus) = CameraFeed::open("", config, resumed)?;
+    let (first, bus) = CameraFeed::open("", config, resume)?;
     let mut feeds = vec![first];
     let mut buses = Vec::new();
     for view in &config.views {
-        let (feed, bus) = CameraFeed::open(&view.name, &view.config, resumed)?;
+        let (feed, bus) = CameraFeed::open(&view.name, &view.config, resume)?;
         feeds.push(feed);
         // It holds the recorder's role for as long as the recorder lives.
         buses.push(bus);
@@ -107,7 +107,7 @@ struct Recorder<'a> {
     failures: u32,
     armed: bool,
     /// Arming requested during a shot, for the time after it.
-    requested_arming: Option<bool>,
+    requested_arming: Option<Command>,
     /// Shots of the hardware trigger that began while another one was written.
     waiting: VecDeque<TriggerCause>,
     greet: PeriodicTimer,
@@ -219,30 +219,22 @@ impl Recorder<'_> {
             Reply { code: code as u32, armed: u32::from(armed), recordings, sequence }
         })?;
         match wanted {
-            Some(Command::Arm) => self.request_arming(true),
-            Some(Command::Disarm) => self.request_arming(false),
             Some(Command::Trigger) => self.trigger(None, "software"),
-            _ => Ok(()),
+            Some(command) => {
+                // A request during a shot also holds after it, whatever `rearm` says.
+                self.requested_arming = Some(command).filter(|_| busy).or(self.requested_arming);
+                self.arm(command)
+            }
+            None => Ok(()),
         }
     }
 
-    /// Arms or disarms on request. A request during a shot also holds after it, whatever `rearm` says.
-    fn request_arming(&mut self, armed: bool) -> Result<(), Failure> {
-        if self.shot.is_some() {
-            self.requested_arming = Some(armed);
-        }
-        self.arm(armed)
-    }
-
-    fn arm(&mut self, armed: bool) -> Result<(), Failure> {
-        self.armed = armed;
-        let (kind, text) = match (armed, self.shot.is_some()) {
-            (true, false) => (EventKind::Armed, "armed"),
-            (true, true) => (EventKind::Armed, "armed; a shot is being written"),
-            (false, false) => (EventKind::Disarmed, "disarmed"),
-            (false, true) => (EventKind::Disarmed, "disarmed; a shot is being written"),
-        };
-        self.event(kind, text)
+    /// Arms or disarms.
+    fn arm(&mut self, command: Command) -> Result<(), Failure> {
+        self.armed = command == Command::Arm;
+        let kind = if self.armed { EventKind::Armed } else { EventKind::Disarmed };
+        let during = if self.shot.is_some() { "; a shot is being written" } else { "" };
+        self.event(kind, &format!("{}{during}", kind.as_str()))
     }
 
     /// Publishes an event of the whole rig.
@@ -266,13 +258,10 @@ impl Recorder<'_> {
             } else if is_decided && self.armed && self.shot.is_none() && self.quiet.passes(event.stamp_ns) {
                 self.trigger(Some(event.sequence), cause)?;
             }
-            let prefix = self.feeds[camera].prefix();
-            if let (Some(open), Some(kind)) = (&mut self.shot, event.kind()) {
-                let text = format!("{prefix}frame {}: {}", event.sequence, event.text());
+            if let Some(kind) = event.kind() {
+                let text = format!("{}frame {}: {text}", self.feeds[camera].prefix(), event.sequence);
                 let row = EventRow { stamp_ns: event.stamp_ns, kind: kind.as_str().into(), text };
-                if let Err(error) = open.shot.event(&row) {
-                    self.abandon(&error)?;
-                }
+                self.write(|open| open.shot.event(&row))?;
             }
         }
         Ok(())
@@ -306,11 +295,8 @@ impl Recorder<'_> {
             goes_on |= wrote && !self.feeds[camera].held.is_empty();
         }
         self.close_if_complete()?;
-        if !goes_on
-            && let Some(open) = &mut self.shot
-            && let Err(error) = open.shot.hand_over()
-        {
-            self.abandon(&error)?;
+        if !goes_on {
+            self.write(|open| open.shot.hand_over())?;
         }
         Ok(goes_on)
     }
@@ -329,11 +315,11 @@ impl Recorder<'_> {
         if let Some(meta) = header.meta()
             && header.sequence >= open.shot.next_frame(camera)
         {
-            if let Err(error) = open.shot.frame(camera, &Frame { meta, bytes: sample.bytes() }) {
-                self.abandon(&error)?;
+            let frame = Frame { meta, bytes: sample.bytes() };
+            if self.write(|open| open.add_frame(camera, &frame))?.is_none() {
                 return Ok(true);
             }
-            open.add_written(camera, header.stamp_ns);
+            let feed = &mut self.feeds[camera];
             self.summary.taken += 1;
             feed.newest = FrameStamp::from(&header);
             if self.config.trigger.mode == TriggerMode::Off {
@@ -365,7 +351,7 @@ impl Recorder<'_> {
                 feed.early.push((step, field));
                 continue;
             }
-            match open.step((camera, feed.period_ns()), step, field) {
+            match open.step(camera, feed.period_ns(), step, field) {
                 Ok(true) => {
                     open.progress[camera].silence.renew();
                     self.summary.given += 1;
@@ -380,10 +366,10 @@ impl Recorder<'_> {
 
     /// Arms or disarms after a shot.
     fn rearm(&mut self) -> Result<(), Failure> {
-        let requested_arming = self.requested_arming.take();
-        match self.config.trigger.mode {
-            TriggerMode::Off => Ok(()),
-            _ => self.arm(requested_arming.unwrap_or(self.config.trigger.rearm)),
+        let default = if self.config.trigger.rearm { Command::Arm } else { Command::Disarm };
+        match (self.config.trigger.mode, self.requested_arming.take()) {
+            (TriggerMode::Off, _) => Ok(()),
+            (_, requested) => self.arm(requested.unwrap_or(default)),
         }
     }
 

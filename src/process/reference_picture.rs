@@ -65,12 +65,12 @@ pub(super) fn kept(config: &Config) -> Option<Vec<u8>> {
     if is_needed(config) { std::fs::read(path(&config.rig.name)).ok() } else { None }
 }
 
-/// Returns the stored picture; without one, `frame` if it is the stream's first.
-pub(super) fn obtain(config: &Config, frame: &Frame<'_>, is_first: bool) -> Option<Image> {
+/// Returns the stored picture; without one, the stream's first frame.
+pub(super) fn obtain(config: &Config, first: Option<&Frame<'_>>) -> Option<Image> {
     if let Some(picture) = kept(config).and_then(|png| from_png(&png)) {
         return Some(picture);
     }
-    let picture = is_first.then(|| unpacked(frame)).flatten()?;
+    let picture = first.and_then(unpacked)?;
     keep(config, &picture);
     // Another process may have been faster.
     kept(config).and_then(|png| from_png(&png)).or(Some(picture))

@@ -106,6 +106,8 @@ pub struct Supervisor<'a> {
     clean_up: PeriodicTimer,
     summary: Summary,
     restarts: u64,
+    /// Time for the processes to finish, once the camera stopped.
+    draining: Option<Timeout>,
     leader: Option<Sender<StepControl>>,
 }
 
@@ -194,6 +196,7 @@ impl<'a> Supervisor<'a> {
             clean_up: PeriodicTimer::new(CLEAN_UP_PERIOD),
             summary: Summary::default(),
             restarts: 0,
+            draining: None,
             leader,
         };
         let recorder = config.record.iter().map(|_| Child::first(Role::Record));
@@ -238,22 +241,21 @@ impl<'a> Supervisor<'a> {
     }
 
     fn watch(&mut self, stop: &Stop, watch: &mut dyn FnMut(&BTreeMap<Child, StatusMessage>)) -> Result<(), Failure> {
-        let mut draining: Option<Timeout> = None;
         while self.running_count() > 0 {
             self.receive()?;
             watch(&self.statuses);
             if self.clean_up.due() {
                 self.bus.clean_up_dead();
             }
-            if stop.requested() && draining.is_none() {
+            if stop.requested() && self.draining.is_none() {
                 self.signal(Role::Acquire, Signal::TERM);
-                draining = Some(Timeout::new(DRAIN_TIMEOUT));
+                self.draining = Some(Timeout::new(DRAIN_TIMEOUT));
             }
-            if draining.is_none() && self.ended_by_itself() {
-                draining = Some(Timeout::new(DRAIN_TIMEOUT));
+            if self.draining.is_none() && self.ended_by_itself() {
+                self.draining = Some(Timeout::new(DRAIN_TIMEOUT));
             }
-            self.reap(draining.is_some())?;
-            if draining.as_ref().is_some_and(Timeout::has_expired) {
+            self.reap()?;
+            if self.draining.as_ref().is_some_and(Timeout::has_expired) {
                 return Err(Failure::internal(format!("{} processes did not end in time", self.running_count())));
             }
             self.publish_status()?;
@@ -290,7 +292,7 @@ impl<'a> Supervisor<'a> {
     }
 
     /// Collects processes that ended, and restarts those that died.
-    fn reap(&mut self, draining: bool) -> Result<(), Failure> {
+    fn reap(&mut self) -> Result<(), Failure> {
         let children: Vec<Child> = self.children.keys().copied().collect();
         for child in children {
             let Some(running) = self.children.get_mut(&child) else { continue };
@@ -302,7 +304,7 @@ impl<'a> Supervisor<'a> {
                     running.code = Some(code);
                     self.count_losses(child, code);
                 }
-                code => self.handle_death(child, code, status, draining)?,
+                code => self.handle_death(child, code, status)?,
             }
         }
         Ok(())
@@ -316,13 +318,7 @@ impl<'a> Supervisor<'a> {
         }
     }
 
-    fn handle_death(
-        &mut self,
-        child: Child,
-        code: Option<i32>,
-        status: ExitStatus,
-        is_draining: bool,
-    ) -> Result<(), Failure> {
+    fn handle_death(&mut self, child: Child, code: Option<i32>, status: ExitStatus) -> Result<(), Failure> {
         let role = child.role.as_str();
         let last = self.statuses.get(&child).copied().unwrap_or_default();
         self.summary.lost += 1;
@@ -335,7 +331,7 @@ impl<'a> Supervisor<'a> {
         if is_reported || running.deaths > MAX_DEATHS {
             return Err(ChildFailure { role, code: code.unwrap_or(1), is_reported }.into());
         }
-        if is_draining && child.role == Role::Acquire {
+        if self.draining.is_some() && child.role == Role::Acquire {
             // The dead process will not announce the end of the stream.
             self.signal_all(Signal::TERM);
             return Ok(());

@@ -6,6 +6,7 @@ use crate::config::{Config, TriggerMode};
 use crate::failure::Failure;
 use crate::message::{Event, EventKind, Role};
 use crate::process::frame_stamp::FrameStamp;
+use crate::process::resume::Resume;
 use crate::process::setup::{SUCCESSION, analysis_params, expected_format, limits, truth_world, update_exposure};
 use crate::process::status_reporter::StatusReporter;
 use crate::process::stream_state::StreamState;
@@ -45,7 +46,7 @@ pub(super) struct CameraFeed<'a> {
 
 impl<'a> CameraFeed<'a> {
     /// Joins the rig of a camera; also returns its bus.
-    pub(super) fn open(name: &str, config: &'a Config, resumed: bool) -> Result<(Self, Bus), Failure> {
+    pub(super) fn open(name: &str, config: &'a Config, resume: Option<Resume>) -> Result<(Self, Bus), Failure> {
         let format = expected_format(config)?;
         config.check_ring(format.slot_bytes(), format.frame_rate_hz)?;
         config.check_calibration(format.width_px, format.height_px)?;
@@ -68,7 +69,7 @@ impl<'a> CameraFeed<'a> {
             config,
             format,
             limits,
-            resumed,
+            resumed: resume.is_some(),
         };
         Ok((feed, bus))
     }

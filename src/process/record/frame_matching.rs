@@ -43,6 +43,7 @@ pub struct Matcher {
     mains: VecDeque<u64>,
     others: VecDeque<u64>,
     result: Matching,
+    is_over: bool,
     /// Sum of squares about the mean (Welford).
     squares: f64,
 }
@@ -55,6 +56,7 @@ impl Matcher {
             mains: VecDeque::new(),
             others: VecDeque::new(),
             result: Matching::default(),
+            is_over: false,
             squares: 0.0,
         }
     }
@@ -65,7 +67,7 @@ impl Matcher {
         if self.mains.len() > MAX_WAITING {
             self.mains.pop_front();
         }
-        self.match_frames(false);
+        self.match_frames();
     }
 
     /// Adds a frame of the other camera.
@@ -75,12 +77,13 @@ impl Matcher {
         if self.others.len() > MAX_WAITING {
             self.others.pop_front();
         }
-        self.match_frames(false);
+        self.match_frames();
     }
 
     /// Ends the matching; no more frames will come.
     pub fn finish(mut self) -> Matching {
-        self.match_frames(true);
+        self.is_over = true;
+        self.match_frames();
         if self.result.matched > 1 {
             self.result.scatter_ns = (self.squares / (self.result.matched - 1) as f64).sqrt();
         }
@@ -89,13 +92,13 @@ impl Matcher {
 
     /// Matches frames as far as possible: the nearest frame is known once there is a later one, or no more will
     /// come.
-    fn match_frames(&mut self, is_over: bool) {
+    fn match_frames(&mut self) {
         while let Some(other) = self.others.front().copied() {
             while self.mains.get(1).is_some_and(|next| next.abs_diff(other) <= self.mains[0].abs_diff(other)) {
                 self.mains.pop_front();
             }
             let is_passed = self.mains.back().is_some_and(|newest| *newest >= other);
-            if !is_passed && !is_over {
+            if !is_passed && !self.is_over {
                 return;
             }
             self.others.pop_front();

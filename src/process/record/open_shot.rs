@@ -3,6 +3,7 @@
 use super::SILENCE;
 use super::camera_feed::CameraFeed;
 use super::frame_matching::Matcher;
+use crate::image::Frame;
 use crate::process::clock::Timeout;
 use crate::process::shot::Shot;
 use crate::recording::RecordingError;
@@ -62,8 +63,10 @@ impl OpenShot {
         }
     }
 
-    /// Notes a frame that was written.
-    pub(super) fn add_written(&mut self, camera: usize, stamp_ns: u64) {
+    /// Writes a frame of a camera.
+    pub(super) fn add_frame(&mut self, camera: usize, frame: &Frame<'_>) -> Result<(), RecordingError> {
+        self.shot.frame(camera, frame)?;
+        let stamp_ns = frame.meta.stamp_ns;
         match camera.checked_sub(1) {
             None => self.matchers.iter_mut().for_each(|matcher| matcher.add_main(stamp_ns)),
             Some(view) => {
@@ -71,6 +74,7 @@ impl OpenShot {
                 self.progress[camera].silence.renew();
             }
         }
+        Ok(())
     }
 
     /// Sets the end of a camera's part, and writes the steps that waited for it.
@@ -87,11 +91,11 @@ impl OpenShot {
     /// shot.
     pub(super) fn step(
         &mut self,
-        feed: (usize, f64),
+        camera: usize,
+        period_ns: f64,
         step: BodyStep,
         field: Option<PairField>,
     ) -> Result<bool, RecordingError> {
-        let (camera, period_ns) = feed;
         let ahead_ns = (period_ns * f64::from(step.interval_frames + 2)).ceil() as u64;
         let may_lead_out = step.stamp_ns.saturating_add(ahead_ns) > self.window.to_ns;
         if self.progress[camera].end.is_none() && may_lead_out {

@@ -39,12 +39,7 @@ impl Recorder<'_> {
             text: cause.to_owned(),
         })?;
         self.begin(window, start_ns, &format!("{cause} at frame {at}"), last + 1 - first)?;
-        let Some(open) = &mut self.shot else { return self.rearm() };
-        let feed = &self.feeds[0];
-        let range = FrameRange { first, last: Some(last), max_delay_frames: feed.max_delay_frames() };
-        open.shot.begin(0, feed.tracker_params(), range);
-        open.progress[0].end = Some(last + 1);
-        self.add_truth(0)
+        if self.shot.is_none() { self.rearm() } else { self.begin_camera(0, first, Some(last + 1)) }
     }
 
     /// Starts the next waiting shot of the hardware trigger, unless one is being written.
@@ -61,28 +56,19 @@ impl Recorder<'_> {
             let half_ns = (0.5e9 * self.config.trigger.silence_s) as u64;
             let window = ShotWindow { from_ns: stamp_ns.saturating_sub(half_ns), to_ns: u64::MAX };
             self.begin(window, stamp_ns, &format!("{} at frame {first}", cause.text), 1)?;
-            let Some(open) = &mut self.shot else {
-                self.rearm()?;
-                continue;
-            };
-            let feed = &self.feeds[0];
-            let range = FrameRange { first, last: None, max_delay_frames: feed.max_delay_frames() };
-            open.shot.begin(0, feed.tracker_params(), range);
-            self.add_truth(0)?;
+            if self.shot.is_none() { self.rearm() } else { self.begin_camera(0, first, None) }?;
         }
         Ok(())
     }
 
     /// Ends a hardware-triggered shot where the camera was silent.
     pub(super) fn end_at_silence(&mut self, camera: usize) -> Result<(), Failure> {
-        let Some(open) = self.shot.as_mut().filter(|open| open.shot.has_begun(camera)) else { return Ok(()) };
-        if open.progress[camera].end.is_some() {
-            return Ok(());
-        }
-        let first = open.shot.first_frame(camera);
+        let is_open = |open: &&mut OpenShot| open.shot.has_begun(camera) && open.progress[camera].end.is_none();
+        let Some(open) = self.shot.as_mut().filter(is_open) else { return Ok(()) };
         if self.config.trigger.mode != TriggerMode::Hardware {
             return Ok(());
         }
+        let first = open.shot.first_frame(camera);
         let feed = &self.feeds[camera];
         let seen = feed.held.iter().find(|sample| sample.header().sequence >= first).map(|sample| sample.header().shot);
         let progress = &mut open.progress[camera];
@@ -96,10 +82,7 @@ impl Recorder<'_> {
         // A dead camera process announces no silence.
         let begun = self.waiting.iter().map(|cause| cause.frame.sequence).find(|begun| camera == 0 && *begun > first);
         let Some(end) = silent.into_iter().chain(next).chain(begun).min() else { return Ok(()) };
-        match open.set_end(camera, end) {
-            Ok(()) => Ok(()),
-            Err(error) => self.abandon(&error),
-        }
+        self.write(|open| open.set_end(camera, end)).map(drop)
     }
 
     /// Publishes a trigger and starts its actions.
@@ -163,12 +146,17 @@ impl Recorder<'_> {
         info
     }
 
-    fn add_truth(&mut self, camera: usize) -> Result<(), Failure> {
-        let (truth, Some(open)) = (self.feeds[camera].truth.clone(), &mut self.shot) else { return Ok(()) };
-        match open.shot.set_truth(camera, truth) {
-            Ok(()) => Ok(()),
-            Err(error) => self.abandon(&error),
+    /// Begins the part of a camera with this frame; `end` is one past its last frame, if known.
+    fn begin_camera(&mut self, camera: usize, first: u64, end: Option<u64>) -> Result<(), Failure> {
+        let feed = &self.feeds[camera];
+        let last = end.map(|end| end.saturating_sub(1));
+        let range = FrameRange { first, last, max_delay_frames: feed.max_delay_frames() };
+        if let Some(open) = &mut self.shot {
+            open.shot.begin(camera, feed.tracker_params(), range);
+            open.progress[camera].end = end;
         }
+        let truth = feed.truth.clone();
+        self.write(|open| open.shot.set_truth(camera, truth)).map(drop)
     }
 
     /// Holds the frames of a camera that belong to the shot.
@@ -179,8 +167,8 @@ impl Recorder<'_> {
             Some(open) => (open.progress[camera].end.unwrap_or(u64::MAX), open.window.to_ns),
         };
         let feed = &mut self.feeds[camera];
-        let most = feed.limits.held_frames;
-        feed.hold(most, |newest| newest.header().sequence + 1 >= end || newest.header().stamp_ns > to_ns)?;
+        let max = feed.limits.held_frames;
+        feed.hold(max, |newest| newest.header().sequence + 1 >= end || newest.header().stamp_ns > to_ns)?;
         self.find_end(camera)
     }
 
@@ -192,10 +180,7 @@ impl Recorder<'_> {
         let (held, to_ns) = (&self.feeds[camera].held, open.window.to_ns);
         let beyond = held.partition_point(|sample| sample.header().stamp_ns <= to_ns);
         let Some(end) = held.get(beyond).map(|sample| sample.header().sequence) else { return Ok(()) };
-        match open.set_end(camera, end) {
-            Ok(()) => Ok(()),
-            Err(error) => self.abandon(&error),
-        }
+        self.write(|open| open.set_end(camera, end)).map(drop)
     }
 
     /// Begins the part of a camera with its first frame in the shot.
@@ -213,16 +198,11 @@ impl Recorder<'_> {
             feed.stream.first
         };
         let Some(first) = first else { return Ok(()) };
-        let range = FrameRange {
-            first,
-            last: open.progress[camera].end.map(|end| end.saturating_sub(1)),
-            max_delay_frames: feed.max_delay_frames(),
-        };
-        open.shot.begin(camera, feed.tracker_params(), range);
         if open.window == ShotWindow::ALL {
             self.summary.lost += first.saturating_sub(seen);
         }
-        self.add_truth(camera)
+        let end = open.progress[camera].end;
+        self.begin_camera(camera, first, end)
     }
 
     pub(super) fn close_if_complete(&mut self) -> Result<(), Failure> {
@@ -235,8 +215,8 @@ impl Recorder<'_> {
             if progress.end.is_none() && open.window != ShotWindow::ALL && progress.silence.has_expired() {
                 // It has died or never came: the shot of the others does not wait for it.
                 let end = open.shot.next_frame(camera);
-                if let Err(error) = open.set_end(camera, end) {
-                    return self.abandon(&error);
+                if self.write(|open| open.set_end(camera, end))?.is_none() {
+                    return Ok(());
                 }
                 let name = self.feeds[camera].name.clone();
                 self.event(EventKind::Lost, &format!("{name}: no frame came; its part of the shot ends early"))?;
@@ -272,15 +252,11 @@ impl Recorder<'_> {
                 continue;
             }
             let end = open.progress[camera].end.map_or(end, |wanted| wanted.min(end));
-            // The end of the main camera was set at the start.
-            let written = if camera == 0 {
+            if camera == 0 {
+                // The main camera has no steps that wait for its end.
                 open.progress[0].end = Some(end);
-                Ok(())
             } else {
-                open.set_end(camera, end)
-            };
-            if let Err(error) = written {
-                self.abandon(&error)?;
+                self.write(|open| open.set_end(camera, end))?;
             }
         }
         if !self.feeds.iter().all(|feed| feed.stream.end.is_some()) {

@@ -17,6 +17,17 @@ const PAUSE: Duration = Duration::from_secs(1);
 const MAX_DOUBLINGS: u32 = 6;
 
 impl Recorder<'_> {
+    /// Writes to the open shot, which is abandoned on an error; returns `None` without a shot or on an error.
+    pub(super) fn write<R>(
+        &mut self,
+        write: impl FnOnce(&mut OpenShot) -> Result<R, RecordingError>,
+    ) -> Result<Option<R>, Failure> {
+        match self.shot.as_mut().map(write).transpose() {
+            Ok(result) => Ok(result),
+            Err(error) => self.abandon(&error).map(|()| None),
+        }
+    }
+
     /// Abandons the open shot; its part file stays.
     pub(super) fn abandon(&mut self, error: &RecordingError) -> Result<(), Failure> {
         let Some(open) = self.shot.take() else { return Ok(()) };
