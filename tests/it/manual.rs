@@ -302,10 +302,16 @@ fn every_file_that_the_architecture_names_exists() {
 fn every_test_that_a_page_names_exists() {
     let listed = Command::new(std::env::current_exe().unwrap()).arg("--list").output().unwrap();
     let listed = String::from_utf8(listed.stdout).unwrap();
+    let sources = files(&root().join("src"));
     for page in pages() {
         for named in squeezed(&read(&page)).split("cargo test --release --test it ").skip(1) {
             let filter = named.split([' ', '`']).next().unwrap();
             assert!(listed.lines().any(|test| test.contains(filter)), "{page}: no test is named {filter}");
+        }
+        for named in squeezed(&read(&page)).split("cargo test --release --lib ").skip(1) {
+            let filter = named.split([' ', '`']).next().unwrap();
+            let path = filter.replace("::", "/");
+            assert!(sources.iter().any(|file| file.contains(&path)), "{page}: no room or file is named {filter}");
         }
     }
 }
