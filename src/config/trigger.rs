@@ -77,7 +77,7 @@ pub struct Trigger {
     pub rearm: bool,
     /// The program to run at each trigger, with its arguments, 1 to 64 texts. No shell is involved.
     pub command: Vec<String>,
-    /// The address of a web service that receives a POST at each trigger, `http://host[:port][/path]`.
+    /// The address of a web service that receives a POST at each trigger, `http[s]://host[:port][/path]`.
     pub url: Option<String>,
     /// The name of another rig on this machine to trigger as well.
     pub other_rig: Option<String>,
