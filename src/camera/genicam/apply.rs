@@ -71,7 +71,7 @@ pub fn apply(device: &Device, settings: &config::Camera) -> Result<StreamFormat,
 }
 
 /// Whether a feature belongs to the triggers.
-fn is_trigger(key: &String) -> bool {
+fn is_trigger(key: &str) -> bool {
     key.starts_with("Trigger")
 }
 
@@ -158,7 +158,7 @@ fn set_rate_and_trigger(device: &Device, settings: &config::Camera) -> Result<f6
             set_trigger(device, source).map_err(|reason| setting_error("trigger_source", source, reason))?
         }
         // A trigger that another program left armed would keep the camera silent.
-        None if !settings.features.keys().any(is_trigger) && device.has("TriggerMode") => device
+        None if !settings.features.keys().any(|key| is_trigger(key)) && device.has("TriggerMode") => device
             .call(aravis.arv_camera_clear_triggers)
             .map_err(|reason| setting_error("TriggerMode", "Off", reason))?,
         None => {}
