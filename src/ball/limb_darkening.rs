@@ -350,8 +350,8 @@ pub(super) struct Shift {
 impl Shift {
     /// Returns the correction of the centre towards the brighter side, px, for a side light in grey levels.
     ///
-    /// The uncertainty includes the next power of the amplitude.
-    pub fn center(&self, brighter: f64) -> Estimate {
+    /// The uncertainty includes the neglected second-order term in the amplitude.
+    pub fn center_correction(&self, brighter: f64) -> Estimate {
         let share = self.by_level * brighter;
         Estimate {
             value: self.darkening.value * share,

@@ -385,7 +385,7 @@ impl SubpixelFit {
         // Under side light, the edges of the brighter limb are shifted more.
         let [amplitude_x, amplitude_y] = self.side_light.amplitude;
         let amplitude = amplitude_x.hypot(amplitude_y).max(f64::MIN_POSITIVE);
-        let side_shift = shift.center(amplitude);
+        let side_shift = shift.center_correction(amplitude);
         let circle = Circle {
             x_px: outline.x + side_shift.value * amplitude_x / amplitude,
             y_px: outline.y + side_shift.value * amplitude_y / amplitude,

@@ -4,7 +4,7 @@ use super::frame_source::{Film, span};
 use super::json_cells;
 use crate::camera::{CameraIdentity, StreamFormat};
 use crate::config::Record;
-use crate::console::{Outcome, UsageError, check_absent, progress, say, table};
+use crate::console::{Outcome, UsageError, check_absent, print_line, progress, table};
 use crate::failure::Failure;
 use crate::image::{Frame, FrameMeta};
 use crate::measure::{MeasureError, MeasureParams, Measured, Measurer, Share};
@@ -140,7 +140,7 @@ fn measure(film: Film, output: &Path, stop: &Stop) -> Result<(PathBuf, u64), Fai
             let mut measurer = plan(&measure_params, index, config.workers.count, &format)?;
             reference.iter().try_for_each(|picture| measurer.set_reference(picture))?;
             let answers = answers.clone();
-            scope.spawn(move || work(measurer, &todo, &answers));
+            scope.spawn(move || run_worker(measurer, &todo, &answers));
             workers.push(jobs);
         }
         drop(answers);
@@ -152,12 +152,12 @@ fn measure(film: Film, output: &Path, stop: &Stop) -> Result<(PathBuf, u64), Fai
             }
             let (meta, bytes) = frame?;
             shot.frame(0, &Frame { meta, bytes: &bytes })?;
-            hand_out(&workers, &Arc::new((meta, bytes)));
-            results.try_iter().try_for_each(|answer| take(&mut shot, answer))?;
+            send_to_all(&workers, &Arc::new((meta, bytes)));
+            results.try_iter().try_for_each(|answer| write_measured(&mut shot, answer))?;
             bar.inc(1);
         }
         drop(workers);
-        results.iter().try_for_each(|answer| take(&mut shot, answer))
+        results.iter().try_for_each(|answer| write_measured(&mut shot, answer))
     });
     bar.finish_and_clear();
     if let Err(error) = whole {
@@ -175,14 +175,14 @@ fn plan(params: &MeasureParams, index: u32, of: u32, format: &StreamFormat) -> R
     Measurer::new(params, Share { index, of }, format.width_px as usize, format.height_px as usize)
 }
 
-fn hand_out(workers: &[SyncSender<Job>], job: &Job) {
+fn send_to_all(workers: &[SyncSender<Job>], job: &Job) {
     for worker in workers {
         // A worker that has ended has sent its error.
         let _ = worker.send(Arc::clone(job));
     }
 }
 
-fn work(mut measurer: Measurer, todo: &Receiver<Job>, answers: &Sender<Answer>) {
+fn run_worker(mut measurer: Measurer, todo: &Receiver<Job>, answers: &Sender<Answer>) {
     for job in todo {
         let (meta, bytes) = job.as_ref();
         let mut measured = Vec::new();
@@ -197,7 +197,7 @@ fn work(mut measurer: Measurer, todo: &Receiver<Job>, answers: &Sender<Answer>) 
     let _ = answers.send(Ok(measured));
 }
 
-fn take(shot: &mut Shot, answer: Answer) -> Result<(), Failure> {
+fn write_measured(shot: &mut Shot, answer: Answer) -> Result<(), Failure> {
     for measured in answer? {
         shot.step(0, measured.step, measured.field)?;
     }
@@ -212,10 +212,10 @@ pub(super) fn last_revisions(recording: &Recording) -> Result<Vec<Impact>, Recor
 fn print_impacts(impacts: &[Impact], results: &Recording, path: &Path, json: bool) {
     if json {
         let rows: Vec<_> = impacts.iter().map(|impact| as_json(impact, results)).collect();
-        say(&serde_json::json!({ "results": path, "impacts": rows }).to_string());
+        print_line(&serde_json::json!({ "results": path, "impacts": rows }).to_string());
         return;
     }
-    say(&path.display().to_string());
+    print_line(&path.display().to_string());
     for impact in impacts {
         let cell = |estimate: Estimate| vec![format!("{:.6}", estimate.value), format!("{:.2e}", estimate.sigma)];
         let line = |(name, estimate): (&str, Option<Estimate>)| {
@@ -226,7 +226,7 @@ fn print_impacts(impacts: &[Impact], results: &Recording, path: &Path, json: boo
         let title = format!("{}, impact {}", results.body_name(impact.body), impact.number + 1);
         let mut rows = vec![vec![title, "value".into(), "sigma".into()]];
         rows.extend(impact.numbers().into_iter().map(line));
-        say(&table(&rows));
+        print_line(&table(&rows));
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::camera::genicam::{CameraDetails, CameraListing, describe, features, list};
 use crate::camera::{CameraError, FeatureKind, FeatureLine, v4l2};
-use crate::console::{Outcome, say};
+use crate::console::{Outcome, print_line};
 use crate::failure::Failure;
 use serde_json::{Value, json};
 
@@ -42,12 +42,12 @@ pub fn run(options: &CamerasOptions) -> Result<Outcome, Failure> {
     if options.json {
         let cameras = genicam.iter().map(|(details, camera)| camera_as_json(camera, details));
         let cameras: Vec<_> = cameras.chain(kernels.iter().map(kernel_camera_as_json)).collect();
-        say(&json!({ "cameras": cameras }).to_string());
+        print_line(&json!({ "cameras": cameras }).to_string());
     } else if genicam.is_empty() && kernels.is_empty() {
-        say("no camera found on any network interface or USB port, and no V4L2 device");
+        print_line("no camera found on any network interface or USB port, and no V4L2 device");
     } else {
-        genicam.iter().for_each(|(details, camera)| say(&camera_as_text(camera, details)));
-        kernels.iter().for_each(|camera| say(&kernel_camera_as_text(camera)));
+        genicam.iter().for_each(|(details, camera)| print_line(&camera_as_text(camera, details)));
+        kernels.iter().for_each(|camera| print_line(&kernel_camera_as_text(camera)));
     }
     Ok(Outcome::Clean)
 }
@@ -68,11 +68,11 @@ fn print_features(id: &str, options: &CamerasOptions) -> Result<(), Failure> {
                 report
             }
         };
-        say(&report.to_string());
+        print_line(&report.to_string());
         return Ok(());
     }
-    camera.iter().for_each(|camera| say(&kernel_camera_as_text(camera)));
-    lines.iter().for_each(|line| say(&feature_as_text(line)));
+    camera.iter().for_each(|camera| print_line(&kernel_camera_as_text(camera)));
+    lines.iter().for_each(|line| print_line(&feature_as_text(line)));
     Ok(())
 }
 

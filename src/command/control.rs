@@ -1,7 +1,7 @@
 //! `ricochet arm`, `disarm` and `trigger`.
 
 use crate::bus::{Bus, BusError};
-use crate::console::{Outcome, UsageError, say};
+use crate::console::{Outcome, UsageError, print_line};
 use crate::failure::Failure;
 use crate::message::{Command, ReplyCode};
 use std::time::Duration;
@@ -37,7 +37,7 @@ pub fn run(options: &RigOptions, command: Command) -> Result<Outcome, Failure> {
             "accepted": code == ReplyCode::Accepted, "answer": code.as_str(), "armed": reply.armed == 1,
             "recordings": reply.recordings, "sequence": reply.sequence,
         });
-        say(&answer.to_string());
+        print_line(&answer.to_string());
     }
     if code != ReplyCode::Accepted {
         return Err(UsageError(format!("rig {rig:?}: {}", code.as_str())).into());

@@ -2,7 +2,7 @@
 
 use super::{json_cells, rod};
 use crate::bus::{Bus, BusError, Subscriber, Topic};
-use crate::console::{Outcome, UsageError, say};
+use crate::console::{Outcome, UsageError, print_line};
 use crate::failure::Failure;
 use crate::message::{Event, EventKind, ImpactMessage, Role, StatusMessage, TrackMessage, VelocityMessage};
 use crate::process::Stop;
@@ -167,13 +167,13 @@ impl Printer {
             return false;
         }
         if self.json {
-            say(&Value::Object(row.clone()).to_string());
+            print_line(&Value::Object(row.clone()).to_string());
         } else {
             if !self.has_header {
-                say(&row.keys().cloned().collect::<Vec<_>>().join(","));
+                print_line(&row.keys().cloned().collect::<Vec<_>>().join(","));
                 self.has_header = true;
             }
-            say(&row.values().map(cell).collect::<Vec<_>>().join(","));
+            print_line(&row.values().map(cell).collect::<Vec<_>>().join(","));
         }
         self.left = self.left.map(|left| left - 1);
         self.left != Some(0)

@@ -6,7 +6,7 @@ mod stream;
 use super::frame_source::{rig_config, span};
 use crate::camera::replay::TimeRange;
 use crate::config::Config;
-use crate::console::{Outcome, UsageError, progress, say};
+use crate::console::{Outcome, UsageError, print_line, progress};
 use crate::failure::Failure;
 use crate::message::Role;
 use crate::process::{self, Child, Stop, Summary};
@@ -122,7 +122,7 @@ pub fn run(options: &ReplayOptions, stop: &Stop) -> Result<Outcome, Failure> {
         for summary in &summaries {
             lost += summary.losses();
             for path in &summary.recordings {
-                say(&path.display().to_string());
+                print_line(&path.display().to_string());
             }
         }
         if is_over || stop.requested() || options.is_last(pass) {

@@ -1,6 +1,6 @@
 //! `ricochet report`: a report page of one or several recordings.
 
-use crate::console::{Outcome, UsageError, check_no_input, say, write_file};
+use crate::console::{Outcome, UsageError, check_no_input, print_line, write_file};
 use crate::failure::Failure;
 use crate::recording::Recording;
 use crate::report::{self, Shot};
@@ -47,7 +47,7 @@ pub fn run(options: &ReportOptions) -> Result<Outcome, Failure> {
         });
     }
     write_file(&output, report::page(&shots))?;
-    say(&output.display().to_string());
+    print_line(&output.display().to_string());
     Ok(Outcome::Clean)
 }
 

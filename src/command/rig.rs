@@ -87,7 +87,7 @@ pub fn run(config: &Path, stop: &Stop) -> Result<Outcome, Failure> {
     let summary = process::supervise(&config, stop, |_| ())?;
     // Older recordings may have been deleted to make room.
     for path in summary.recordings.iter().filter(|path| path.exists()) {
-        crate::console::say(&path.display().to_string());
+        crate::console::print_line(&path.display().to_string());
     }
     Ok(outcome(&summary))
 }

@@ -2,7 +2,7 @@
 
 use crate::camera::{CameraIdentity, StreamFormat, simulated};
 use crate::config::Config;
-use crate::console::{Outcome, UsageError, check_absent, progress, say};
+use crate::console::{Outcome, UsageError, check_absent, print_line, progress};
 use crate::failure::Failure;
 use crate::image::Frame;
 use crate::process::recording_info;
@@ -58,7 +58,7 @@ pub fn run(options: &SimulateOptions) -> Result<Outcome, Failure> {
         let summary = serde_json::json!({
             "path": finished.path, "frames": finished.frames, "bytes": finished.bytes,
         });
-        say(&summary.to_string());
+        print_line(&summary.to_string());
     }
     Ok(Outcome::Clean)
 }

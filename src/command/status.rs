@@ -2,7 +2,7 @@
 
 use super::control::RigOptions;
 use crate::bus::{Bus, BusError};
-use crate::console::{Outcome, say, table};
+use crate::console::{Outcome, print_line, table};
 use crate::failure::Failure;
 use crate::message::{Role, StatusMessage};
 use std::collections::BTreeMap;
@@ -33,13 +33,13 @@ pub fn run(options: &RigOptions) -> Result<Outcome, Failure> {
     }
     if options.json {
         let all: Vec<_> = newest.values().map(as_json).collect();
-        say(&serde_json::json!({ "rig": rig, "processes": all }).to_string());
+        print_line(&serde_json::json!({ "rig": rig, "processes": all }).to_string());
     } else {
         let header =
             ["process", "pid", "frame", "rate/s", "taken", "given", "lost", "dropped", "queue", "latency", "restarts"];
         let mut rows = vec![header.map(str::to_owned).to_vec()];
         rows.extend(newest.values().map(as_row));
-        say(&table(&rows));
+        print_line(&table(&rows));
     }
     Ok(Outcome::Clean)
 }

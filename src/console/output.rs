@@ -60,7 +60,7 @@ impl Fatal for UsageError {
 }
 
 /// Prints a line to standard output and ignores a closed pipe.
-pub fn say(line: &str) {
+pub fn print_line(line: &str) {
     let _ = writeln!(std::io::stdout().lock(), "{line}");
 }
 

@@ -419,7 +419,10 @@ impl Measurer {
         self.rigid_matcher.mask_occluded(span.key(), frames, &mut field.points, subset_px)
     }
 
-    /// Fits the step to the subsets; returns the motion of a ball that turns about any axis.
+    /// Fits the step to the subsets and writes its dilatation and drift.
+    ///
+    /// Returns the motion of the centre in x and y, px, and the rotation, deg, per frame, of a ball that may also rotate
+    /// out of the plane.
     fn fit_subsets(
         &mut self,
         span: Span<'_>,

@@ -226,7 +226,7 @@ mod tests {
                 anchor.push(&node(f64::from(frame), 0, 0.0), &circle(90.0));
             }
             let last = node(12.0, 0, 0.0);
-            assert!(anchor.center(&last).unwrap().sigma_px > 30.0, "outlines say that it is elsewhere");
+            assert!(anchor.center(&last).unwrap().sigma_px > 30.0, "the outlines place it elsewhere");
             assert!((anchor.center(&last).unwrap().x_px - 56.0).abs() < 0.1);
             anchor.push(&last, &circle(90.0));
             assert!((anchor.center(&last).unwrap().x_px - 90.0).abs() < 0.1);

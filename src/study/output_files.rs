@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde_json::{Map, Value};
 
-use crate::console::{WriteError, check_no_input, create_directory, say, table, write_file};
+use crate::console::{WriteError, check_no_input, create_directory, print_line, table, write_file};
 
 /// A cell of a table: its column and its value, null if it is missing.
 pub(super) type Cell = (&'static str, Value);
@@ -76,7 +76,7 @@ impl Report {
                 write_file(&directory.join(name), bytes)?;
             }
         }
-        say(&self.printed);
+        print_line(&self.printed);
         Ok(())
     }
 }

@@ -59,12 +59,12 @@ pub struct BodyTracker {
     origin_ns: u64,
     axes: Axes,
     gate: ValidationGate,
-    chain: PoseIntegrator,
-    anchor: CenterFilter,
+    integrator: PoseIntegrator,
+    center_filter: CenterFilter,
     radius: RunningRadius,
-    fixed: RunningBias,
-    growth: SizeChange,
-    drift: OutlineDrift,
+    fixed_pattern_bias: RunningBias,
+    size_change: SizeChange,
+    outline_drift: OutlineDrift,
     rolling: RollingShutter,
     /// The offset of a rod from the pose that its steps lead to, px.
     rod_px: Option<[f64; 2]>,
@@ -90,12 +90,12 @@ impl BodyTracker {
             origin_ns: 0,
             axes: Axes::new(params.surface_angle_deg),
             gate: ValidationGate::default(),
-            chain: PoseIntegrator::new(params.walk),
-            anchor: CenterFilter::new(),
+            integrator: PoseIntegrator::new(params.walk),
+            center_filter: CenterFilter::new(),
             radius: RunningRadius::new(),
-            fixed: RunningBias::default(),
-            growth: SizeChange::default(),
-            drift: OutlineDrift::new(&rolling),
+            fixed_pattern_bias: RunningBias::default(),
+            size_change: SizeChange::default(),
+            outline_drift: OutlineDrift::new(&rolling),
             rolling,
             rod_px: None,
             method: MotionMethod::default(),
@@ -131,21 +131,21 @@ impl BodyTracker {
             self.radius.push(circle);
         }
         if let Some(share) = step.fixed_fraction {
-            self.fixed.push(share);
+            self.fixed_pattern_bias.push(share);
         }
         if step.motion.is_some() {
             self.method = step.method;
         }
-        self.growth.push(step, time_frames);
+        self.size_change.push(step, time_frames);
         if self.params.form == Form::Ball {
-            self.drift.push_step(time_frames, step);
+            self.outline_drift.push_step(time_frames, step);
         }
-        let Some(node) = self.chain.push(step, time_frames, self.rolling.periods()) else { return };
+        let Some(node) = self.integrator.push(step, time_frames, self.rolling.periods()) else { return };
         let node = self.rolling.unsheared(node);
         self.first_sigma_deg.get_or_insert(node.sigma[2]);
         self.retain_node(node);
         if let Some(circle) = outline.filter(|_| self.params.form == Form::Ball) {
-            self.drift.push(&node, &circle);
+            self.outline_drift.push(&node, &circle);
         }
         if let Some(rod) = step.rod() {
             self.rod_px = Some([rod.x_px.value - node.pose[0], rod.y_px.value - node.pose[1]]);
@@ -155,12 +155,12 @@ impl BodyTracker {
         let event = self.detector.as_mut().map_or(Event::None, |detector| {
             let is_suspicious = detector.is_suspicious();
             if let Some(circle) = outline.filter(|_| !is_suspicious) {
-                self.anchor.push(&node, &circle);
+                self.center_filter.push(&node, &circle);
             }
             detector.push(node_on_surface, gravity)
         });
         if let (None, Some(circle)) = (&self.detector, &outline) {
-            self.anchor.push(&node, circle);
+            self.center_filter.push(&node, circle);
         }
         self.handle_event(event, node.time_frames, &mut rows.impacts);
         rows.alarms.extend(self.alarm(event, step.frame, node.time_frames));
@@ -193,7 +193,7 @@ impl BodyTracker {
     /// Takes a step over a longer interval.
     pub fn link(&mut self, step: &BodyStep) {
         if !self.gate.has_rejected(step.frame) {
-            self.chain.link(&self.params.rectified(&self.rolling.straightened(step)));
+            self.integrator.link(&self.params.rectified(&self.rolling.straightened(step)));
         }
     }
 
@@ -281,7 +281,7 @@ impl BodyTracker {
     fn shortening(&self) -> SpeedBias {
         let radius_px = self.radius.radius_px().filter(|_| self.params.form != Form::Rod);
         SpeedBias {
-            share: self.fixed.significant(),
+            share: self.fixed_pattern_bias.significant(),
             spans: self.params.spans,
             is_whole: self.method == MotionMethod::WholeBody,
             radius_px: radius_px.map_or(0.0, |radius| radius.value),
@@ -290,7 +290,7 @@ impl BodyTracker {
 
     fn impact_context(&self) -> Option<World> {
         // The median of radii belongs to the middle of the observed time, whatever the radius was at contact.
-        let half = 0.5 * self.growth.whole();
+        let half = 0.5 * self.size_change.whole();
         let metres_per_px = self.radius.metres_per_px(self.params.scale)?;
         let metres_per_px = match self.params.scale {
             Scale::BallDiameterMm(_) => metres_per_px.short_by(half),
@@ -305,7 +305,7 @@ impl BodyTracker {
             Scale::MmPerPx(_) => self.radius.radius_px().map(|radius| radius.short_by(half)),
         };
         let period_s = self.params.frame_period_ns * 1e-9;
-        let center = self.nodes.last().and_then(|node| self.anchor.center(node));
+        let center = self.nodes.last().and_then(|node| self.center_filter.center(node));
         Some(World {
             metres_per_px,
             period_s,
@@ -319,7 +319,7 @@ impl BodyTracker {
 
     /// Returns the image position of the origin of poses, px.
     fn origin_px(&self) -> Option<[f64; 2]> {
-        let center = self.nodes.last().and_then(|node| Some((node.pose, self.anchor.center(node)?)));
+        let center = self.nodes.last().and_then(|node| Some((node.pose, self.center_filter.center(node)?)));
         center.map(|(pose, center)| [center.x_px - pose[0], center.y_px - pose[1]]).or(self.rod_px)
     }
 
@@ -344,7 +344,7 @@ impl BodyTracker {
         pending_impact.measured_to_frames = newest;
         pending_impact.tried_frames = newest;
         let trail = detector.trail();
-        let (growth, drift, axes) = (&self.growth, &self.drift, self.axes);
+        let (growth, drift, axes) = (&self.size_change, &self.outline_drift, self.axes);
         let middle_sigma_px = self.params.view.sigma_px;
         let out_of_plane = place.map(|place_px| OutOfPlane { growth, drift, axes, place_px, middle_sigma_px });
         let approach = out_of_plane.and_then(|motion| DilatationRates::of(&motion, &pending_impact.contact, newest));
@@ -380,7 +380,7 @@ impl BodyTracker {
         let View { middle_px: [x, y], sigma_px } = self.params.view;
         let Some(origin_px) = self.origin_px() else { return rates };
         let place_px = [origin_px[0] + node.pose[0] - x, origin_px[1] + node.pose[1] - y];
-        self.growth.across(
+        self.size_change.across(
             rates,
             regime,
             ViewPosition { frame: node.frame, time_frames: node.time_frames, place_px, sigma_px },
@@ -389,8 +389,8 @@ impl BodyTracker {
 
     /// Returns the centre predicted by the pose.
     fn predicted_center(&self, node: &Pose, here: &LocalDrift) -> Option<Center> {
-        let center_uncertainty_px = self.drift.center_uncertainty_px(node, here);
-        self.anchor
+        let center_uncertainty_px = self.outline_drift.center_uncertainty_px(node, here);
+        self.center_filter
             .center(node)
             .map(|center| Center { sigma_px: center.sigma_px.hypot(center_uncertainty_px), ..center })
     }
@@ -414,16 +414,16 @@ impl BodyTracker {
             (d.regime(step.frame), if node.is_some() { d.phase(step.frame) } else { Phase::Unknown })
         });
         let outline = outline.map(|c| Center { x_px: c.x_px, y_px: c.y_px, sigma_px: c.sigma_center_px });
-        let here = node.map(|node| (node, self.drift.here(&node, regime)));
+        let here = node.map(|node| (node, self.outline_drift.here(&node, regime)));
         let by_pose = |(node, here): (Pose, LocalDrift)| {
-            let center = self.drift.center(&node, &here).or_else(|| self.predicted_center(&node, &here))?;
-            Some(self.drift.widened(&node, center))
+            let center = self.outline_drift.center(&node, &here).or_else(|| self.predicted_center(&node, &here))?;
+            Some(self.outline_drift.widened(&node, center))
         };
         let center = here.and_then(by_pose).and_then(|center| self.params.recorded(center)).or(outline);
         let angle = here.filter(|(n, _)| n.bridged[2].is_finite());
         let sigma_angle = |(n, here): (Pose, LocalDrift)| {
             let noise = (n.sigma[2].powi(2) + self.first_sigma_deg.unwrap_or(0.0).powi(2) + n.bridged[2]).sqrt();
-            noise.hypot(self.drift.angle_uncertainty_deg(&n, &here))
+            noise.hypot(self.outline_drift.angle_uncertainty_deg(&n, &here))
         };
         let track = TrackSample {
             frame: step.frame,

@@ -12,7 +12,7 @@ mod texture;
 pub use finding::{Finding, Verdict};
 
 use crate::config::Config;
-use crate::console::{Outcome, UsageError, check_absent, say, table, write_file};
+use crate::console::{Outcome, UsageError, check_absent, print_line, table, write_file};
 use crate::failure::{ExitCode, Failure, Fatal};
 use crate::image::FrameMeta;
 use crate::process::{Stop, analysis_params};
@@ -82,7 +82,7 @@ pub fn run(options: &CheckOptions, stop: &Stop) -> Result<Outcome, Failure> {
     if let Some(output) = &options.output {
         write_file(output, page(&config, &grabbed, &inspection))?;
         if !options.json {
-            say(&output.display().to_string());
+            print_line(&output.display().to_string());
         }
     }
     let bad = |finding: &&Finding| finding.verdict == Verdict::Bad && finding.name != "lost-frames";
@@ -162,12 +162,12 @@ fn print(config: &Config, grabbed: &Grabbed, inspection: &Inspection, json: bool
             "frames": grabbed.means.len(), "ready": worst != Verdict::Bad, "findings": rows.collect::<Vec<_>>(),
             "defective_px": inspection.defective_px,
         });
-        return say(&report.to_string());
+        return print_line(&report.to_string());
     }
     let cells = |finding: &Finding| vec![finding.name.to_owned(), shown(finding), finding.verdict.as_str().to_owned()];
     let rows: Vec<Vec<String>> = findings.iter().map(cells).collect();
     for (line, finding) in table(&rows).lines().zip(findings) {
-        say(&format!("{line}  {}", finding.words));
+        print_line(&format!("{line}  {}", finding.words));
     }
 }
 

@@ -4,7 +4,7 @@ mod paper_settings;
 
 use super::analyze::last_revisions;
 use crate::config::{BodyKind, Config, Scale};
-use crate::console::{Outcome, UsageError, progress, say, table, write_file};
+use crate::console::{Outcome, UsageError, print_line, progress, table, write_file};
 use crate::failure::Failure;
 use crate::message::Role;
 use crate::process::{self, Child, Stop};
@@ -187,13 +187,13 @@ fn compare(path: &Path, figures: &[PathBuf], lines: &[Line], json: bool) -> Resu
     let compared: Vec<Compared> = lines.iter().map(|line| Compared::new(line, measured, truth, frame_s)).collect();
     if json {
         let rows: Vec<_> = compared.iter().map(Compared::as_json).collect();
-        say(&serde_json::json!({ "recording": path, "figures": figures, "compared": rows }).to_string());
+        print_line(&serde_json::json!({ "recording": path, "figures": figures, "compared": rows }).to_string());
     } else {
         let header = ["", "measured", "+-", "true", "error", "", ""].map(str::to_owned).to_vec();
         let rows: Vec<_> = std::iter::once(header).chain(compared.iter().map(Compared::as_row)).collect();
-        say(&table(&rows));
-        say(&format!("\nrecording: {}", path.display()));
-        figures.iter().for_each(|figure| say(&format!("figure: {}", figure.display())));
+        print_line(&table(&rows));
+        print_line(&format!("\nrecording: {}", path.display()));
+        figures.iter().for_each(|figure| print_line(&format!("figure: {}", figure.display())));
     }
     Ok(compared.iter().all(|compared| compared.within))
 }

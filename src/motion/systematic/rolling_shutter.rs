@@ -60,10 +60,10 @@ pub struct RollingShutter {
     /// Its displacement in the newest frame and the one before, px.
     moved_px: Option<[[f64; 2]; 2]>,
     /// Whether the newest frame has a step.
-    is_led: bool,
+    has_motion: bool,
     /// Its radius, px, and the share of it that is not followed.
     radius_px: f64,
-    hidden: f64,
+    unfollowed_fraction: f64,
     /// The maximum offset of its effective row from its centre since a contact began, px.
     row_offset_px: f64,
     /// Its apparent angle at the start, rad.
@@ -79,9 +79,9 @@ impl RollingShutter {
             row_px: None,
             frame: 0,
             moved_px: None,
-            is_led: false,
+            has_motion: false,
             radius_px: 0.0,
-            hidden: 0.0,
+            unfollowed_fraction: 0.0,
             row_offset_px: 0.0,
             first_rad: None,
         }
@@ -93,7 +93,7 @@ impl RollingShutter {
         self.row_px = self.row(step);
         self.frame = step.frame;
         if let Some(circle) = step.circle() {
-            (self.radius_px, self.hidden) = (circle.radius_px, unfollowed(&self.shutter, &circle));
+            (self.radius_px, self.unfollowed_fraction) = (circle.radius_px, unfollowed(&self.shutter, &circle));
         }
         // The occluded part lies to one side of the rest.
         let row_offset_px =
@@ -103,9 +103,9 @@ impl RollingShutter {
         let moved_px = moved_px.filter(|moved| moved.iter().all(|px| px.is_finite()));
         let before_px = self.moved_px.map(|[newest, _]| newest);
         // A body that was lost may have been struck meanwhile.
-        let before_px = if self.is_led { before_px } else { moved_px.or(before_px) };
+        let before_px = if self.has_motion { before_px } else { moved_px.or(before_px) };
         self.moved_px = moved_px.or(before_px).map(|newest| [newest, before_px.unwrap_or(newest)]);
-        self.is_led = moved_px.is_some();
+        self.has_motion = moved_px.is_some();
         let first_px = self.shutter.first_row_px;
         self.shutter.row_time_frames * (self.row_px.unwrap_or(first_px) - first_px)
     }
@@ -117,8 +117,8 @@ impl RollingShutter {
         let led_px = self.row_px.map(|row_px| row_px + ahead_px);
         let seen_px = step.center_px().map(|[_, y_px]| y_px);
         match (led_px, seen_px.filter(|row_px| row_px.is_finite())) {
-            (Some(led_px), Some(_)) if self.is_led && step.rod().is_some() => Some(led_px),
-            (Some(led_px), Some(seen_px)) if self.is_led => Some(led_px + ROW_FILTER_WEIGHT * (seen_px - led_px)),
+            (Some(led_px), Some(_)) if self.has_motion && step.rod().is_some() => Some(led_px),
+            (Some(led_px), Some(seen_px)) if self.has_motion => Some(led_px + ROW_FILTER_WEIGHT * (seen_px - led_px)),
             (led_px, seen_px) => seen_px.or(led_px),
         }
     }
@@ -201,7 +201,7 @@ impl RollingShutter {
     /// Returns the additional error where a part is occluded, rad: a rotating stretched image is strained, and the
     /// visible rest alone rotates by that.
     fn strain_error(&self, turn_rad: f64) -> f64 {
-        STRAINED * self.hidden * length(self.bent().0) * turn_rad
+        STRAINED * self.unfollowed_fraction * length(self.bent().0) * turn_rad
     }
 
     /// Whether rows are exposed one after another.
@@ -242,12 +242,13 @@ impl RollingShutter {
     /// Removes the apparent sinking of a rotating ball or patch.
     fn without_sinking(&self, step: BodyStep, circle: &Circle, stretch: [f64; 2], change: [f64; 2]) -> BodyStep {
         let Some(seen) = step.motion else { return step };
-        let (radius_px, hidden) = (circle.radius_px, self.hidden);
+        let (radius_px, unfollowed_fraction) = (circle.radius_px, self.unfollowed_fraction);
         let interval = f64::from(step.interval_frames.max(1));
         let turn = seen.dtheta_deg.to_radians();
         let sinks_px = self.shutter.row_time_frames * radius_px * radius_px * turn * (interval * turn).sin() / interval;
-        let lopsided = hidden * HALF_BALL_OFFSET * radius_px * length(change).hypot(length(stretch) * turn);
-        let unsure_px = ((UNSURE_ASIDE + hidden * LATERAL_MEAN_SQUARE) * sinks_px)
+        let lopsided =
+            unfollowed_fraction * HALF_BALL_OFFSET * radius_px * length(change).hypot(length(stretch) * turn);
+        let unsure_px = ((UNSURE_ASIDE + unfollowed_fraction * LATERAL_MEAN_SQUARE) * sinks_px)
             .hypot(lopsided)
             .hypot(swings_px(radius_px, change, self));
         let unsure_deg = (0.5 * length(change)).hypot(self.strain_error(turn)).to_degrees();
