@@ -198,7 +198,7 @@ mod tests {
         let points = points(&job, &rows(&job));
         assert_eq!((points[11].pairs, points[11].missing, points[11].errors), (8, 8, [None; 3]));
         let svg = draw(&job, &points, &["caption".to_owned()]);
-        assert_eq!(svg.matches("<circle").count(), 2 * (6 + 5));
+        assert_eq!(svg.matches("<circle").count(), 2 * (6 + 5) + 2, "marks of the curves and of the legend");
         assert!(!svg.contains("NaN") && svg.contains(">16</text>"));
         let last =
             printed_table(&job, &points).lines().last().unwrap().split_whitespace().collect::<Vec<_>>().join(" ");
