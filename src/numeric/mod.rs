@@ -1,5 +1,6 @@
 //! Numerical ground: vectors of eight lanes, small transforms and solvers, order statistics, distributions, random
-//! numbers. Every function rounds the same way on every machine.
+//! numbers. Every function but
+//! the Fourier transform rounds the same way on every machine.
 
 mod exp_ln;
 mod fft2d;
