@@ -181,8 +181,8 @@ fn an_impossible_series_is_refused_in_one_line() {
     images[3] = rig.file("notes.txt", "not a picture");
     refused(5, &images, &["-o", text(&tables)], "notes.txt: not a readable BMP, PNG, TIFF or PGM image");
     assert!(!tables.exists(), "nothing is made before all images are looked at");
-    refused(2, &frames, &["--start", "any-angle"], "--start any-angle: with several targets ");
-    refused(2, &frames, &["--start", "search"], "--start search: with several targets ");
+    refused(2, &frames, &["--start", "any-angle"], "--start any-angle: not allowed with several targets");
+    refused(2, &frames, &["--start", "search"], "--start search: not allowed with several targets");
     for method in ["spline-fft", "peak-gaussian", "peak-spline"] {
         let wanted =
             format!("several targets: needs subsets that can rotate, but the method is {method}; allowed: ic-gn");
