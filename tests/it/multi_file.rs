@@ -53,7 +53,7 @@ fn files_of_one_stream_are_measured_as_one_and_others_are_refused() {
         assert_eq!((output.status.code(), stderr.lines().count()), (Some(2), 1), "{stderr}");
         assert!(stderr.contains(reason), "{stderr}");
     };
-    refused(&[&source, &parts[0]], "do not come after the last");
+    refused(&[&source, &parts[0]], "do not follow the last frame");
     let other = rig.path("other.mcap");
     write(&other, &film, 37..90, &format!("{config}\n# changed\n"), &like);
     refused(&[&parts[0], &other], "another config.toml is attached");
