@@ -56,5 +56,5 @@ fn files_of_one_stream_are_measured_as_one_and_others_are_refused() {
     refused(&[&source, &parts[0]], "do not follow the last frame");
     let other = rig.path("other.mcap");
     write(&other, &film, 37..90, &format!("{config}\n# changed\n"), &like);
-    refused(&[&parts[0], &other], "another config.toml is attached");
+    refused(&[&parts[0], &other], "its attached config.toml differs");
 }
