@@ -212,6 +212,6 @@ fn an_impossible_start_is_refused_in_one_line() {
     };
     refused(&blank, &["--roi", "43,63,83,83"], "blank.png: low-correlation");
     refused(&target, &["--roi", "43,63,35,35"], "the region is smaller than 40 px");
-    refused(&target, &["--shape", "translation"], "the shape is translation, whose subsets do not turn");
-    refused(&target, &["--method", "spline-fft"], "the method is spline-fft, whose subsets do not turn");
+    refused(&target, &["--shape", "translation"], "needs subsets that can rotate, but the shape is translation");
+    refused(&target, &["--method", "spline-fft"], "needs subsets that can rotate, but the method is spline-fft");
 }
