@@ -72,7 +72,7 @@ fn with_long_ids(gige: &Gige) -> config::Camera {
 
 #[test]
 fn invalid_packets_do_not_reach_the_library() {
-    alone(module_path!(), "packets_that_lie_do_not_reach_the_library", || {
+    alone(module_path!(), "invalid_packets_do_not_reach_the_library", || {
         let Some(gige) = Gige::plug_in() else { return };
         for settings in [gige.settings(), with_long_ids(&gige)] {
             let mut eye = Eye::open(&settings);
