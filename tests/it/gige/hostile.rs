@@ -7,7 +7,7 @@ use crate::recording::recover::xorshift;
 use ricochet::camera::genicam::FeatureValue;
 use ricochet::config;
 use std::net::UdpSocket;
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 /// The variable that marks the process that does the work.
 const WORKS: &str = "RICOCHET_ALONE";
@@ -18,12 +18,16 @@ pub fn alone(module: &str, test: &str, work: impl FnOnce()) {
         return work();
     }
     let (_, module) = module.split_once("::").unwrap();
-    let status = Command::new(std::env::current_exe().unwrap())
+    let output = Command::new(std::env::current_exe().unwrap())
         .args(["--exact", &format!("{module}::{test}"), "--include-ignored", "--nocapture"])
         .env(WORKS, test)
-        .status()
+        .stderr(Stdio::inherit())
+        .output()
         .unwrap();
-    assert!(status.success(), "{test}: {status}");
+    let printed = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{test}: {}\n{printed}", output.status);
+    // A child that finds no test of this name succeeds too.
+    assert!(printed.contains("test result: ok. 1 passed"), "{test} did not run:\n{printed}");
 }
 
 /// A leader of this payload type with so many bytes of content.

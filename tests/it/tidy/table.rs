@@ -371,7 +371,7 @@ pub const MACHINE_FOLDERS: &[&str] = &["home", "root", "tmp", "work", "Users", "
 /// Files that import each other in circles, for each room that has any. Whoever opens a circle lowers the number.
 pub const IN_CIRCLES: &[(&str, usize)] = &[];
 
-/// Imports past a mod.rs that are allowed for now, for each room that has any.
+/// The number of imports past a mod.rs that each room may have; empty where every folder is entered by its mod.rs.
 pub const PAST_THEIR_MOD_RS: &[(&str, usize)] = &[];
 
 /// Breaches of the language guide that are allowed until the prose of a room, file or folder has been revised.
