@@ -22,13 +22,13 @@ mod tests;
 
 pub use crate::numeric::instruction_set;
 pub use body::{
-    BodyMotion, OcclusionMap, PolarCorrelator, RigidBody, RingRotation, STALE_DEG, find_at_any_angle,
-    find_occluded_within_angle,
+    BodyMotion, CenteredFrame, OcclusionMap, PolarCorrelator, Radii, RigidBody, RingRotation, STALE_DEG,
+    find_at_any_angle, find_occluded_within_angle,
 };
 pub use correlate::{Correlator, KeptReference, KernelBenchmark, Series, Start, arithmetic};
 pub use error::CorrelationError;
 pub use field::{CenterVector, Dilatation, RigidMotion, Sphere, center_fit, fit_dilatation, rigid_fit, rigid_fit_near};
-pub use geometry::{GridPoint, Patch, Region, Shape, WindowShape, grid};
+pub use geometry::{GridPoint, Patch, PlanarMotion, Point, Region, Shape, WindowShape, grid};
 pub use image::{Interpolation, PreparedFrame};
 pub use params::{CorrelationParams, Method};
 pub use uncertainty::FixedPattern;

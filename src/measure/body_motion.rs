@@ -4,8 +4,8 @@ use super::outline::Outline;
 use super::params::MeasureParams;
 use super::pending_frame::{PendingFrame, Target};
 use crate::dic::{
-    CenterVector, CorrelationParams, Correlator, GridPoint, RigidMotion, Sphere, Start, center_fit, fit_dilatation,
-    rigid_fit_near,
+    CenterVector, CorrelationParams, Correlator, GridPoint, PlanarMotion, Point, RigidMotion, Sphere, Start,
+    center_fit, fit_dilatation, rigid_fit_near,
 };
 use crate::motion::Rotation;
 use crate::results::{BodyStep, Circle, Estimate, PairField, RigidStep};
@@ -31,10 +31,11 @@ pub(super) fn rigid_step(
     near: Start,
 ) -> Option<RigidStep> {
     let near = match near {
-        Start::Motion { u_px, v_px, angle_deg, .. } => Some((u_px, v_px, angle_deg)),
+        Start::Motion { u_px, v_px, angle_deg, .. } => Some(PlanarMotion { u_px, v_px, angle_deg }),
         Start::Search | Start::Neighbor => None,
     };
-    let motion = rigid_fit_near(&mut field.points, outline.center_px(), subset_size_px, near)?;
+    let (x_px, y_px) = outline.center_px();
+    let motion = rigid_fit_near(&mut field.points, Point { x_px, y_px }, subset_size_px, near)?;
     (motion.points >= MIN_POINTS).then(|| per_frame(&motion, frames))
 }
 
@@ -98,8 +99,9 @@ pub(super) fn center_step(
     frames: f64,
     params: &CorrelationParams,
 ) -> Option<RigidStep> {
-    let vectors: Vec<_> =
-        field.points.iter().filter_map(|point| CenterVector::from_point(point, outline.center_px())).collect();
+    let (x_px, y_px) = outline.center_px();
+    let vector = |point| CenterVector::from_point(point, Point { x_px, y_px });
+    let vectors: Vec<_> = field.points.iter().filter_map(vector).collect();
     center_fit(&vectors, params.step_px, params.subset_size_px).map(|motion| per_frame(&motion, frames))
 }
 

@@ -3,7 +3,9 @@
 //! Every pose is a match with that image, so errors do not accumulate from frame to frame.
 //! Occluded pixels are left out of each match separately.
 
-use crate::dic::{BodyMotion, Patch, PreparedFrame, Region, RigidBody, find_occluded_within_angle};
+use crate::dic::{
+    BodyMotion, Patch, PlanarMotion, Point, PreparedFrame, Region, RigidBody, find_occluded_within_angle,
+};
 use crate::results::{Circle, PointStatus, RigidStep};
 
 /// The range of rotations searched in every frame for a lost patch, deg; all rotations are searched once per block.
@@ -198,7 +200,7 @@ impl PatchFinder {
             found = Err(PointStatus::LowCorrelation);
         }
         if let (Err(_), Ok((reference, _))) = (&found, &self.reference) {
-            let (region, center) = (self.patch.region(), self.center_px);
+            let (region, center) = (self.patch.region(), Point::new(x, y));
             let mut start = find_occluded_within_angle(reference, target, &region, center, SEARCH_ANGLE_DEG);
             if start.is_err() && angles == AngleRange::Full {
                 start = find_occluded_within_angle(reference, target, &region, center, 180.0);
@@ -220,7 +222,7 @@ impl PatchFinder {
         let (cx, cy) = self.center_px;
         let (_, body) = self.reference.as_mut().map_err(|status| *status)?;
         let BodyMotion { motion, zncc, visible_fraction } =
-            body.find_visible(target, (cx, cy), (x - cx, y - cy, angle_deg))?;
+            body.find_visible(target, Point::new(cx, cy), PlanarMotion { u_px: x - cx, v_px: y - cy, angle_deg })?;
         if zncc < MIN_ZNCC {
             return Err(PointStatus::LowCorrelation);
         }

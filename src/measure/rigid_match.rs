@@ -4,7 +4,7 @@
 //! between two frames is the difference of their poses, which cancels the noise of the
 //! reference.
 
-use crate::dic::{BodyMotion, OcclusionMap, PreparedFrame, Region, RigidBody};
+use crate::dic::{BodyMotion, OcclusionMap, PlanarMotion, Point, PreparedFrame, Region, RigidBody};
 use crate::results::{BodyStep, Circle, FieldPoint, MotionMethod, OutlineShape, PointStatus, RigidStep};
 
 use super::outline::RIM_CLEARANCE;
@@ -67,7 +67,7 @@ struct RigidTrack {
 struct OccludedFrame {
     frame: u64,
     origin: Pose,
-    center_px: (f64, f64),
+    center: Point,
     veil: OcclusionMap,
 }
 
@@ -238,8 +238,12 @@ impl RigidTrack {
     fn match_frame(&mut self, target: Target<'_>, guess: Pose) -> Option<Pose> {
         let Target { sequence: frame, prepared: target, is_narrow } = target;
         let origin = self.origin;
-        let near = (guess.x_px - origin.x_px, guess.y_px - origin.y_px, guess.angle_deg - origin.angle_deg);
-        let found = self.reference.find_visible(target, (origin.x_px, origin.y_px), near).ok()?;
+        let near = PlanarMotion {
+            u_px: guess.x_px - origin.x_px,
+            v_px: guess.y_px - origin.y_px,
+            angle_deg: guess.angle_deg - origin.angle_deg,
+        };
+        let found = self.reference.find_visible(target, Point::new(origin.x_px, origin.y_px), near).ok()?;
         let BodyMotion { motion, visible_fraction, .. } = found;
         let pose = Pose {
             frame,
@@ -257,11 +261,11 @@ impl RigidTrack {
         }
         let place = self.poses.partition_point(|other| other.frame < frame);
         self.poses.insert(place, pose);
-        let center_px = self.reference.center_px();
+        let center = self.reference.center();
         self.occlusions.extend(self.reference.occlusion_map().map(|veil| OccludedFrame {
             frame,
             origin,
-            center_px,
+            center,
             veil,
         }));
         let is_occluded = visible_fraction < UNOCCLUDED_FRACTION;
@@ -283,9 +287,9 @@ impl RigidTrack {
         let offset = (f64::from(point.x_px) - from.x_px, f64::from(point.y_px) - from.y_px);
         let max_pixels = (MAX_OCCLUDED_FRACTION * f64::from(subset_px).powi(2)).max(FREE_OCCLUDED_PIXELS);
         let mut near = self.occlusions.iter().filter(|occlusion| [from.frame, to_frame].contains(&occlusion.frame));
-        near.any(|OccludedFrame { origin, center_px, veil, .. }| {
+        near.any(|OccludedFrame { origin, center, veil, .. }| {
             let (x, y) = rotated(offset.0, offset.1, origin.angle_deg - from.angle_deg);
-            let place = (origin.x_px + x - center_px.0, origin.y_px + y - center_px.1);
+            let place = Point::new(origin.x_px + x - center.x_px, origin.y_px + y - center.y_px);
             f64::from(veil.occluded_pixels(place, subset_px)) > max_pixels
         })
     }

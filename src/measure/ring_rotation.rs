@@ -3,7 +3,7 @@
 use super::consistency;
 use super::outline::RIM_CLEARANCE;
 use super::pending_frame::FramePair;
-use crate::dic::PolarCorrelator;
+use crate::dic::{CenteredFrame, Point, PolarCorrelator, Radii};
 use crate::motion::RingLimits;
 use crate::results::{Circle, RigidStep};
 
@@ -30,14 +30,11 @@ impl RingRotation {
         limits: RingLimits,
         interval_frames: f64,
     ) {
-        let from = (circle.x_px, circle.y_px);
-        let to = (from.0 + interval_frames * step.dx_px, from.1 + interval_frames * step.dy_px);
+        let from = CenteredFrame { frame: frames.reference, center: Point::new(circle.x_px, circle.y_px) };
+        let (dx, dy) = (interval_frames * step.dx_px, interval_frames * step.dy_px);
+        let to = CenteredFrame { frame: frames.target, center: Point::new(circle.x_px + dx, circle.y_px + dy) };
         let near = Some(interval_frames * step.dtheta_deg);
-        let Ok(turn) =
-            self.ring.rotation((frames.reference, from), (frames.target, to), ring_radii(circle, limits), near)
-        else {
-            return;
-        };
+        let Ok(turn) = self.ring.rotation(from, to, ring_radii(circle, limits), near) else { return };
         let turned = RigidStep {
             dtheta_deg: turn.angle_deg / interval_frames,
             sigma_dtheta_deg: turn.sigma_deg / interval_frames,
@@ -56,13 +53,14 @@ impl RingRotation {
         frames: FramePair<'_>,
         interval_frames: f64,
     ) -> Option<RigidStep> {
-        let (a, b) = ((from.x_px, from.y_px), (to.x_px, to.y_px));
         let radii = ring_radii(from, RingLimits::default());
-        let turn = self.ring.rotation((frames.reference, a), (frames.target, b), radii, None).ok()?;
+        let a = CenteredFrame { frame: frames.reference, center: Point::new(from.x_px, from.y_px) };
+        let b = CenteredFrame { frame: frames.target, center: Point::new(to.x_px, to.y_px) };
+        let turn = self.ring.rotation(a, b, radii, None).ok()?;
         let sigma_px = from.sigma_center_px.hypot(to.sigma_center_px) / interval_frames;
         Some(RigidStep {
-            dx_px: (b.0 - a.0) / interval_frames,
-            dy_px: (b.1 - a.1) / interval_frames,
+            dx_px: (to.x_px - from.x_px) / interval_frames,
+            dy_px: (to.y_px - from.y_px) / interval_frames,
             dtheta_deg: turn.angle_deg / interval_frames,
             sigma_dx_px: sigma_px,
             sigma_dy_px: sigma_px,
@@ -72,8 +70,11 @@ impl RingRotation {
     }
 }
 
-/// Returns the inner and outer radius of the ring on a ball, px.
-fn ring_radii(circle: &Circle, limits: RingLimits) -> (f64, f64) {
+/// Returns the radii of the ring on a ball.
+fn ring_radii(circle: &Circle, limits: RingLimits) -> Radii {
     let max_px = circle.radius_px * (1.0 - RIM_CLEARANCE);
-    (limits.inner_px.unwrap_or(INNER_FRACTION * circle.radius_px), limits.outer_px.unwrap_or(max_px).min(max_px))
+    Radii {
+        inner_px: limits.inner_px.unwrap_or(INNER_FRACTION * circle.radius_px),
+        outer_px: limits.outer_px.unwrap_or(max_px).min(max_px),
+    }
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use ricochet::command::field::{Begin, FieldOptions};
 use ricochet::console::Outcome;
-use ricochet::dic::{CorrelationParams, Correlator, Interpolation, Region, find_at_any_angle};
+use ricochet::dic::{CorrelationParams, Correlator, Interpolation, Point, Region, find_at_any_angle};
 use ricochet::failure::Failure;
 use ricochet::image::Image;
 use ricochet::plot::Quantity;
@@ -349,7 +349,7 @@ fn a_part_rotated_by_30_deg_is_found_without_a_starting_guess() {
             [250.0 + dx + cos * (x - 250.0) - sin * (y - 250.0), 250.0 + dy + sin * (x - 250.0) + cos * (y - 250.0)]
         };
         let region = Region::Polygon { outline_px: OUTLINE.map(place).to_vec(), holes_px: vec![] };
-        let found = find_at_any_angle(&frames[k], &frames[next], &region, (250.0, 250.0)).unwrap();
+        let found = find_at_any_angle(&frames[k], &frames[next], &region, Point::new(250.0, 250.0)).unwrap();
         let expected = (angle_deg - MOTIONS[next][0] + 540.0).rem_euclid(360.0) - 180.0;
         let error = found.motion.angle_deg - expected;
         println!("{k} -> {next}: {:.4} deg, error {error:.4}, ZNCC {:.4}", found.motion.angle_deg, found.zncc);

@@ -1,7 +1,9 @@
 //! Whole-ball matching, fully visible and partly occluded, against known truth.
 
 use ricochet::dic::grid;
-use ricochet::dic::{CorrelationParams, Correlator, PreparedFrame, Region, RigidBody, Shape, Start};
+use ricochet::dic::{
+    CorrelationParams, Correlator, PlanarMotion, Point, PreparedFrame, Region, RigidBody, Shape, Start,
+};
 use ricochet::image::Frame;
 use ricochet::synth::{MotionSetup, OccluderSetup, PatternSetup, Scenario, SimulatedFilm};
 
@@ -73,8 +75,8 @@ fn judge(occluded: f64, rounds: u64) -> Judged {
             let target = prepared(&correlator, &hidden_scene, 1);
             let region = Region::Disc { x_px: START_PX[0], y_px: START_PX[1], radius_px: REGION_PX };
             let mut body = RigidBody::new(&reference, &region).unwrap();
-            let near = (motion.0 + 0.6, motion.1 - 0.5, motion.2 - 0.7);
-            let Ok(found) = body.find_visible(&target, (START_PX[0], START_PX[1]), near) else {
+            let near = PlanarMotion { u_px: motion.0 + 0.6, v_px: motion.1 - 0.5, angle_deg: motion.2 - 0.7 };
+            let Ok(found) = body.find_visible(&target, Point::new(START_PX[0], START_PX[1]), near) else {
                 lost += 1;
                 continue;
             };

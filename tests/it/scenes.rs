@@ -4,7 +4,7 @@ use crate::measured_world::rows_of;
 use crate::support::{Rig, csv, succeed};
 use ricochet::camera::simulated;
 use ricochet::dic::grid;
-use ricochet::dic::{CorrelationParams, Correlator, PreparedFrame, Region, RigidBody, Start};
+use ricochet::dic::{CorrelationParams, Correlator, PlanarMotion, Point, PreparedFrame, Region, RigidBody, Start};
 use ricochet::recording::Recording;
 use ricochet::results::{PointStatus, VelocitySample};
 use ricochet::synth::{MotionSetup, PartSetup, PatternSetup, Scenario, Shape, SimulatedFilm};
@@ -202,7 +202,8 @@ fn bias(shape: Shape, name: &str) -> [f64; 3] {
         let truth = step.map(|step| step * (to as f64 - from as f64));
         let region = Region::Disc { x_px: x, y_px: y, radius_px: 57.5 };
         let mut body = RigidBody::new(&pictures[from as usize], &region).unwrap();
-        let found = body.find(&pictures[to as usize], (x, y), truth.into()).unwrap().motion;
+        let near = PlanarMotion { u_px: truth[0], v_px: truth[1], angle_deg: truth[2] };
+        let found = body.find(&pictures[to as usize], Point::new(x, y), near).unwrap().motion;
         let errors = [found.u_px - truth[0], found.v_px - truth[1], found.angle_deg - truth[2]];
         sums.iter_mut().zip(errors).for_each(|(sum, error)| *sum += error / FRAMES as f64);
     }

@@ -10,7 +10,8 @@ use crate::ball::{BallFinder, BallParams, Presence};
 use crate::camera::simulated;
 use crate::dic::grid;
 use crate::dic::{
-    CorrelationParams, Correlator, GridPoint, PreparedFrame, Region, RigidBody, Shape, Start, rigid_fit_near,
+    CorrelationParams, Correlator, GridPoint, PlanarMotion, Point, PreparedFrame, Region, RigidBody, Shape, Start,
+    rigid_fit_near,
 };
 use crate::failure::Failure;
 use crate::image::{Frame, FrameMeta, Image};
@@ -20,7 +21,7 @@ use crate::results::{Circle, FieldPoint};
 use crate::synth::{Scenario, SimulatedFilm};
 
 /// Motion of the ball per frame, px, px and deg.
-const MOTION: (f64, f64, f64) = (0.37, -0.21, 0.13);
+const MOTION: PlanarMotion = PlanarMotion { u_px: 0.37, v_px: -0.21, angle_deg: 0.13 };
 
 /// Grid step, px: 60 subsets of 31 x 31 px on a ball of 120 px.
 const STEP_PX: u32 = 9;
@@ -91,7 +92,7 @@ struct Film {
 
 impl Film {
     fn new() -> Result<Self, Failure> {
-        let mut scenario = Scenario::translation(MOTION.0, MOTION.1, MOTION.2);
+        let mut scenario = Scenario::translation(MOTION.u_px, MOTION.v_px, MOTION.angle_deg);
         scenario.camera.frames = 64;
         let world = SimulatedFilm::new(&scenario)?;
         let drawn = (0..world.frames()).map(|index| {
@@ -147,7 +148,7 @@ impl Film {
         }
         let mut finder = BallFinder::new(&self.ball, 512, 512)?;
         let circle = finder.find(first.view()).ok_or_else(|| Failure::internal("cannot find the ball of the film"))?;
-        let moved = Circle { x_px: circle.x_px + MOTION.0, y_px: circle.y_px + MOTION.1, ..circle };
+        let moved = Circle { x_px: circle.x_px + MOTION.u_px, y_px: circle.y_px + MOTION.v_px, ..circle };
         let cold = rate(duration, || usize::from(finder.find(second.view()).is_some()));
         // The whole-body match has confirmed the ball.
         let follow =
@@ -215,7 +216,8 @@ impl Pair {
         correlator.prepare_part_into(second.view(), part, &mut target);
         let body = RigidBody::new(&reference, &Region::Disc { x_px, y_px, radius_px })
             .map_err(|status| Failure::internal(format!("cannot match the ball of the film: {}", status.as_str())))?;
-        let near = Start::Motion { x_px, y_px, u_px: MOTION.0, v_px: MOTION.1, angle_deg: MOTION.2 };
+        let PlanarMotion { u_px, v_px, angle_deg } = MOTION;
+        let near = Start::Motion { x_px, y_px, u_px, v_px, angle_deg };
         Ok(Self { correlator, reference, target, points, near, body, field: Vec::new() })
     }
 
@@ -228,14 +230,15 @@ impl Pair {
     /// Fits the rigid motion of the last field.
     fn fit(&mut self, circle: &Circle) -> usize {
         let subset_px = self.correlator.params().subset_size_px;
-        let motion = rigid_fit_near(&mut self.field, (circle.x_px, circle.y_px), subset_px, Some(MOTION));
+        let motion = rigid_fit_near(&mut self.field, Point::new(circle.x_px, circle.y_px), subset_px, Some(MOTION));
         usize::from(motion.is_some())
     }
 
     /// Matches the whole ball, from a start as far off as a typical prediction.
     fn whole(&mut self, circle: &Circle) -> bool {
-        let near = (MOTION.0 - 0.004, MOTION.1 + 0.003, MOTION.2 + 0.006);
-        self.body.find_visible(&self.target, (circle.x_px, circle.y_px), near).is_ok()
+        let PlanarMotion { u_px, v_px, angle_deg } = MOTION;
+        let near = PlanarMotion { u_px: u_px - 0.004, v_px: v_px + 0.003, angle_deg: angle_deg + 0.006 };
+        self.body.find_visible(&self.target, Point::new(circle.x_px, circle.y_px), near).is_ok()
     }
 }
 

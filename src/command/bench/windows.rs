@@ -9,7 +9,8 @@ use serde_json::json;
 use super::{BenchOptions, rate};
 use crate::dic::grid;
 use crate::dic::{
-    CorrelationParams, Correlator, GridPoint, KernelBenchmark, Method, Region, RigidBody, Shape, Start, arithmetic,
+    CorrelationParams, Correlator, GridPoint, KernelBenchmark, Method, PlanarMotion, Point, Region, RigidBody, Shape,
+    Start, arithmetic,
 };
 use crate::failure::Failure;
 use crate::image::Image;
@@ -22,7 +23,7 @@ const SIDE: usize = 512;
 const STEP_PX: u32 = 16;
 
 /// Displacement of the test pattern, px.
-const SHIFT: (f64, f64) = (0.37, -0.185);
+const SHIFT: Point = Point { x_px: 0.37, y_px: -0.185 };
 
 /// A benchmarked method.
 #[derive(Clone, Copy)]
@@ -94,7 +95,7 @@ pub(super) fn run(options: &BenchOptions) -> Result<(), Failure> {
     let most = options.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from)).max(1);
     let counts = (0..usize::BITS).map(|power| 1 << power).take_while(|count| *count < most).chain([most]);
     let counts: Vec<usize> = counts.collect();
-    let frames = (pattern((0.0, 0.0), 1), pattern(SHIFT, 2));
+    let frames = (pattern(Point::default(), 1), pattern(SHIFT, 2));
     let duration = Duration::from_secs_f64(options.seconds.clamp(0.01, 60.0));
     let mut rows = Vec::new();
     for case in CASES {
@@ -116,7 +117,8 @@ pub(super) fn run(options: &BenchOptions) -> Result<(), Failure> {
 /// Measures the time of each part of a match on one thread, us.
 fn parts(frames: &(Image, Image), duration: Duration) -> [(&'static str, f64); 5] {
     // Rotated by 1 deg, so that no iteration takes the shortcut for pure translation.
-    let mut parts = KernelBenchmark::new(frames.0.view(), frames.1.view(), (SHIFT.0, SHIFT.1, 1.0));
+    let motion = PlanarMotion { u_px: SHIFT.x_px, v_px: SHIFT.y_px, angle_deg: 1.0 };
+    let mut parts = KernelBenchmark::new(frames.0.view(), frames.1.view(), motion);
     let points = grid::rectangle([8, 8, SIDE as u32 - 16, SIDE as u32 - 16], STEP_PX, 31);
     let (second, mut next) = (frames.1.view(), points.iter().copied().cycle());
     let mut time = |part: &mut dyn FnMut(&mut KernelBenchmark, GridPoint) -> bool| {
@@ -203,10 +205,11 @@ fn work(case: &Case, frames: &(Image, Image), duration: Duration, ready: &Barrie
         points.truncate(60);
     }
     let (mut a, mut b) = (correlator.prepare(frames.0.view()), correlator.prepare(frames.1.view()));
-    let near = Start::Motion { x_px: 0.0, y_px: 0.0, u_px: SHIFT.0 - 0.02, v_px: SHIFT.1 + 0.03, angle_deg: 0.0 };
+    let near = Start::Motion { x_px: 0.0, y_px: 0.0, u_px: SHIFT.x_px - 0.02, v_px: SHIFT.y_px + 0.03, angle_deg: 0.0 };
     let kept = correlator.keep(a.clone(), &points);
-    let center = (0.5 * SIDE as f64, 0.5 * SIDE as f64);
-    let ball = Region::Disc { x_px: center.0, y_px: center.1, radius_px: 53.0 };
+    let center = Point::new(0.5 * SIDE as f64, 0.5 * SIDE as f64);
+    let ball = Region::Disc { x_px: center.x_px, y_px: center.y_px, radius_px: 53.0 };
+    let near_ball = PlanarMotion { u_px: SHIFT.x_px - 0.02, v_px: SHIFT.y_px + 0.03, angle_deg: 0.05 };
     let mut body = RigidBody::new(&a, &ball)
         .map_err(|status| Failure::internal(format!("cannot match the test ball: {}", status.as_str())))?;
     let mut field = Vec::new();
@@ -226,7 +229,7 @@ fn work(case: &Case, frames: &(Image, Image), duration: Duration, ready: &Barrie
                 std::hint::black_box(arithmetic(std::hint::black_box(0.5)));
                 1
             }
-            Kind::Body => usize::from(body.find(&b, center, (SHIFT.0 - 0.02, SHIFT.1 + 0.03, 0.05)).is_ok()),
+            Kind::Body => usize::from(body.find(&b, center, near_ball).is_ok()),
         }
     };
     round(&mut field);
@@ -242,7 +245,7 @@ fn median(figures: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// Renders speckle discs of 3 to 6 px with soft edges, shifted, with noise.
-fn pattern((u, v): (f64, f64), noise_seed: u32) -> Image {
+fn pattern(shift: Point, noise_seed: u32) -> Image {
     let mut state = 7_u32;
     let random = |state: &mut u32| {
         *state ^= *state << 13;
@@ -252,8 +255,8 @@ fn pattern((u, v): (f64, f64), noise_seed: u32) -> Image {
     };
     let mut clear = vec![1.0_f32; SIDE * SIDE];
     for _ in 0..10_000 {
-        let x = random(&mut state) * SIDE as f64 + u;
-        let y = random(&mut state) * SIDE as f64 + v;
+        let x = random(&mut state) * SIDE as f64 + shift.x_px;
+        let y = random(&mut state) * SIDE as f64 + shift.y_px;
         let radius = 1.5 + 1.4 * random(&mut state);
         let low = |center: f64| (center - 6.0).max(0.0) as usize;
         let high = |center: f64| ((center + 6.0).max(0.0) as usize).min(SIDE - 1);
@@ -278,7 +281,7 @@ mod tests {
 
     #[test]
     fn every_case_measures_a_rate() {
-        let frames = (pattern((0.0, 0.0), 1), pattern(SHIFT, 2));
+        let frames = (pattern(Point::default(), 1), pattern(SHIFT, 2));
         for case in CASES {
             let rate = measure(&case, 1, &frames, Duration::from_millis(1)).unwrap();
             assert!(rate > 0.0, "{}", case.name);

@@ -2,7 +2,9 @@
 
 use super::FieldOptions;
 use crate::console::UsageError;
-use crate::dic::{BodyMotion, CorrelationParams, Method, PreparedFrame, Region, Shape, Start, find_at_any_angle};
+use crate::dic::{
+    BodyMotion, CorrelationParams, Method, Point, PreparedFrame, Region, Shape, Start, find_at_any_angle,
+};
 use crate::failure::Failure;
 use crate::results::PointStatus;
 
@@ -97,7 +99,7 @@ fn at_any_angle(options: &FieldOptions, reference: &PreparedFrame, target: &Prep
     let [x_px, y_px] = center(rectangle);
     let (mut best, mut why): (Option<BodyMotion>, Option<PointStatus>) = (None, None);
     for region in options.region.iter().cloned().chain(regions(rectangle)) {
-        match find_at_any_angle(reference, target, &region, (x_px, y_px)) {
+        match find_at_any_angle(reference, target, &region, Point { x_px, y_px }) {
             Ok(found) if best.is_none_or(|best| found.zncc > best.zncc) => best = Some(found),
             Ok(_) => {}
             // `Ambiguous` says more than that a part was out of frame.

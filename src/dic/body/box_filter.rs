@@ -52,16 +52,11 @@ fn add_around_with<V: Vector>(values: &[f32], stride: usize, columns: &mut [f32]
 
 vectorized! {
     /// Whether every neighbourhood sum is less than `limit` times the number of its pixels.
-    pub(in crate::dic) fn are_within(planes: (&[f32], &[f32]), stride: usize, limit: f32, columns: &mut [f32]) -> bool = are_within_with
+    pub(in crate::dic) fn are_within(values: &[f32], pixels: &[f32], stride: usize, limit: f32, columns: &mut [f32]) -> bool = are_within_with
 }
 
 #[inline(always)]
-fn are_within_with<V: Vector>(
-    (values, pixels): (&[f32], &[f32]),
-    stride: usize,
-    limit: f32,
-    columns: &mut [f32],
-) -> bool {
+fn are_within_with<V: Vector>(values: &[f32], pixels: &[f32], stride: usize, limit: f32, columns: &mut [f32]) -> bool {
     let (one, limit) = (V::splat(1.0), V::splat(limit));
     let mut over = V::splat(0.0);
     for row in 0..(values.len() / stride).saturating_sub(SIDE - 1) {
@@ -93,13 +88,14 @@ pub(in crate::dic) fn strip_minima(values: &[f32], stride: usize, minima: &mut V
 vectorized! {
     /// Whether the sums over the union of the neighbourhoods in each strip are less than `limit` times the smallest
     /// pixel count of one of them. This is sufficient for [`are_within`].
-    pub(in crate::dic) fn are_strips_within(planes: (&[f32], &[f32]), stride: usize, limit: f32, columns: &mut [f32]) -> bool =
+    pub(in crate::dic) fn are_strips_within(values: &[f32], pixels: &[f32], stride: usize, limit: f32, columns: &mut [f32]) -> bool =
         are_strips_within_with
 }
 
 #[inline(always)]
 fn are_strips_within_with<V: Vector>(
-    (values, pixels): (&[f32], &[f32]),
+    values: &[f32],
+    pixels: &[f32],
     stride: usize,
     limit: f32,
     columns: &mut [f32],

@@ -12,6 +12,6 @@ mod visibility;
 
 pub use motion::{BodyMotion, STALE_DEG};
 pub use occlusion_map::OcclusionMap;
-pub use polar::{PolarCorrelator, RingRotation};
+pub use polar::{CenteredFrame, PolarCorrelator, Radii, RingRotation};
 pub use rigid_body::RigidBody;
 pub use rotation_search::{find_at_any_angle, find_occluded_within_angle};

@@ -1,6 +1,7 @@
 //! The motion of a whole body and its uncertainty.
 
 use crate::dic::field::RigidMotion;
+use crate::dic::geometry::Point;
 use crate::dic::refine::{Match, MatchError, Refiner};
 use crate::dic::uncertainty::{GradientNoise, NoisePool, VarianceFactor};
 use crate::numeric::Lanes;
@@ -39,7 +40,8 @@ pub(super) fn status_of(lost: MatchError) -> PointStatus {
 }
 
 /// Propagates the inverse Hessian to the variances of u and v at an offset from the centre, and of the angle (rad).
-pub(super) fn spreads(inverse: &[[f64; 6]; 6], angle: f64, (dx, dy): (f64, f64)) -> [f64; 3] {
+pub(super) fn spreads(inverse: &[[f64; 6]; 6], angle: f64, offset: Point) -> [f64; 3] {
+    let Point { x_px: dx, y_px: dy } = offset;
     // Derivatives of u and v at the offset with respect to (u, v, angle) of the centre.
     let (sin, cos) = angle.sin_cos();
     let rows = [[1.0, 0.0, -sin * dx + cos * dy], [0.0, 1.0, -cos * dx - sin * dy], [0.0, 0.0, 1.0]];
@@ -51,8 +53,9 @@ pub(super) fn spreads(inverse: &[[f64; 6]; 6], angle: f64, (dx, dy): (f64, f64))
 pub(super) fn motion(
     refiner: &Refiner<'_>,
     found: &Match,
-    (dx, dy): (f64, f64),
-    (pool, residual): (&mut NoisePool, &[Lanes]),
+    offset: Point,
+    pool: &mut NoisePool,
+    residual: &[Lanes],
 ) -> RigidMotion {
     let (subset, window, pixels) = (refiner.subset, refiner.window, refiner.window.pixels);
     pool.set_residual(window, residual);
@@ -60,12 +63,13 @@ pub(super) fn motion(
     let variance = 2.0 * subset.energy * (1.0 - found.zncc) / free;
     let warp = found.warp;
     let angle = warp.uy.atan2(1.0 + warp.ux);
+    let Point { x_px: dx, y_px: dy } = offset;
     let (x, y) = warp.apply(dx, dy);
-    let [along_u, along_v, along_angle] = spreads(&subset.inverse, angle, (dx, dy));
+    let [along_u, along_v, along_angle] = spreads(&subset.inverse, angle, offset);
     let factor = pool.factor().weighted_by_slopes(&GradientNoise::of(subset, window, residual));
-    let (var_u, var_v) = factor.variances(variance, (along_u, along_v));
+    let (var_u, var_v) = factor.variances(variance, along_u, along_v);
     let mean = 0.5 * (factor.x + factor.y);
-    let (var_angle, _) = VarianceFactor { x: mean, y: mean }.variances(variance, (along_angle, 0.0));
+    let (var_angle, _) = VarianceFactor { x: mean, y: mean }.variances(variance, along_angle, 0.0);
     RigidMotion {
         u_px: x - dx,
         v_px: y - dy,

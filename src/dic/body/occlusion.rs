@@ -3,7 +3,7 @@
 use super::motion::{BodyMotion, motion, status_of};
 use super::occlusion_map::OcclusionMap;
 use super::visibility::{VisibilityMap, is_noise};
-use crate::dic::geometry::{SubsetMask, Warp};
+use crate::dic::geometry::{Point, SubsetMask, Warp};
 use crate::dic::refine::{Match, Refiner};
 use crate::dic::subset::ReferenceSubset;
 use crate::dic::uncertainty::NoisePool;
@@ -75,7 +75,8 @@ impl OcclusionSearch {
         &mut self,
         body: &Refiner<'_>,
         start: Warp,
-        (zncc, residual): (f64, &[Lanes]),
+        zncc: f64,
+        residual: &[Lanes],
     ) -> Result<Match, PointStatus> {
         if !body.inside(&start) {
             return Err(PointStatus::OutOfFrame);
@@ -119,7 +120,7 @@ impl OcclusionSearch {
     }
 
     /// Computes the motion, its uncertainty and the visible fraction from a match by [`Self::find`].
-    pub(in crate::dic) fn body_motion(&mut self, body: &Refiner<'_>, found: &Match, offset: (f64, f64)) -> BodyMotion {
+    pub(in crate::dic) fn body_motion(&mut self, body: &Refiner<'_>, found: &Match, offset: Point) -> BodyMotion {
         let (mut pool, mut residual) = (std::mem::take(&mut self.pool), std::mem::take(&mut self.residual));
         pool.clear();
         pool.add_texture(&self.subset, &self.window);
@@ -127,9 +128,9 @@ impl OcclusionSearch {
         // The residual before the last step, which hardly changes it.
         refiner.residual_from(body, &self.samples, &mut residual);
         let noise = self.visibility.noise(&residual, &self.kept).max(MIN_NOISE_DN);
-        let pixels = self.visibility.mark_visible(body.window, (&residual, noise), &self.kept, &mut self.visible);
+        let pixels = self.visibility.mark_visible(body.window, &residual, noise, &self.kept, &mut self.visible);
         residual.iter_mut().zip(&self.window.mask).for_each(|(residual, mask)| *residual = *residual * *mask);
-        let motion = motion(&self.refiner(body), found, offset, (&mut pool, &residual));
+        let motion = motion(&self.refiner(body), found, offset, &mut pool, &residual);
         (self.pool, self.residual) = (pool, residual);
         BodyMotion { motion, zncc: found.zncc, visible_fraction: pixels as f64 / body.window.pixels as f64 }
     }
@@ -186,7 +187,7 @@ impl OcclusionSearch {
         let noise = self.visibility.noise(residual, &self.kept).max(MIN_NOISE_DN);
         match mask {
             Mask::Residual => self.visibility.by_residual(body.window, residual, noise, &mut self.kept),
-            Mask::Zncc => self.visibility.by_zncc(body.window, (&body.subset.levels, residual), &mut self.kept),
+            Mask::Zncc => self.visibility.by_zncc(body.window, &body.subset.levels, residual, &mut self.kept),
         }
         body.window.restrict(&self.kept, &mut self.window);
         noise

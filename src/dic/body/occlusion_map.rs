@@ -1,6 +1,6 @@
 //! The occluded pixels of a body as a summed-area table.
 
-use crate::dic::geometry::SubsetMask;
+use crate::dic::geometry::{Point, Size, SubsetMask};
 use crate::numeric::{LANES, Lanes};
 
 /// The occluded pixels of a body.
@@ -18,7 +18,8 @@ pub struct OcclusionMap {
 impl OcclusionMap {
     /// Builds the table of the body's pixels that are not `visible`.
     pub(in crate::dic) fn new(window: &SubsetMask, visible: &[Lanes]) -> Self {
-        let ((width, height), (left, top)) = (window.extent.sides(), (window.extent.left, window.extent.top));
+        let Size { width, height } = window.extent.size();
+        let (left, top) = (window.extent.left, window.extent.top);
         let stride = width + 1;
         let mut sums = vec![0_u32; stride * (height + 1)];
         for block in &window.blocks {
@@ -41,14 +42,15 @@ impl OcclusionMap {
     }
 
     /// Returns the number of occluded pixels in an upright square about a position, px from the body's centre.
-    pub fn occluded_pixels(&self, (x, y): (f64, f64), size_px: u32) -> u32 {
+    pub fn occluded_pixels(&self, at: Point, size_px: u32) -> u32 {
+        let Point { x_px: x, y_px: y } = at;
         let half = 0.5 * f64::from(size_px);
         let corner =
             |place: f64, first: i32, side: usize| (place + 0.5 - f64::from(first)).round().clamp(0.0, side as f64);
         let (left, right) = (corner(x - half, self.left, self.width), corner(x + half, self.left, self.width));
         let (top, bottom) = (corner(y - half, self.top, self.height), corner(y + half, self.top, self.height));
-        let at = |x: f64, y: f64| self.sums[y as usize * (self.width + 1) + x as usize];
-        (at(right, bottom) + at(left, top)) - (at(left, bottom) + at(right, top))
+        let sum = |x: f64, y: f64| self.sums[y as usize * (self.width + 1) + x as usize];
+        (sum(right, bottom) + sum(left, top)) - (sum(left, bottom) + sum(right, top))
     }
 }
 
@@ -83,7 +85,7 @@ mod tests {
             all.filter(|(dx, dy)| disc(*dx, *dy) && *dx > 7 && inside(*dx, *dy)).count() as u32
         };
         for (x, y, half) in [(0, 0, 7), (0, 0, 8), (4, -6, 7), (11, 3, 5), (19, 0, 9), (30, 30, 4), (0, 0, 40)] {
-            let counted = map.occluded_pixels((f64::from(x) + 0.2, f64::from(y) - 0.3), 2 * half as u32 + 1);
+            let counted = map.occluded_pixels(Point::new(f64::from(x) + 0.2, f64::from(y) - 0.3), 2 * half as u32 + 1);
             assert_eq!(counted, count(x, y, half), "{x} {y} {half}");
         }
     }

@@ -10,6 +10,7 @@ use realfft::num_complex::Complex;
 use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
 use std::sync::Arc;
 
+use crate::dic::geometry::{GridPoint, Pixel, Point, Size};
 use crate::dic::image::PreparedFrame;
 use crate::numeric::fast_size;
 use crate::results::PointStatus;
@@ -54,6 +55,24 @@ pub struct RingRotation {
     pub outer_px: f64,
 }
 
+/// A frame in which the centre of a body is known.
+#[derive(Clone, Copy)]
+pub struct CenteredFrame<'a> {
+    /// The frame, prepared around the body.
+    pub frame: &'a PreparedFrame,
+    /// The centre of the body in the frame.
+    pub center: Point,
+}
+
+/// The radii between which the pixels of a body are compared.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Radii {
+    /// The inner radius, px.
+    pub inner_px: f64,
+    /// The outer radius, px.
+    pub outer_px: f64,
+}
+
 /// Measures rotations; keeps its memory and its FFT plans.
 #[derive(Default)]
 pub struct PolarCorrelator {
@@ -81,8 +100,7 @@ struct Grid {
 }
 
 impl PolarCorrelator {
-    /// Measures the rotation of a body whose centre is at `from` in `reference` and at `to` in `target`, px, from the
-    /// pixels between two radii, px.
+    /// Measures the rotation of a body from `reference` to `target`, from the pixels between two radii.
     ///
     /// With `near`, deg, only rotations within 20 deg of it are accepted. Otherwise all are, and a pattern that repeats
     /// at two angles is ambiguous.
@@ -94,16 +112,16 @@ impl PolarCorrelator {
     /// - [`PointStatus::LowContrast`], [`PointStatus::LowCorrelation`] or [`PointStatus::Ambiguous`].
     pub fn rotation(
         &mut self,
-        (reference, from): (&PreparedFrame, (f64, f64)),
-        (target, to): (&PreparedFrame, (f64, f64)),
-        (inner_px, outer_px): (f64, f64),
+        reference: CenteredFrame<'_>,
+        target: CenteredFrame<'_>,
+        radii: Radii,
         near: Option<f64>,
     ) -> Result<RingRotation, PointStatus> {
-        let outer_px = outer_px.min(room(reference, from)).min(room(target, to));
-        let mut grid = Grid::new(inner_px, outer_px).ok_or(PointStatus::OutOfFrame)?;
+        let outer_px = radii.outer_px.min(reference.room()).min(target.room());
+        let mut grid = Grid::new(radii.inner_px, outer_px).ok_or(PointStatus::OutOfFrame)?;
         let (forward, backward) = self.plans(grid.columns);
-        self.from.sample(reference, from, grid, forward.as_ref());
-        self.to.sample(target, to, grid, forward.as_ref());
+        self.from.sample(reference, grid, forward.as_ref());
+        self.to.sample(target, grid, forward.as_ref());
         self.from.filter(grid, backward.as_ref());
         for _ in 0..MAX_ROUNDS {
             let (angle, zncc) = self.peak(grid, near.map(f64::to_radians), backward.as_ref())?;
@@ -248,9 +266,8 @@ impl PolarCorrelator {
 
 impl PolarImage {
     /// Samples rows and harmonics from a frame.
-    fn sample(&mut self, frame: &PreparedFrame, (x, y): (f64, f64), grid: Grid, forward: &dyn RealToComplex<f32>) {
-        let (left, top) = frame.local((0, 0));
-        let (x, y) = (x + f64::from(left), y + f64::from(top));
+    fn sample(&mut self, body: CenteredFrame<'_>, grid: Grid, forward: &dyn RealToComplex<f32>) {
+        let (frame, Point { x_px: x, y_px: y }) = (body.frame, body.local());
         self.levels.clear();
         self.spectrum.clear();
         let directions: Vec<_> = (0..grid.columns).map(|k| (TAU * k as f64 / grid.columns as f64).sin_cos()).collect();
@@ -315,15 +332,22 @@ impl Grid {
     }
 }
 
-/// Returns the radius of the largest circle around a position inside the prepared part of a frame, px.
-fn room(frame: &PreparedFrame, (x, y): (f64, f64)) -> f64 {
-    let (left, top) = frame.local((0, 0));
-    let (x, y) = (x + f64::from(left), y + f64::from(top));
-    if x.is_nan() || y.is_nan() {
-        return f64::NEG_INFINITY;
+impl CenteredFrame<'_> {
+    /// Returns the centre in the prepared part of the frame.
+    fn local(&self) -> Point {
+        let Pixel { x, y } = self.frame.local(GridPoint { x: 0, y: 0 });
+        Point::new(self.center.x_px + f64::from(x), self.center.y_px + f64::from(y))
     }
-    let (right, bottom) = (frame.levels.width() as f64 - 1.0 - x, frame.levels.height() as f64 - 1.0 - y);
-    x.min(y).min(right).min(bottom)
+
+    /// Returns the radius of the largest circle around the centre inside the prepared part of the frame, px.
+    fn room(&self) -> f64 {
+        let Point { x_px: x, y_px: y } = self.local();
+        if x.is_nan() || y.is_nan() {
+            return f64::NEG_INFINITY;
+        }
+        let Size { width, height } = self.frame.levels.size();
+        x.min(y).min(width as f64 - 1.0 - x).min(height as f64 - 1.0 - y)
+    }
 }
 
 fn wide(c: Complex<f32>) -> Complex<f64> {
@@ -386,113 +410,4 @@ fn maximize(cross: &[Complex<f64>], start: f64) -> Option<f64> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::dic::geometry::Warp;
-    use crate::dic::tests::{Sequence, Speckle, prepared, record};
-    use crate::image::Image;
-
-    /// A pattern rotated about (70, 66) and shifted.
-    fn rotated_by(speckle: &Speckle, (u, v, angle_deg): (f64, f64, f64)) -> Image {
-        let turn = Warp::rigid(u, v, angle_deg.to_radians());
-        let motion = |x: f64, y: f64| {
-            let (dx, dy) = (x - 70.0, y - 66.0);
-            let (tx, ty) = turn.apply(dx, dy);
-            (tx - dx, ty - dy)
-        };
-        speckle.moved(motion).draw(140, 132)
-    }
-
-    const CENTER: (f64, f64) = (70.0, 66.0);
-    #[test]
-    fn any_rotation_is_found_without_a_start_to_a_hundredth_with_honest_uncertainty() {
-        let speckle = Speckle::standard(41, 140.0);
-        let reference = speckle.draw(140, 132);
-        let mut ring = PolarCorrelator::default();
-        for (limits, most_rms) in [((30.0, 50.0), 0.0035), ((20.0, 26.0), 0.012), ((8.0, 52.0), 0.003)] {
-            let (mut square, mut reported, mut worst, mut count) = (0.0, 0.0, 0.0_f64, 0.0);
-            for (case, angle_deg) in [0.07, -0.61, 2.93, 17.31, -90.4, 171.7].into_iter().enumerate() {
-                let (u, v) = (1.37, -0.82);
-                let target = rotated_by(&speckle, (u, v, angle_deg));
-                for round in 0..6 {
-                    let seed = 300 + 20 * case as u64 + 2 * round;
-                    let (a, b) = (prepared(&record(&reference, 2.0, seed)), prepared(&record(&target, 2.0, seed + 1)));
-                    let to = (CENTER.0 + u, CENTER.1 + v);
-                    let found = ring.rotation((&a, CENTER), (&b, to), limits, None).unwrap();
-                    let error = found.angle_deg - angle_deg;
-                    (square, reported) = (square + error * error, reported + found.sigma_deg.powi(2));
-                    (worst, count) = (worst.max(error.abs()), count + 1.0);
-                }
-            }
-            let (rms, ratio) = ((square / count).sqrt(), (reported / square).sqrt());
-            eprintln!("ring {limits:?}: rms {rms:.5} deg, worst {worst:.5}, reported/actual {ratio:.2}");
-            assert!(rms < most_rms && worst < 4.0 * most_rms, "{limits:?}: {rms} {worst}");
-            assert!((0.7..1.4).contains(&ratio), "{limits:?}: {ratio}");
-        }
-    }
-
-    #[test]
-    fn the_ring_ends_at_the_edge_of_an_occluder() {
-        let speckle = Speckle::standard(42, 140.0);
-        let reference = prepared(&record(&speckle.draw(140, 132), 2.0, 1));
-        let mut random = Sequence::new(3);
-        for (edge_px, angle_deg) in [(44.0, 0.71), (30.0, -1.33), (22.0, 0.4)] {
-            let mut image = record(&rotated_by(&speckle, (0.0, 0.0, angle_deg)), 2.0, 2);
-            for (y, row) in image.rows_mut().enumerate() {
-                for (x, level) in row.iter_mut().enumerate() {
-                    if x as f64 > CENTER.0 + edge_px {
-                        *level = (60.0 + 20.0 * random.normal() + (0.3 * (x + 2 * y) as f64).sin() * 30.0) as f32;
-                    }
-                }
-            }
-            let target = prepared(&image);
-            let found = PolarCorrelator::default()
-                .rotation((&reference, CENTER), (&target, CENTER), (12.0, 50.0), Some(0.0))
-                .unwrap();
-            eprintln!("edge at {edge_px}: {found:?}");
-            assert!((edge_px - 7.0..=edge_px + 1.0).contains(&found.outer_px), "{edge_px}: {found:?}");
-            assert!((found.angle_deg - angle_deg).abs() < 5.0 * found.sigma_deg, "{edge_px}: {found:?}");
-        }
-        let hidden = prepared(&Image::new(140, 132));
-        let lost = PolarCorrelator::default().rotation((&reference, CENTER), (&hidden, CENTER), (12.0, 50.0), None);
-        assert_eq!(lost.err(), Some(PointStatus::LowContrast));
-    }
-
-    #[test]
-    fn other_patterns_are_refused_and_repeating_ones_are_ambiguous() {
-        let frame = |seed: u64| prepared(&record(&Speckle::standard(seed, 140.0).draw(140, 132), 2.0, seed));
-        let mut ring = PolarCorrelator::default();
-        let other = ring.rotation((&frame(1), CENTER), (&frame(2), CENTER), (12.0, 50.0), None);
-        assert!(
-            matches!(other, Err(PointStatus::LowCorrelation | PointStatus::Ambiguous | PointStatus::Occluded)),
-            "{other:?}"
-        );
-        let star = |angle_deg: f64| {
-            let mut image = Image::new(140, 132);
-            for (y, row) in image.rows_mut().enumerate() {
-                for (x, level) in row.iter_mut().enumerate() {
-                    let angle = (CENTER.1 - y as f64).atan2(x as f64 - CENTER.0) - angle_deg.to_radians();
-                    *level = (100.0 + 60.0 * (6.0 * angle).cos()) as f32;
-                }
-            }
-            prepared(&record(&image, 1.0, 9))
-        };
-        let (a, b) = (star(0.0), star(2.5));
-        assert_eq!(ring.rotation((&a, CENTER), (&b, CENTER), (12.0, 50.0), None).err(), Some(PointStatus::Ambiguous));
-        let near = ring.rotation((&a, CENTER), (&b, CENTER), (12.0, 50.0), Some(0.0)).unwrap();
-        assert!((near.angle_deg - 2.5).abs() < 0.05, "{near:?}");
-    }
-
-    #[test]
-    fn rings_outside_the_image_are_refused() {
-        let frame = prepared(&Speckle::standard(1, 140.0).draw(140, 132));
-        for center in [(5.0, 60.0), (f64::NAN, 60.0), (60.0, 1e9)] {
-            let found = PolarCorrelator::default().rotation((&frame, center), (&frame, center), (12.0, 50.0), None);
-            assert_eq!(found.err(), Some(PointStatus::OutOfFrame), "{center:?}");
-        }
-        let near_edge = PolarCorrelator::default()
-            .rotation((&frame, (30.0, 60.0)), (&frame, (30.0, 60.0)), (12.0, 50.0), None)
-            .unwrap();
-        assert!(near_edge.outer_px <= 30.0 && near_edge.angle_deg.abs() < 1e-4, "{near_edge:?}");
-    }
-}
+mod tests;

@@ -6,7 +6,7 @@
 use super::motion::{BodyMotion, motion, spreads, status_of};
 use super::occlusion::OcclusionSearch;
 use super::occlusion_map::OcclusionMap;
-use crate::dic::geometry::{Region, Shape, SubsetMask, Warp};
+use crate::dic::geometry::{GridPoint, PlanarMotion, Point, Region, Shape, SubsetMask, Warp};
 use crate::dic::image::PreparedFrame;
 use crate::dic::refine::{Match, Refiner};
 use crate::dic::subset::{ReferenceSubset, Unusable};
@@ -25,7 +25,7 @@ const MIN_PIXELS: usize = 81;
 pub struct RigidBody {
     subset: ReferenceSubset,
     window: SubsetMask,
-    at: (u32, u32),
+    at: GridPoint,
     residual: Vec<Lanes>,
     pool: NoisePool,
     occlusion: OcclusionSearch,
@@ -50,17 +50,17 @@ impl RigidBody {
     ///
     /// # Errors
     ///
-    /// As [`Self::new`]. After an error the body must not be used.
+    /// The errors of [`Self::new`]. After one, the body must not be used.
     pub fn renew(&mut self, reference: &PreparedFrame, region: &Region) -> Result<(), PointStatus> {
         let [left, top, right, bottom] = region.bounds_px().ok_or(PointStatus::OutOfFrame)?;
-        let center = (0.5 * (left + right), 0.5 * (top + bottom));
+        let (x, y) = (0.5 * (left + right), 0.5 * (top + bottom));
         let half = (0.5 * (right - left).max(bottom - top)).ceil();
-        let inside = center.0 >= 0.0 && center.1 >= 0.0 && center.0 < 1e6 && center.1 < 1e6 && half < 1e4;
+        let inside = x >= 0.0 && y >= 0.0 && x < 1e6 && y < 1e6 && half < 1e4;
         if !inside {
             return Err(PointStatus::OutOfFrame);
         }
-        let at = (center.0.round() as u32, center.1.round() as u32);
-        let (x, y) = (f64::from(at.0), f64::from(at.1));
+        let at = GridPoint { x: x.round() as u32, y: y.round() as u32 };
+        let (x, y) = (f64::from(at.x), f64::from(at.y));
         let window =
             SubsetMask::from_test(half as u32 + 1, |dx, dy| region.contains(x + f64::from(dx), y + f64::from(dy)));
         if window.pixels < MIN_PIXELS {
@@ -68,10 +68,7 @@ impl RigidBody {
         }
         (self.at, self.window) = (at, window);
         let Self { subset, window, pool, occlusion, .. } = self;
-        subset.fill_body(reference, window, at).map_err(|unusable| match unusable {
-            Unusable::OutOfFrame => PointStatus::OutOfFrame,
-            Unusable::LowContrast => PointStatus::LowContrast,
-        })?;
+        subset.fill_body(reference, window, at).map_err(Unusable::status)?;
         pool.clear();
         pool.add_texture(subset, window);
         occlusion.plan(window);
@@ -86,8 +83,8 @@ impl RigidBody {
     }
 
     /// The centre of the reference pixels, px.
-    pub fn center_px(&self) -> (f64, f64) {
-        (f64::from(self.at.0), f64::from(self.at.1))
+    pub fn center(&self) -> Point {
+        Point::new(f64::from(self.at.x), f64::from(self.at.y))
     }
 
     /// Returns the expected standard uncertainty of a match: displacement of a point along x and y, px, and rotation,
@@ -97,9 +94,8 @@ impl RigidBody {
     /// small rotations, sqrt(2) noise over the root of the gradient energy (Pan et al. 2008,
     /// <https://doi.org/10.1364/OE.16.007037>), corrected by the gradient gain. The uncertainty that a match reports is
     /// computed from its residual instead.
-    pub fn expected_sigma(&self, (x_px, y_px): (f64, f64), noise_dn: f64) -> [f64; 3] {
-        let (cx, cy) = self.center_px();
-        let variances = spreads(&self.subset.inverse, 0.0, (x_px - cx, y_px - cy));
+    pub fn expected_sigma(&self, point: Point, noise_dn: f64) -> [f64; 3] {
+        let variances = spreads(&self.subset.inverse, 0.0, point.from(self.center()));
         let [u, v, angle] = variances.map(|spread| (2.0 * spread).sqrt() * noise_dn * self.gradient_gain);
         [u, v, angle.to_degrees()]
     }
@@ -112,15 +108,15 @@ impl RigidBody {
         [u_px, v_px, angle.to_degrees()]
     }
 
-    /// The mask of its pixels, relative to [`Self::center_px`].
+    /// The mask of its pixels, relative to [`Self::center`].
     pub(in crate::dic) fn window(&self) -> &SubsetMask {
         &self.window
     }
 
-    /// Finds the body in a later frame, starting from the motion `near` (u and v in px, rotation in deg).
+    /// Finds the body in a later frame, starting from the motion `near`.
     ///
-    /// The displacements in `near` and in the result are those of the reference point (`x_px`, `y_px`). The match
-    /// converges from about 2 px and 3 deg away.
+    /// The displacements in `near` and in the result are those of a point of the reference. The match converges from
+    /// about 2 px and 3 deg away.
     ///
     /// # Errors
     ///
@@ -128,10 +124,10 @@ impl RigidBody {
     pub fn find(
         &mut self,
         target: &PreparedFrame,
-        (x_px, y_px): (f64, f64),
-        near: (f64, f64, f64),
+        point: Point,
+        near: PlanarMotion,
     ) -> Result<BodyMotion, PointStatus> {
-        let (start, offset) = self.start((x_px, y_px), near);
+        let (start, offset) = self.start(point, near);
         let mut residual = std::mem::take(&mut self.residual);
         let found = self.refiner(target).refine_with_residual(start, &mut residual).map_err(status_of);
         let measured = found.map(|found| self.body_motion(target, &found, offset, &residual));
@@ -146,14 +142,14 @@ impl RigidBody {
     ///
     /// # Errors
     ///
-    /// As [`Self::find`], or [`PointStatus::Occluded`] if less than 15 % of the body is visible.
+    /// The errors of [`Self::find`], or [`PointStatus::Occluded`] if less than 15 % of the body is visible.
     pub fn find_visible(
         &mut self,
         target: &PreparedFrame,
-        (x_px, y_px): (f64, f64),
-        near: (f64, f64, f64),
+        point: Point,
+        near: PlanarMotion,
     ) -> Result<BodyMotion, PointStatus> {
-        let (start, offset) = self.start((x_px, y_px), near);
+        let (start, offset) = self.start(point, near);
         let (mut occlusion, mut residual) = (std::mem::take(&mut self.occlusion), std::mem::take(&mut self.residual));
         occlusion.clear_occlusion();
         let plain = self.refiner(target).refine_near(start, self.gradient_gain, &mut residual).map_err(status_of);
@@ -166,10 +162,10 @@ impl RigidBody {
                 // An occluder that covers half of the body may have biased the plain match.
                 let searched = match plain {
                     Ok(found) => {
-                        let matched = occlusion.find(&refiner, found.warp, (found.zncc, &residual));
-                        matched.or_else(|_| occlusion.find(&refiner, start, (0.0, &[])))
+                        let matched = occlusion.find(&refiner, found.warp, found.zncc, &residual);
+                        matched.or_else(|_| occlusion.find(&refiner, start, 0.0, &[]))
                     }
-                    Err(_) => occlusion.find(&refiner, start, (0.0, &[])),
+                    Err(_) => occlusion.find(&refiner, start, 0.0, &[]),
                 };
                 searched.map(|found| {
                     let visible = occlusion.body_motion(&self.refiner(target), &found, offset);
@@ -182,33 +178,24 @@ impl RigidBody {
         found
     }
 
-    /// Returns the occluded pixels, relative to [`Self::center_px`], of the last [`Self::find_visible`]; `None` if
+    /// Returns the occluded pixels, relative to [`Self::center`], of the last [`Self::find_visible`]; `None` if
     /// there were none.
     pub fn occlusion_map(&self) -> Option<OcclusionMap> {
         self.occlusion.occlusion_map(&self.window)
     }
 
     /// Returns the initial warp for a motion of a point, and the offset of the point from the centre.
-    fn start(&self, (x_px, y_px): (f64, f64), (u_px, v_px, angle_deg): (f64, f64, f64)) -> (Warp, (f64, f64)) {
-        let turn = Warp::rigid(u_px, v_px, angle_deg.to_radians());
-        let (cx, cy) = self.center_px();
-        let (dx, dy) = (cx - x_px, cy - y_px);
-        let (x, y) = turn.apply(dx, dy);
-        (Warp { u: x - dx, v: y - dy, ..turn }, (-dx, -dy))
+    fn start(&self, point: Point, near: PlanarMotion) -> (Warp, Point) {
+        let center = self.center();
+        (near.at(center.from(point)).warp(), point.from(center))
     }
 
     /// Computes the motion and its uncertainty from a match of all pixels and its residual.
-    fn body_motion(
-        &mut self,
-        target: &PreparedFrame,
-        found: &Match,
-        offset: (f64, f64),
-        residual: &[Lanes],
-    ) -> BodyMotion {
+    fn body_motion(&mut self, target: &PreparedFrame, found: &Match, offset: Point, residual: &[Lanes]) -> BodyMotion {
         let Self { subset, window, at, pool, .. } = self;
         let refiner =
             Refiner { subset, window, shape: Shape::Rigid, target: &target.interpolated, at: target.local(*at) };
-        let motion = motion(&refiner, found, offset, (pool, residual)).with_sigmas(self.gradient_gain);
+        let motion = motion(&refiner, found, offset, pool, residual).with_sigmas(self.gradient_gain);
         BodyMotion { motion, zncc: found.zncc, visible_fraction: 1.0 }
     }
 
@@ -234,7 +221,9 @@ mod tests {
     use crate::dic::tests::{Speckle, prepared, record};
     use crate::image::Image;
 
-    /// A pattern rotated about (70, 66) and shifted.
+    const CENTER: Point = Point { x_px: 70.0, y_px: 66.0 };
+
+    /// A pattern rotated about the centre and shifted.
     fn turned(speckle: &Speckle, (u, v, angle_deg): (f64, f64, f64)) -> Image {
         let turn = Warp::rigid(u, v, angle_deg.to_radians());
         let motion = |x: f64, y: f64| {
@@ -253,15 +242,15 @@ mod tests {
         let (mut errors, mut reported, mut count) = ([0.0; 3], [0.0; 3], 0.0);
         // Rounding to whole grey levels adds to the noise.
         let noise_dn = (2.0_f64.powi(2) + 1.0 / 12.0).sqrt();
-        let expected = RigidBody::new(&prepared(&reference), &region).unwrap().expected_sigma((70.0, 66.0), noise_dn);
+        let expected = RigidBody::new(&prepared(&reference), &region).unwrap().expected_sigma(CENTER, noise_dn);
         for (case, truth) in [(0.13, -0.37, 0.07), (0.77, 0.21, -0.6), (1.23, -1.9, 2.9)].into_iter().enumerate() {
             let target = turned(&speckle, truth);
             for round in 0..8 {
                 let seed = 100 * case as u64 + 2 * round;
                 let mut body = RigidBody::new(&prepared(&record(&reference, 2.0, seed)), &region).unwrap();
                 let frame = prepared(&record(&target, 2.0, seed + 1));
-                let near = (truth.0.round(), truth.1.round(), 0.0);
-                let found = body.find(&frame, (70.0, 66.0), near).unwrap();
+                let near = PlanarMotion { u_px: truth.0.round(), v_px: truth.1.round(), angle_deg: 0.0 };
+                let found = body.find(&frame, CENTER, near).unwrap();
                 let motion = found.motion;
                 let error = [motion.u_px - truth.0, motion.v_px - truth.1, motion.angle_deg - truth.2];
                 let sigma = [motion.sigma_u_px, motion.sigma_v_px, motion.sigma_angle_deg];
@@ -291,11 +280,11 @@ mod tests {
         let region = Region::Polygon { outline_px, holes_px: vec![] };
         let mut body = RigidBody::new(&prepared(&speckle.draw(140, 132)), &region).unwrap();
         let frame = prepared(&turned(&speckle, truth));
-        let near = (0.0, 0.0, 0.0);
-        let at_center = body.find(&frame, (70.0, 66.0), near).unwrap().motion;
+        let near = PlanarMotion::default();
+        let at_center = body.find(&frame, CENTER, near).unwrap().motion;
         assert!((at_center.u_px - 0.5).abs() < 0.002 && (at_center.v_px - 0.25).abs() < 0.002, "{at_center:?}");
         // 10 px to the right of the centre the rotation lifts the point by 10 sin 2 deg.
-        let right = body.find(&frame, (80.0, 66.0), near).unwrap().motion;
+        let right = body.find(&frame, Point::new(80.0, 66.0), near).unwrap().motion;
         assert!((right.v_px - (0.25 - 10.0 * 2.0_f64.to_radians().sin())).abs() < 0.002, "{right:?}");
         assert!(right.sigma_v_px >= at_center.sigma_v_px);
     }
@@ -309,7 +298,8 @@ mod tests {
         let grey = prepared(&Image::new(100, 100));
         assert_eq!(RigidBody::new(&grey, &disc(50.0)).err(), Some(PointStatus::LowContrast));
         let mut body = RigidBody::new(&frame, &disc(50.0)).unwrap();
-        assert_eq!(body.find(&grey, (50.0, 50.0), (0.0, 0.0, 0.0)).err(), Some(PointStatus::LowCorrelation));
-        assert_eq!(body.find(&frame, (50.0, 50.0), (40.0, 0.0, 0.0)).err(), Some(PointStatus::OutOfFrame));
+        let (center, far) = (Point::new(50.0, 50.0), PlanarMotion { u_px: 40.0, ..PlanarMotion::default() });
+        assert_eq!(body.find(&grey, center, PlanarMotion::default()).err(), Some(PointStatus::LowCorrelation));
+        assert_eq!(body.find(&frame, center, far).err(), Some(PointStatus::OutOfFrame));
     }
 }

@@ -7,7 +7,7 @@
 
 use super::motion::BodyMotion;
 use super::rigid_body::RigidBody;
-use crate::dic::geometry::{Region, Warp};
+use crate::dic::geometry::{PlanarMotion, Point, Region, Warp};
 use crate::dic::image::{Interpolation, PaddedImage, PreparedFrame};
 use crate::dic::refine::Match;
 use crate::image::Image;
@@ -35,12 +35,20 @@ struct Candidate {
     score: f32,
     angle_rad: f64,
     /// The position of the body's centre in the subsampled target, px.
-    center: (f64, f64),
+    center: Point,
+}
+
+impl Candidate {
+    /// Returns the motion from a centre in the reference.
+    fn motion_of(&self, center: Point) -> PlanarMotion {
+        let offset = self.center.from(center);
+        PlanarMotion { u_px: offset.x_px, v_px: offset.y_px, angle_deg: self.angle_rad.to_degrees() }
+    }
 }
 
 /// Finds the motion of `region` from `reference` to `target`, at any rotation and anywhere in the image.
 ///
-/// The displacement returned is that of the point (`x_px`, `y_px`).
+/// The displacement returned is that of `point` in the reference.
 ///
 /// # Errors
 ///
@@ -59,7 +67,7 @@ pub fn find_at_any_angle(
     reference: &PreparedFrame,
     target: &PreparedFrame,
     region: &Region,
-    (x_px, y_px): (f64, f64),
+    point: Point,
 ) -> Result<BodyMotion, PointStatus> {
     let mut body = RigidBody::new(reference, region)?;
     let coarse = SubsampledPair::new(reference, target, region, &body)?;
@@ -70,11 +78,9 @@ pub fn find_at_any_angle(
     if rival.is_some_and(|other| 1.0 - other.zncc < 2.0 * (1.0 - best.zncc) + 0.02) {
         return Err(PointStatus::Ambiguous);
     }
-    let center = body.center_px();
+    let center = body.center();
     let found = body.find(target, center, coarse.full(&best.warp, center))?;
-    let motion = found.motion;
-    let offset = (x_px - center.0, y_px - center.1);
-    body.find(target, (x_px, y_px), at_point(motion.u_px, motion.v_px, motion.angle_deg, offset))
+    body.find(target, point, found.motion.planar().at(point.from(center)))
 }
 
 /// Finds the motion of a partly occluded body among rotations of at most `max_deg` either way.
@@ -84,7 +90,7 @@ pub fn find_at_any_angle(
 ///
 /// # Errors
 ///
-/// As [`find_at_any_angle`].
+/// The errors of [`find_at_any_angle`].
 ///
 /// # Panics
 ///
@@ -93,21 +99,18 @@ pub fn find_occluded_within_angle(
     reference: &PreparedFrame,
     target: &PreparedFrame,
     region: &Region,
-    point_px: (f64, f64),
+    point: Point,
     max_deg: f64,
 ) -> Result<BodyMotion, PointStatus> {
     let mut body = RigidBody::new(reference, region)?;
     let mut coarse = SubsampledPair::new(reference, target, region, &body)?;
-    let (center, coarse_center) = (body.center_px(), coarse.body.center_px());
+    let (center, coarse_center) = (body.center(), coarse.body.center());
     let mut found: Vec<BodyMotion> = Vec::new();
     for candidate in all_angles(&coarse.body, &coarse.reference, &coarse.target, max_deg.to_radians()) {
-        let (u, v) = (candidate.center.0 - coarse_center.0, candidate.center.1 - coarse_center.1);
-        let near = (u, v, candidate.angle_rad.to_degrees());
+        let near = candidate.motion_of(coarse_center);
         let Ok(rough) = coarse.body.find_visible(&coarse.target, coarse_center, near) else { continue };
-        let warp = Warp::rigid(rough.motion.u_px, rough.motion.v_px, rough.motion.angle_deg.to_radians());
-        let (u, v, angle_deg) = coarse.full(&warp, center);
-        let offset = (point_px.0 - center.0, point_px.1 - center.1);
-        found.extend(body.find_visible(target, point_px, at_point(u, v, angle_deg, offset)));
+        let near = coarse.full(&rough.motion.planar().warp(), center).at(point.from(center));
+        found.extend(body.find_visible(target, point, near));
     }
     let weight = |motion: &BodyMotion| motion.visible_fraction * motion.zncc;
     found.sort_by(|a, b| weight(b).total_cmp(&weight(a)));
@@ -147,22 +150,16 @@ impl SubsampledPair {
         Ok(Self { factor, reference, target, body })
     }
 
-    /// Converts a warp of the subsampled body to the motion of the full body's centre, px and deg.
-    fn full(&self, warp: &Warp, (bx, by): (f64, f64)) -> (f64, f64, f64) {
+    /// Converts a warp of the subsampled body to the motion of the full body's centre.
+    fn full(&self, warp: &Warp, center: Point) -> PlanarMotion {
         let scale = self.factor as f64;
         let full = |coarse: f64| coarse * scale + 0.5 * (scale - 1.0);
-        let (cx, cy) = self.body.center_px();
-        let (dx, dy) = (bx - full(cx), by - full(cy));
+        let coarse = self.body.center();
+        let (dx, dy) = (center.x_px - full(coarse.x_px), center.y_px - full(coarse.y_px));
         let (tx, ty) = Warp { u: 0.0, v: 0.0, ..*warp }.apply(dx, dy);
         let angle_deg = warp.uy.atan2(1.0 + warp.ux).to_degrees();
-        (warp.u * scale + tx - dx, warp.v * scale + ty - dy, angle_deg)
+        PlanarMotion { u_px: warp.u * scale + tx - dx, v_px: warp.v * scale + ty - dy, angle_deg }
     }
-}
-
-/// Returns the motion of the point at an offset from the point whose motion is (u, v).
-fn at_point(u: f64, v: f64, angle_deg: f64, (dx, dy): (f64, f64)) -> (f64, f64, f64) {
-    let (x, y) = Warp::rigid(u, v, angle_deg.to_radians()).apply(dx, dy);
-    (x - dx, y - dy, angle_deg)
 }
 
 /// Returns the subsampling factor along each axis.
@@ -229,11 +226,12 @@ fn all_angles(body: &RigidBody, reference: &PreparedFrame, target: &PreparedFram
 
 /// Refines the candidates to sub-pixel precision and sorts them, best first.
 fn refined(body: &RigidBody, target: &PreparedFrame, candidates: &[Candidate]) -> Vec<Match> {
-    let (cx, cy) = body.center_px();
-    let start =
-        |candidate: &Candidate| Warp::rigid(candidate.center.0 - cx, candidate.center.1 - cy, candidate.angle_rad);
-    let mut matches: Vec<Match> =
-        candidates.iter().filter_map(|candidate| body.refine(target, start(candidate)).ok()).collect();
+    let center = body.center();
+    let refined = |candidate: &Candidate| {
+        let offset = candidate.center.from(center);
+        body.refine(target, Warp::rigid(offset.x_px, offset.y_px, candidate.angle_rad)).ok()
+    };
+    let mut matches: Vec<Match> = candidates.iter().filter_map(refined).collect();
     matches.sort_by(|a, b| b.zncc.total_cmp(&a.zncc));
     matches
 }
@@ -298,7 +296,7 @@ impl MaskedSearch {
         self.fft.inverse(&mut self.sums);
         let scale = 1.0 / (size * size) as f32;
         let count = template.pixels.len() as f32;
-        let mut best = Candidate { score: f32::NEG_INFINITY, angle_rad, center: (0.0, 0.0) };
+        let mut best = Candidate { score: f32::NEG_INFINITY, angle_rad, center: Point::default() };
         for y in template.reach.1..self.height - template.reach.1 {
             for x in template.reach.0..self.width - template.reach.0 {
                 let sums = self.sums[y * size + x] * scale;
@@ -307,7 +305,7 @@ impl MaskedSearch {
                 if product > 0.0 && contrast > 0.05 * count {
                     let score = product / (contrast * template.energy).sqrt();
                     if score > best.score {
-                        best = Candidate { score, center: (x as f64, y as f64), ..best };
+                        best = Candidate { score, center: Point::new(x as f64, y as f64), ..best };
                     }
                 }
             }
@@ -342,7 +340,7 @@ impl Template {
         let window = body.window();
         let reach = (f64::from(window.half) * std::f64::consts::SQRT_2).ceil() as i32;
         let back = Warp::rigid(0.0, 0.0, -angle_rad);
-        let (cx, cy) = body.center_px();
+        let Point { x_px: cx, y_px: cy } = body.center();
         let mut pixels = Vec::new();
         for dy in -reach..=reach {
             for dx in -reach..=reach {
@@ -386,7 +384,7 @@ mod tests {
                 (tx - (x - 90.0), ty - (y - 100.0))
             });
             let target = prepared(&record(&moved.draw(300, 240), 2.0, 2 + case as u64));
-            let found = find_at_any_angle(&reference, &target, &region, (90.0, 100.0)).unwrap().motion;
+            let found = find_at_any_angle(&reference, &target, &region, Point::new(90.0, 100.0)).unwrap().motion;
             let error = [found.u_px - u, found.v_px - v, found.angle_deg - angle_deg];
             eprintln!("{angle_deg} deg: errors {error:?}");
             assert!(error.iter().all(|error| error.abs() < 0.01), "{angle_deg} deg: {error:?}");
@@ -406,13 +404,13 @@ mod tests {
     fn another_pattern_is_not_found_and_a_regular_one_is_ambiguous() {
         let region = Region::Disc { x_px: 60.0, y_px: 60.0, radius_px: 40.0 };
         let frame = |seed: u64| prepared(&record(&Speckle::standard(seed, 130.0).draw(130, 130), 1.0, seed));
-        let lost = find_at_any_angle(&frame(1), &frame(2), &region, (60.0, 60.0));
+        let lost = find_at_any_angle(&frame(1), &frame(2), &region, Point::new(60.0, 60.0));
         assert_eq!(lost.err(), Some(PointStatus::LowCorrelation));
         let disc =
             |k: i32| crate::dic::tests::Disc { x: f64::from(k % 14) * 10.0, y: f64::from(k / 14) * 10.0, radius: 3.0 };
         let grid = Speckle { discs: (0..196).map(disc).collect(), edge: 0.6, contrast: 200.0 };
         let grid = |seed: u64| prepared(&record(&grid.draw(130, 130), 1.0, seed));
-        let unclear = find_at_any_angle(&grid(1), &grid(2), &region, (60.0, 60.0));
+        let unclear = find_at_any_angle(&grid(1), &grid(2), &region, Point::new(60.0, 60.0));
         assert_eq!(unclear.err(), Some(PointStatus::Ambiguous));
     }
 }

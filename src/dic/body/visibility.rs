@@ -8,7 +8,7 @@ use multiversion::multiversion;
 
 use super::box_filter::{add_around, are_strips_within, are_within, box_sums, strip_minima};
 use super::median_residual::{median_size, nth_smallest};
-use crate::dic::geometry::SubsetMask;
+use crate::dic::geometry::{Size, SubsetMask};
 use crate::numeric::{LANES, Lanes};
 
 /// Half the side of the neighbourhood of the local ZNCC, px.
@@ -96,8 +96,8 @@ impl VisibilityMap {
         self.square(window, residual);
         let limit = (MAX_LOCAL_RESIDUAL * noise).powi(2);
         // The larger neighbourhoods of the strips are mostly sufficient.
-        are_strips_within((&self.squares, &self.strip_neighbours), self.stride, limit, &mut self.columns)
-            || are_within((&self.squares, &self.neighbours), self.stride, limit, &mut self.columns)
+        are_strips_within(&self.squares, &self.strip_neighbours, self.stride, limit, &mut self.columns)
+            || are_within(&self.squares, &self.neighbours, self.stride, limit, &mut self.columns)
     }
 
     /// Loads the squares of a residual.
@@ -113,7 +113,7 @@ impl VisibilityMap {
 
     /// Loads a reference and its residual, both packed like the window's mask.
     fn load(&mut self, window: &SubsetMask, reference: &[Lanes], residual: &[Lanes]) {
-        let (width, height) = window.extent.sides();
+        let Size { width, height } = window.extent.size();
         // The lanes of whole blocks may extend over the rectangle to both sides.
         self.stride = (width + 2 * PAD + 2 * LANES).next_multiple_of(LANES);
         let len = self.stride * (height + 2 * PAD);
@@ -132,7 +132,8 @@ impl VisibilityMap {
     pub(in crate::dic) fn by_zncc(
         &mut self,
         window: &SubsetMask,
-        (reference, residual): (&[Lanes], &[Lanes]),
+        reference: &[Lanes],
+        residual: &[Lanes],
         kept: &mut Vec<Lanes>,
     ) {
         self.load(window, reference, residual);
@@ -185,7 +186,8 @@ impl VisibilityMap {
     pub(in crate::dic) fn mark_visible(
         &mut self,
         window: &SubsetMask,
-        (residual, noise): (&[Lanes], f32),
+        residual: &[Lanes],
+        noise: f32,
         kept: &[Lanes],
         visible: &mut Vec<Lanes>,
     ) -> usize {
@@ -378,8 +380,8 @@ mod tests {
             visibility.is_whole(&window, &residual, 0.45);
             let VisibilityMap { squares, neighbours, strip_neighbours, columns, .. } = &mut visibility;
             let limit = 2.5_f32.powi(2) * 0.05_f32.powi(2) * 128.0_f32.powi(2) / 3.0;
-            let strips = are_strips_within((squares, strip_neighbours), stride, limit, columns);
-            let each = are_within((squares, neighbours), stride, limit, columns);
+            let strips = are_strips_within(squares, strip_neighbours, stride, limit, columns);
+            let each = are_within(squares, neighbours, stride, limit, columns);
             assert!(each || !strips, "case {case}");
             (passed, hidden) = (passed + i32::from(strips), hidden + i32::from(!each));
         }
@@ -393,7 +395,7 @@ mod tests {
         let target = |dx: i32, dy: i32| if dx > 8 { speckle(dx + 900, dy) } else { 1.3 * speckle(dx, dy) + 20.0 };
         let residual = packed(&window, |dx, dy| speckle(dx, dy) - target(dx, dy));
         let (mut visibility, mut kept) = (planned(&window), Vec::new());
-        visibility.by_zncc(&window, (&packed(&window, speckle), &residual), &mut kept);
+        visibility.by_zncc(&window, &packed(&window, speckle), &residual, &mut kept);
         let wrong = kept.iter().zip(packed(&window, |dx, _| if dx > 8 { 0.0 } else { 1.0 }));
         let wrong: usize =
             wrong.map(|(a, b)| a.0.iter().zip(&b.0).filter(|(a, b)| (*a - *b).abs() > 0.5).count()).sum();

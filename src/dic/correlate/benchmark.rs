@@ -1,7 +1,6 @@
 //! The steps of a match as separate functions, for benchmarks.
 
-use crate::dic::GridPoint;
-use crate::dic::geometry::{Shape, SubsetMask, Warp};
+use crate::dic::geometry::{GridPoint, PlanarMotion, Shape, SubsetMask, Warp};
 use crate::dic::image::{Interpolation, PreparedFrame};
 use crate::dic::params::CorrelationParams;
 use crate::dic::refine::Refiner;
@@ -21,6 +20,13 @@ pub struct KernelBenchmark {
     disc: SubsetMask,
     body: ReferenceSubset,
     warp: Warp,
+}
+
+/// The pixels that an iteration matches.
+#[derive(Clone, Copy)]
+enum Pixels {
+    Subset,
+    Disc,
 }
 
 /// The number of independent accumulators, enough to fill the pipelines of a core.
@@ -57,13 +63,12 @@ fn multiply_add_with<V: Vector>(start: f32) -> f32 {
 const DISC_PX: i32 = 53;
 
 impl KernelBenchmark {
-    /// Prepares a pair of frames of one size, at least 128 x 128 px. The second is moved and rotated by about the given
-    /// u and v in px and angle in deg.
+    /// Prepares a pair of frames of one size, at least 128 x 128 px, that differ by about the given motion.
     ///
     /// # Panics
     ///
     /// If the frames are smaller.
-    pub fn new(first: ImageView<'_>, second: ImageView<'_>, (u_px, v_px, angle_deg): (f64, f64, f64)) -> Self {
+    pub fn new(first: ImageView<'_>, second: ImageView<'_>, motion: PlanarMotion) -> Self {
         assert!(first.width() >= 128 && first.height() >= 128, "frames of a benchmark have room for the disc");
         let params = CorrelationParams::default();
         let mut parts = Self {
@@ -73,7 +78,7 @@ impl KernelBenchmark {
             subset: ReferenceSubset::default(),
             disc: SubsetMask::from_test(DISC_PX as u32, |dx, dy| dx * dx + dy * dy <= DISC_PX * DISC_PX),
             body: ReferenceSubset::default(),
-            warp: Warp::rigid(u_px, v_px, angle_deg.to_radians()),
+            warp: motion.warp(),
         };
         parts.prepare(first);
         std::mem::swap(&mut parts.frames.0, &mut parts.frames.1);
@@ -81,7 +86,7 @@ impl KernelBenchmark {
         let at = parts.middle();
         parts.extract(at);
         let Self { body, disc, frames, .. } = &mut parts;
-        let _ = body.fill_body(&frames.0, disc, (at.x, at.y));
+        let _ = body.fill_body(&frames.0, disc, at);
         parts
     }
 
@@ -96,30 +101,30 @@ impl KernelBenchmark {
 
     /// Extracts a subset: mean, energy, gradients and Hessian. Returns whether it is usable.
     pub fn extract(&mut self, at: GridPoint) -> bool {
-        self.subset.fill(&self.frames.0, &self.window, Shape::Affine, (at.x, at.y)).is_ok()
+        self.subset.fill(&self.frames.0, &self.window, Shape::Affine, at).is_ok()
     }
 
     /// Runs the FFT correlation of the last subset with the same 32 x 32 pixels of the target, and the sub-pixel peak
     /// fit.
     pub fn peak(&mut self, at: GridPoint) -> bool {
-        self.search
-            .find_near(&self.subset, &self.window, &self.frames.1.levels, self.frames.1.local((at.x, at.y)))
-            .is_some()
+        self.search.find_near(&self.subset, &self.window, &self.frames.1.levels, self.frames.1.local(at)).is_some()
     }
 
     /// Runs one exact affine iteration of the last subset.
     pub fn iterate(&mut self, at: GridPoint) -> bool {
-        self.refiner(false, at).step(&self.warp).is_ok()
+        self.refiner(Pixels::Subset, at).step(&self.warp).is_ok()
     }
 
     /// Runs one rigid iteration of the disc.
     pub fn iterate_disc(&mut self) -> bool {
-        self.refiner(true, self.middle()).step(&self.warp).is_ok()
+        self.refiner(Pixels::Disc, self.middle()).step(&self.warp).is_ok()
     }
 
-    fn refiner(&self, disc: bool, at: GridPoint) -> Refiner<'_> {
-        let (subset, window, shape) =
-            if disc { (&self.body, &self.disc, Shape::Rigid) } else { (&self.subset, &self.window, Shape::Affine) };
-        Refiner { subset, window, shape, target: &self.frames.1.interpolated, at: self.frames.1.local((at.x, at.y)) }
+    fn refiner(&self, pixels: Pixels, at: GridPoint) -> Refiner<'_> {
+        let (subset, window, shape) = match pixels {
+            Pixels::Subset => (&self.subset, &self.window, Shape::Affine),
+            Pixels::Disc => (&self.body, &self.disc, Shape::Rigid),
+        };
+        Refiner { subset, window, shape, target: &self.frames.1.interpolated, at: self.frames.1.local(at) }
     }
 }

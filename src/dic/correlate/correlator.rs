@@ -1,16 +1,15 @@
 //! The correlator: plans once, then measures one displacement field per call.
 
 use super::predicted::PredictedUpdate;
-use super::subset_match::{Searches, SubsetMatch, SubsetMatcher};
-use crate::dic::GridPoint;
+use super::subset_match::{Guess, Searches, SubsetMatch, SubsetMatcher};
 use crate::dic::error::CorrelationError;
 use crate::dic::field::MedianTest;
-use crate::dic::geometry::{Region, Shape, SubsetMask, Warp};
+use crate::dic::geometry::{GridPoint, Pixel, PlanarMotion, Point, Region, Shape, Size, SubsetMask, Warp};
 use crate::dic::image::PreparedFrame;
 use crate::dic::params::{CorrelationParams, Method};
-use crate::dic::search::{IntegerSearch, UpsampledSearch};
+use crate::dic::search::{IntegerSearch, PeakFit, UpsampledSearch};
 use crate::dic::subset::{ReferenceSubset, Unusable};
-use crate::dic::uncertainty::{GradientGain, Lags, NoisePool, POOLED, count_pairs};
+use crate::dic::uncertainty::{Lags, NoisePool, POOLED, count_pairs};
 use crate::image::ImageView;
 use crate::numeric::Lanes;
 use crate::results::{Displacement, FieldPoint, PointStatus};
@@ -59,11 +58,9 @@ pub struct Correlator {
     width_px: usize,
     height_px: usize,
     window: SubsetMask,
-    /// Memory for a window clipped by the region.
-    cut: SubsetMask,
     region: Option<Region>,
     searches: Searches,
-    subset: ReferenceSubset,
+    extracted: ExtractedSubset,
     solutions: Vec<SubsetMatch>,
     residual: Vec<Lanes>,
     predicted: PredictedUpdate,
@@ -81,8 +78,47 @@ pub struct Correlator {
 pub struct KeptReference {
     frame: PreparedFrame,
     points: Vec<GridPoint>,
-    /// Each subset, with its part of the window where the region or the edge clips it.
-    subsets: Vec<Result<(ReferenceSubset, Option<SubsetMask>), PointStatus>>,
+    subsets: Vec<Result<ExtractedSubset, PointStatus>>,
+}
+
+/// A subset of a reference.
+#[derive(Debug, Clone, Default)]
+struct ExtractedSubset {
+    subset: ReferenceSubset,
+    /// The part of the window inside the region and the image, if these clip it.
+    clipped: SubsetMask,
+    is_clipped: bool,
+}
+
+impl ExtractedSubset {
+    fn window<'a>(&'a self, whole: &'a SubsetMask) -> &'a SubsetMask {
+        if self.is_clipped { &self.clipped } else { whole }
+    }
+}
+
+/// A reference and a target, with the subsets of a kept reference if there is one.
+struct FramePair<'a> {
+    reference: &'a PreparedFrame,
+    target: &'a PreparedFrame,
+    points: &'a [GridPoint],
+    kept: Option<&'a KeptReference>,
+}
+
+impl<'a> FramePair<'a> {
+    fn kept(kept: &'a KeptReference, target: &'a PreparedFrame) -> Self {
+        Self { reference: &kept.frame, target, points: &kept.points, kept: Some(kept) }
+    }
+
+    fn matcher(
+        &self,
+        params: &'a CorrelationParams,
+        window: &'a SubsetMask,
+        subset: &'a ReferenceSubset,
+        index: usize,
+    ) -> SubsetMatcher<'a> {
+        let Self { reference, target, points, .. } = *self;
+        SubsetMatcher { params, window, subset, reference, target, at: points[index] }
+    }
 }
 
 impl KeptReference {
@@ -110,9 +146,8 @@ impl Correlator {
             searches: Searches {
                 pixel: IntegerSearch::new(size as usize, params.search_px as usize),
                 fine: (params.method == Method::SplineFft).then(|| UpsampledSearch::new(&window, points)),
-                peak_fit: true,
+                peak_fit: PeakFit::Fitted,
             },
-            cut: window.clone(),
             region: None,
             predicted: PredictedUpdate::default(),
             pairs: count_pairs(&window),
@@ -120,7 +155,7 @@ impl Correlator {
             params: params.clone(),
             width_px,
             height_px,
-            subset: ReferenceSubset::default(),
+            extracted: ExtractedSubset::default(),
             solutions: Vec::new(),
             residual: Vec::new(),
             pool: NoisePool::default(),
@@ -133,7 +168,7 @@ impl Correlator {
     ///
     /// For studies of the peak fit, not for measurements.
     pub fn without_peak_fit(mut self) -> Self {
-        self.searches.peak_fit = false;
+        self.searches.peak_fit = PeakFit::Highest;
         self
     }
 
@@ -212,46 +247,12 @@ impl Correlator {
         start: Start,
         field: &mut Vec<FieldPoint>,
     ) {
-        self.check_size(reference);
-        self.check_size(target);
-        self.solutions.clear();
-        self.searches.pixel.is_used = false;
         let mut predicted = std::mem::take(&mut self.predicted);
         let starts = points.iter().map(|point| self.predicted_start(*point, start));
-        predicted.resample((reference, target), points, &self.window, starts);
-        let (mut subset, mut cut) = (std::mem::take(&mut self.subset), std::mem::take(&mut self.cut));
-        for (index, point) in points.iter().enumerate() {
-            let whole = matcher(&self.params, &self.window, &subset, (reference, target), *point);
-            let solution = match predicted.solve(&whole, index) {
-                Some(solution) => solution,
-                None => match self.extract(reference, *point, &mut subset, &mut cut) {
-                    Err(status) => SubsetMatch::failed(status),
-                    Ok(is_cut) => {
-                        let window = if is_cut { &cut } else { &self.window };
-                        let (guess, min_zncc) = self.guess(points, index, start);
-                        let matcher = matcher(&self.params, window, &subset, (reference, target), *point);
-                        matcher.solve(&mut self.searches, guess, min_zncc)
-                    }
-                },
-            };
-            self.solutions.push(solution);
-        }
-        let pooled = self.choose_pooled();
-        for index in pooled.iter().copied() {
-            let pair = (reference, target);
-            if predicted.found(index) {
-                let matcher = matcher(&self.params, &self.window, &subset, pair, points[index]);
-                predicted.pool(&matcher, index, &self.pairs, &mut self.pool);
-                self.pool.add_gradient_gain(GradientGain::within(reference, &self.window, matcher.at));
-            } else if let Ok(is_cut) = self.extract(reference, points[index], &mut subset, &mut cut) {
-                let window = if is_cut { &cut } else { &self.window };
-                let matcher = matcher(&self.params, window, &subset, pair, points[index]);
-                pool_residual(&matcher, &self.solutions[index], &mut self.residual, &mut self.pool);
-            }
-        }
+        predicted.resample(reference, target, points, &self.window, starts);
         self.predicted = predicted;
-        (self.subset, self.cut, self.pooled) = (subset, cut, pooled);
-        self.fill(points, field);
+        let pair = FramePair { reference, target, points, kept: None };
+        self.measure(&pair, |correlator, index| correlator.guess(points, index, start), field);
         self.median_test.mark(points, self.params.step_px, field);
     }
 
@@ -268,9 +269,8 @@ impl Correlator {
     pub fn keep(&mut self, reference: PreparedFrame, points: &[GridPoint]) -> KeptReference {
         self.check_size(&reference);
         let keep_one = |point: &GridPoint| {
-            let (mut subset, mut cut) = (ReferenceSubset::default(), self.window.clone());
-            let is_cut = self.extract(&reference, *point, &mut subset, &mut cut)?;
-            Ok((subset, is_cut.then_some(cut)))
+            let mut extracted = ExtractedSubset::default();
+            self.extract(&reference, *point, &mut extracted).map(|()| extracted)
         };
         let subsets = points.iter().map(keep_one).collect();
         KeptReference { points: points.to_vec(), subsets, frame: reference }
@@ -290,8 +290,9 @@ impl Correlator {
         start: Start,
         field: &mut Vec<FieldPoint>,
     ) {
-        self.solve_kept(kept, target, |correlator, index| correlator.guess(&kept.points, index, start));
-        self.fill(&kept.points, field);
+        self.predicted.clear();
+        let guess = |correlator: &Self, index: usize| correlator.guess(&kept.points, index, start);
+        self.measure(&FramePair::kept(kept, target), guess, field);
         self.median_test.mark(&kept.points, self.params.step_px, field);
     }
 
@@ -303,8 +304,9 @@ impl Correlator {
         starts: &[Option<Warp>],
         field: &mut Vec<FieldPoint>,
     ) {
-        self.solve_kept(kept, target, |_, index| (starts[index], TRUSTED_ZNCC));
-        self.fill(&kept.points, field);
+        self.predicted.clear();
+        let guess = |_: &Self, index: usize| Guess { warp: starts[index], min_zncc: TRUSTED_ZNCC };
+        self.measure(&FramePair::kept(kept, target), guess, field);
     }
 
     /// Returns the warps of the last field, `None` for invalid points.
@@ -313,43 +315,62 @@ impl Correlator {
         self.solutions.iter().map(move |solution| Some(solution).filter(valid)?.found.map(|found| found.warp))
     }
 
-    fn solve_kept(
-        &mut self,
-        kept: &KeptReference,
-        target: &PreparedFrame,
-        guess: impl Fn(&Self, usize) -> (Option<Warp>, f64),
-    ) {
-        self.check_size(&kept.frame);
-        self.check_size(target);
+    /// Matches every subset and writes the field.
+    fn measure(&mut self, pair: &FramePair<'_>, guess: impl Fn(&Self, usize) -> Guess, field: &mut Vec<FieldPoint>) {
+        self.check_size(pair.reference);
+        self.check_size(pair.target);
         self.solutions.clear();
-        let pair = (&kept.frame, target);
-        for (index, (point, subset)) in kept.points.iter().zip(&kept.subsets).enumerate() {
-            let solution = match subset {
-                Err(status) => SubsetMatch::failed(*status),
-                Ok((subset, cut)) => {
-                    let window = cut.as_ref().unwrap_or(&self.window);
-                    let (guess, min_zncc) = guess(self, index);
-                    matcher(&self.params, window, subset, pair, *point).solve(&mut self.searches, guess, min_zncc)
-                }
+        self.searches.pixel.is_used = false;
+        let (mut predicted, mut memory) = (std::mem::take(&mut self.predicted), std::mem::take(&mut self.extracted));
+        for index in 0..pair.points.len() {
+            let whole = pair.matcher(&self.params, &self.window, &memory.subset, index);
+            let solution = match predicted.solve(&whole, index) {
+                Some(solution) => solution,
+                None => match self.subset_at(pair, index, &mut memory) {
+                    Err(status) => SubsetMatch::failed(status),
+                    Ok(extracted) => {
+                        let (window, guess) = (extracted.window(&self.window), guess(self, index));
+                        let matcher = pair.matcher(&self.params, window, &extracted.subset, index);
+                        matcher.solve(&mut self.searches, guess)
+                    }
+                },
             };
             self.solutions.push(solution);
         }
         let pooled = self.choose_pooled();
         for index in pooled.iter().copied() {
-            if let Ok((subset, cut)) = &kept.subsets[index] {
-                let window = cut.as_ref().unwrap_or(&self.window);
-                let matcher = matcher(&self.params, window, subset, pair, kept.points[index]);
-                pool_residual(&matcher, &self.solutions[index], &mut self.residual, &mut self.pool);
+            if predicted.found(index) {
+                let matcher = pair.matcher(&self.params, &self.window, &memory.subset, index);
+                predicted.pool(&matcher, index, &self.pairs, &mut self.pool);
+            } else if let Ok(extracted) = self.subset_at(pair, index, &mut memory) {
+                let window = extracted.window(&self.window);
+                let matcher = pair.matcher(&self.params, window, &extracted.subset, index);
+                matcher.pool(&self.solutions[index], &mut self.residual, &mut self.pool);
             }
         }
-        self.pooled = pooled;
+        (self.predicted, self.extracted, self.pooled) = (predicted, memory, pooled);
+        self.fill(pair.points, field);
+    }
+
+    /// Returns the subset of a kept reference, or extracts it into `memory`.
+    fn subset_at<'a>(
+        &self,
+        pair: &FramePair<'a>,
+        index: usize,
+        memory: &'a mut ExtractedSubset,
+    ) -> Result<&'a ExtractedSubset, PointStatus> {
+        if let Some(kept) = pair.kept {
+            return kept.subsets[index].as_ref().map_err(|status| *status);
+        }
+        self.extract(pair.reference, pair.points[index], memory)?;
+        Ok(memory)
     }
 
     /// Returns the initial warp of a known motion, for an unclipped subset whose shape can rotate.
     fn predicted_start(&self, point: GridPoint, start: Start) -> Option<Warp> {
         let shape = self.params.refined_shape();
-        let is_free = self.window.extent.fits((point.x as isize, point.y as isize), (self.width_px, self.height_px))
-            && self.region.as_ref().is_none_or(|region| region.holds(self.window.around(point)));
+        let is_free =
+            self.is_inside(point) && self.region.as_ref().is_none_or(|region| region.holds(self.window.around(point)));
         let turns = self.params.method == Method::IcGn && matches!(shape, Shape::Affine | Shape::Rigid);
         start.warp(point, shape).filter(|_| is_free && turns)
     }
@@ -362,49 +383,49 @@ impl Correlator {
         );
     }
 
-    /// Extracts the subset at a point of the reference and returns whether the region or the edge clips it.
+    /// Whether the window about a point lies wholly in the image.
+    fn is_inside(&self, point: GridPoint) -> bool {
+        let at = Pixel { x: point.x as i32, y: point.y as i32 };
+        self.window.extent.fits(at, Size { width: self.width_px, height: self.height_px })
+    }
+
+    /// Extracts the subset at a point of the reference, clipped by the region and the edge.
     fn extract(
         &self,
         reference: &PreparedFrame,
         point: GridPoint,
-        subset: &mut ReferenceSubset,
-        cut: &mut SubsetMask,
-    ) -> Result<bool, PointStatus> {
-        let (width, height) = (self.width_px, self.height_px);
-        let whole = self.window.extent.fits((point.x as isize, point.y as isize), (width, height));
+        out: &mut ExtractedSubset,
+    ) -> Result<(), PointStatus> {
+        let whole = self.is_inside(point);
         let belongs = |dx: i32, dy: i32| {
             let (x, y) = (f64::from(point.x) + f64::from(dx), f64::from(point.y) + f64::from(dy));
             let inner = |at: f64, extent: usize| at >= EDGE_PX && at <= extent as f64 - 1.0 - EDGE_PX;
-            (whole || (inner(x, width) && inner(y, height)))
+            (whole || (inner(x, self.width_px) && inner(y, self.height_px)))
                 && self.region.as_ref().is_none_or(|region| region.contains(x, y))
         };
         let is_inside = whole && self.region.as_ref().is_none_or(|region| region.holds(self.window.around(point)));
-        let is_cut = !is_inside && self.window.clip(belongs, cut);
-        let share = cut.pixels as f64 / self.window.pixels as f64;
-        if is_cut && (share < MIN_INSIDE_FRACTION || self.params.method != Method::IcGn) {
+        out.is_clipped = !is_inside && self.window.clip(belongs, &mut out.clipped);
+        let fraction = out.clipped.pixels as f64 / self.window.pixels as f64;
+        if out.is_clipped && (fraction < MIN_INSIDE_FRACTION || self.params.method != Method::IcGn) {
             return Err(PointStatus::OutOfFrame);
         }
-        let window = if is_cut { &*cut } else { &self.window };
-        match subset.fill(reference, window, self.params.refined_shape(), (point.x, point.y)) {
-            Ok(()) => Ok(is_cut),
-            Err(Unusable::OutOfFrame) => Err(PointStatus::OutOfFrame),
-            Err(Unusable::LowContrast) => Err(PointStatus::LowContrast),
-        }
+        let window = if out.is_clipped { &out.clipped } else { &self.window };
+        out.subset.fill(reference, window, self.params.refined_shape(), point).map_err(Unusable::status)
     }
 
     /// Returns the initial warp and the minimum ZNCC of its result.
-    fn guess(&self, points: &[GridPoint], index: usize, start: Start) -> (Option<Warp>, f64) {
+    fn guess(&self, points: &[GridPoint], index: usize, start: Start) -> Guess {
         if start != Start::Neighbor {
-            return (start.warp(points[index], self.params.refined_shape()), 0.0);
+            return Guess { warp: start.warp(points[index], self.params.refined_shape()), min_zncc: 0.0 };
         }
-        let Some(before) = index.checked_sub(1) else { return (None, 0.0) };
+        let Some(before) = index.checked_sub(1) else { return Guess::default() };
         let (point, neighbor, solution) = (points[index], points[before], self.solutions[before]);
         let found = solution.found.filter(|_| solution.status == PointStatus::Valid && point.y == neighbor.y);
-        let predicted = found.map(|found| {
+        let warp = found.map(|found| {
             let (dx, warp) = (f64::from(point.x) - f64::from(neighbor.x), found.warp);
             Warp { u: warp.u + warp.ux * dx, v: warp.v + warp.vx * dx, ..warp }
         });
-        (predicted, TRUSTED_ZNCC)
+        Guess { warp, min_zncc: TRUSTED_ZNCC }
     }
 
     /// Selects valid matches spread over the field, in memory that goes back to `pooled`.
@@ -423,7 +444,7 @@ impl Correlator {
         let (factor, gain) = (self.pool.factor(), self.pool.gradient_gain());
         field.clear();
         field.extend(points.iter().zip(&self.solutions).map(|(point, solution)| {
-            let (variance_u, variance_v) = factor.variances(solution.residual, solution.inverse);
+            let (variance_u, variance_v) = factor.variances(solution.residual, solution.inverse.0, solution.inverse.1);
             let valid = solution.found.filter(|_| solution.status == PointStatus::Valid);
             FieldPoint {
                 x_px: point.x as f32,
@@ -442,38 +463,13 @@ impl Correlator {
     }
 }
 
-/// Returns the matcher of one subset of a pair of frames.
-fn matcher<'a>(
-    params: &'a CorrelationParams,
-    window: &'a SubsetMask,
-    subset: &'a ReferenceSubset,
-    (reference, target): (&'a PreparedFrame, &'a PreparedFrame),
-    point: GridPoint,
-) -> SubsetMatcher<'a> {
-    SubsetMatcher { params, window, subset, reference, target, at: (point.x, point.y) }
-}
-
-/// Adds the autocorrelation of the residual of one match.
-fn pool_residual(matcher: &SubsetMatcher<'_>, solution: &SubsetMatch, residual: &mut Vec<Lanes>, pool: &mut NoisePool) {
-    let Some(found) = solution.found else { return };
-    match matcher.params.refined_shape() {
-        Shape::Quadratic => matcher.refiner().quadratic_residual(&found, residual),
-        _ => matcher.refiner().residual(&found.warp, residual),
-    }
-    if !residual.is_empty() {
-        pool.add(matcher.subset, matcher.window, residual);
-        pool.add_gradient_gain(GradientGain::within(matcher.reference, matcher.window, matcher.at));
-    }
-}
-
 impl Start {
     /// Returns the initial warp if one is known.
     fn warp(&self, point: GridPoint, shape: Shape) -> Option<Warp> {
         let Self::Motion { x_px, y_px, u_px, v_px, angle_deg } = *self else { return None };
-        let turn = Warp::rigid(u_px, v_px, angle_deg.to_radians());
-        let (dx, dy) = (f64::from(point.x) - x_px, f64::from(point.y) - y_px);
-        let (x, y) = turn.apply(dx, dy);
-        let (u, v) = (x - dx, y - dy);
-        Some(if shape == Shape::Translation { Warp::shift(u, v) } else { Warp { u, v, ..turn } })
+        let motion = PlanarMotion { u_px, v_px, angle_deg };
+        let offset = Point::new(f64::from(point.x) - x_px, f64::from(point.y) - y_px);
+        let warp = motion.at(offset).warp();
+        Some(if shape == Shape::Translation { Warp::shift(warp.u, warp.v) } else { warp })
     }
 }

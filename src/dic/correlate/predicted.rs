@@ -6,8 +6,7 @@
 //! refined like any other.
 
 use super::subset_match::{SubsetMatch, SubsetMatcher};
-use crate::dic::GridPoint;
-use crate::dic::geometry::{SubsetMask, Warp};
+use crate::dic::geometry::{GridPoint, Pixel, Size, SubsetMask, Warp};
 use crate::dic::image::{InterpolatedImage, PaddedImage, PreparedFrame, ShiftedRows, sample_lanes};
 use crate::dic::refine::Match;
 use crate::dic::subset::{ColumnSums, Layers, Moments, ReferenceSubset, Strip};
@@ -36,7 +35,7 @@ pub(in crate::dic) struct PredictedUpdate {
     /// The initial warp of each subset for which the target is resampled.
     starts: Vec<Option<Warp>>,
     /// The centre of each subset in the reference, px.
-    centers: Vec<(i32, i32)>,
+    centers: Vec<Pixel>,
     /// The grey-level fit of each subset found by one update.
     fits: Vec<Option<GreyLevelFit>>,
     subset: ReferenceSubset,
@@ -48,44 +47,40 @@ impl PredictedUpdate {
     /// Resamples the target for the subsets that `starts` has warps for. All warps must belong to one rigid motion.
     pub(in crate::dic) fn resample(
         &mut self,
-        (reference, target): (&PreparedFrame, &PreparedFrame),
+        reference: &PreparedFrame,
+        target: &PreparedFrame,
         points: &[GridPoint],
         window: &SubsetMask,
         starts: impl Iterator<Item = Option<Warp>>,
     ) {
-        let (width, height) = (reference.levels.width(), reference.levels.height());
-        let holds = |at: (i32, i32)| window.extent.fits((at.0 as isize, at.1 as isize), (width, height));
+        let size = reference.levels.size();
         self.starts.clear();
         self.starts.extend(points.iter().zip(starts).map(|(point, warp)| {
-            let (at, to) = (reference.local((point.x, point.y)), target.local((point.x, point.y)));
-            let is_sane = |warp: &Warp| {
-                warp.is_within(MAX_GRADIENT)
-                    && window.stays(warp, to, (target.interpolated.width(), target.interpolated.height()))
-            };
-            warp.filter(|warp| is_sane(warp) && holds(at) && !saturated(reference, window, at))
+            let (at, to) = (reference.local(*point), target.local(*point));
+            let is_sane =
+                |warp: &Warp| warp.is_within(MAX_GRADIENT) && window.stays(warp, to, target.interpolated.size());
+            let is_usable = || window.extent.fits(at, size) && !saturated(reference, window, at);
+            warp.filter(|warp| is_sane(warp) && is_usable())
         }));
         self.centers.clear();
-        self.centers.extend(points.iter().map(|point| reference.local((point.x, point.y))));
+        self.centers.extend(points.iter().map(|point| reference.local(*point)));
         self.fits.clear();
         self.fits.resize(points.len(), None);
-        self.plane.reshape(width, height);
-        let carried = self.centers.iter().zip(&self.starts).filter_map(|(at, start)| start.map(|_| *at));
-        self.columns.plan(window, carried);
-        let first = points.iter().zip(&self.starts).find_map(|(point, warp)| Some(((point.x, point.y), (*warp)?)));
+        self.plane.reshape(size.width, size.height);
+        let predicted = self.centers.iter().zip(&self.starts).filter_map(|(at, start)| start.map(|_| *at));
+        self.columns.plan(window, predicted);
+        let first = points.iter().zip(&self.starts).find_map(|(point, warp)| Some((*point, (*warp)?)));
         let Some((point, warp)) = first else { return };
-        // The position of the first pixel of the reference's part.
-        let ((x, y), (from_x, from_y)) = (reference.local(point), target.local(point));
-        let (dx, dy) = warp.apply(-f64::from(x), -f64::from(y));
-        let motion = ((f64::from(from_x) + dx, f64::from(from_y) + dy), warp);
+        let (at, to) = (reference.local(point), target.local(point));
+        let (dx, dy) = warp.apply(-f64::from(at.x), -f64::from(at.y));
+        let motion = UniformWarp { x: f64::from(to.x) + dx, y: f64::from(to.y) + dy, warp };
         let strips = self.columns.strips();
         if warp.is_within(MAX_TILED_GRADIENT) {
-            let gradients = (&reference.gradient_x, &reference.gradient_y);
-            let gain = reference.gain_of(target);
-            resample_tiles((&target.interpolated, gain), gradients, strips, motion, &mut self.plane);
+            resample_tiles(reference, target, strips, &motion, &mut self.plane);
         } else {
-            resample_rows(&target.interpolated, strips, motion, &mut self.plane);
+            resample_rows(&target.interpolated, strips, &motion, &mut self.plane);
         }
-        span(strips, (width, height), &mut self.spans);
+        span(strips, size, &mut self.spans);
         self.gradient_gain = GradientGain::of(reference, &self.spans).gain();
     }
 
@@ -120,12 +115,18 @@ impl PredictedUpdate {
         Some(matcher.accept(found, None))
     }
 
+    /// Clears the prediction.
+    pub(in crate::dic) fn clear(&mut self) {
+        self.starts.clear();
+        self.fits.clear();
+    }
+
     /// Whether the subset was found by one update.
     pub(in crate::dic) fn found(&self, index: usize) -> bool {
         self.fits.get(index).is_some_and(Option::is_some)
     }
 
-    /// Adds the autocorrelation of the residual of a subset found by one update.
+    /// Adds the autocorrelation of the residual of a subset found by one update, and its gradient gain.
     pub(in crate::dic) fn pool(
         &mut self,
         matcher: &SubsetMatcher<'_>,
@@ -135,7 +136,8 @@ impl PredictedUpdate {
     ) {
         let Some(fit) = self.fits[index] else { return };
         let layers = layers(matcher.reference, &self.plane);
-        pool.add_layers(layers, matcher.window, pairs, (self.centers[index], fit));
+        pool.add_layers(layers, matcher.window, pairs, self.centers[index], fit);
+        pool.add_gradient_gain(GradientGain::within(matcher.reference, matcher.window, matcher.at));
     }
 }
 
@@ -147,11 +149,11 @@ fn layers<'a>(reference: &'a PreparedFrame, target: &'a PaddedImage) -> Layers<'
 
 /// Computes the first and last column of the strips in each row of an image of the given size; the first is larger
 /// where there are none.
-fn span(strips: &[Strip], (width, height): (usize, usize), spans: &mut Vec<(i32, i32)>) {
+fn span(strips: &[Strip], size: Size, spans: &mut Vec<(i32, i32)>) {
     spans.clear();
-    spans.resize(height, (i32::MAX, i32::MIN));
+    spans.resize(size.height, (i32::MAX, i32::MIN));
     for strip in strips {
-        let end = (strip.left + LANES as i32).min(width as i32);
+        let end = (strip.left + LANES as i32).min(size.width as i32);
         for (left, right) in &mut spans[strip.top as usize..strip.end as usize] {
             (*left, *right) = ((*left).min(strip.left), (*right).max(end - 1));
         }
@@ -159,68 +161,78 @@ fn span(strips: &[Strip], (width, height): (usize, usize), spans: &mut Vec<(i32,
 }
 
 /// Whether more than half of a subset's rectangle may be saturated. Extracting the subset decides.
-fn saturated(reference: &PreparedFrame, window: &SubsetMask, (x, y): (i32, i32)) -> bool {
+fn saturated(reference: &PreparedFrame, window: &SubsetMask, at: Pixel) -> bool {
     if !reference.saturation.is_finite() {
         return false;
     }
     let limit = reference.saturation - 0.5;
     let extent = window.extent;
-    let (left, right) = ((x + extent.left) as usize, (x + extent.right) as usize);
+    let (left, right) = ((at.x + extent.left) as usize, (at.x + extent.right) as usize);
     let count = |row: i32| reference.levels.row(row as usize)[left..=right].iter().filter(|v| **v >= limit).count();
-    let over: usize = (y + extent.top..=y + extent.bottom).map(count).sum();
+    let over: usize = (at.y + extent.top..=at.y + extent.bottom).map(count).sum();
     2 * over > window.pixels
 }
 
+/// A warp of the whole reference.
+struct UniformWarp {
+    /// The position in the target of the first pixel of the reference, px.
+    x: f64,
+    y: f64,
+    warp: Warp,
+}
+
 vectorized! {
-    /// Resamples the strips at the places where a uniform warp takes them, from `corner` on.
-    fn resample_rows(target: &InterpolatedImage, strips: &[Strip], motion: ((f64, f64), Warp), out: &mut PaddedImage) = resample_rows_with
+    /// Resamples the strips at the places where a warp takes them.
+    fn resample_rows(target: &InterpolatedImage, strips: &[Strip], motion: &UniformWarp, out: &mut PaddedImage) =
+        resample_rows_with
 }
 
 #[inline(always)]
 fn resample_rows_with<V: Vector>(
     target: &InterpolatedImage,
     strips: &[Strip],
-    (corner, warp): ((f64, f64), Warp),
+    motion: &UniformWarp,
     out: &mut PaddedImage,
 ) {
-    for (left, y) in strips.iter().flat_map(|strip| (strip.top..strip.end).map(|y| (strip.left, y))) {
-        let (dx, dy) = (f64::from(left), f64::from(y));
-        let place = (corner.0 + dx + warp.ux * dx + warp.uy * dy, corner.1 + dy + warp.vx * dx + warp.vy * dy);
+    let UniformWarp { x, y, warp } = motion;
+    for (left, row) in strips.iter().flat_map(|strip| (strip.top..strip.end).map(|row| (strip.left, row))) {
+        let (dx, dy) = (f64::from(left), f64::from(row));
+        let (x, y) = (x + dx + warp.ux * dx + warp.uy * dy, y + dy + warp.vx * dx + warp.vy * dy);
         let values = match target.tap_count() {
-            4 => sample_lanes::<V, 4, 5>(target, place, warp.ux, warp.vx),
-            _ => sample_lanes::<V, 6, 7>(target, place, warp.ux, warp.vx),
+            4 => sample_lanes::<V, 4, 5>(target, x, y, warp.ux, warp.vx),
+            _ => sample_lanes::<V, 6, 7>(target, x, y, warp.ux, warp.vx),
         };
-        let first = out.index(left as isize, y as isize);
+        let first = out.index(left as isize, row as isize);
         values.store(&mut out.data_mut()[first..]);
     }
 }
 
 vectorized! {
-    /// Resamples like [`resample_rows`], in tiles that are only shifted. The reference gradients times the gain correct the
-    /// displacement of each pixel relative to its tile.
+    /// Resamples like [`resample_rows`], in tiles that are only shifted. The reference gradients times the gain correct
+    /// the displacement of each pixel relative to its tile.
     fn resample_tiles(
-        target: (&InterpolatedImage, f32),
-        gradients: (&PaddedImage, &PaddedImage),
+        reference: &PreparedFrame,
+        target: &PreparedFrame,
         strips: &[Strip],
-        motion: ((f64, f64), Warp),
+        motion: &UniformWarp,
         out: &mut PaddedImage,
     ) = resample_tiles_with
 }
 
 #[inline(always)]
 fn resample_tiles_with<V: Vector>(
-    target: (&InterpolatedImage, f32),
-    gradients: (&PaddedImage, &PaddedImage),
+    reference: &PreparedFrame,
+    target: &PreparedFrame,
     strips: &[Strip],
-    motion: ((f64, f64), Warp),
+    motion: &UniformWarp,
     out: &mut PaddedImage,
 ) {
     for strip in strips {
         for top in (strip.top..strip.end).step_by(LANES) {
-            let (place, rows) = ((strip.left, top), (strip.end - top).min(LANES as i32) as usize);
-            match target.0.tap_count() {
-                4 => resample_tile::<V, 4>(target, gradients, (place, rows), &motion, out),
-                _ => resample_tile::<V, 6>(target, gradients, (place, rows), &motion, out),
+            let tile = Strip { left: strip.left, top, end: strip.end.min(top + LANES as i32) };
+            match target.interpolated.tap_count() {
+                4 => resample_tile::<V, 4>(reference, target, &tile, motion, out),
+                _ => resample_tile::<V, 6>(reference, target, &tile, motion, out),
             }
         }
     }
@@ -228,25 +240,27 @@ fn resample_tiles_with<V: Vector>(
 
 #[inline(always)]
 fn resample_tile<V: Vector, const N: usize>(
-    (target, gain): (&InterpolatedImage, f32),
-    gradients: (&PaddedImage, &PaddedImage),
-    ((left, top), rows): ((i32, i32), usize),
-    (corner, warp): &((f64, f64), Warp),
+    reference: &PreparedFrame,
+    target: &PreparedFrame,
+    tile: &Strip,
+    motion: &UniformWarp,
     out: &mut PaddedImage,
 ) {
+    let (warp, gain, rows) = (motion.warp, reference.gain_of(target), (tile.end - tile.top) as usize);
     let middle = (0.5 * (LANES as f64 - 1.0), 0.5 * (rows as f64 - 1.0));
-    let (dx, dy) = warp.apply(f64::from(left) + middle.0, f64::from(top) + middle.1);
-    // The corner includes the shift of the warp.
-    let start = (corner.0 + dx - warp.u - middle.0, corner.1 + dy - warp.v - middle.1);
-    let mut column = ShiftedRows::<V, N>::new(target, start);
+    let (dx, dy) = warp.apply(f64::from(tile.left) + middle.0, f64::from(tile.top) + middle.1);
+    // The position of the first pixel includes the shift of the warp.
+    let (x, y) = (motion.x + dx - warp.u - middle.0, motion.y + dy - warp.v - middle.1);
+    let mut column = ShiftedRows::<V, N>::new(&target.interpolated, x, y);
     let across = V::from_lanes(&Lanes::INDEX).sub(V::splat(middle.0 as f32));
     let apart = (across.mul(V::splat(gain * warp.ux as f32)), across.mul(V::splat(gain * warp.vx as f32)));
-    let (first, stride) = (out.index(left as isize, top as isize), out.stride());
+    let (first, stride) = (out.index(tile.left as isize, tile.top as isize), out.stride());
     for row in 0..rows {
         let down = row as f64 - middle.1;
         let (dx, dy) = (V::splat(gain * (warp.uy * down) as f32), V::splat(gain * (warp.vy * down) as f32));
         let place = first + row * stride;
-        let (gx, gy) = (V::load(&gradients.0.data()[place..]), V::load(&gradients.1.data()[place..]));
+        let load = |plane: &PaddedImage| V::load(&plane.data()[place..]);
+        let (gx, gy) = (load(&reference.gradient_x), load(&reference.gradient_y));
         let value = column.next_row().plus_product(gx, apart.0.add(dx)).plus_product(gy, apart.1.add(dy));
         value.store(&mut out.data_mut()[place..]);
     }
@@ -345,17 +359,16 @@ mod tests {
         b.fill(target.view(), Interpolation::Optimised);
         // About a third of a degree.
         let warp = Warp::rigid(0.4, -0.3, 0.006);
-        let motion = ((-0.3, 0.7), warp);
+        let motion = UniformWarp { x: -0.3, y: 0.7, warp };
         let strips: Vec<_> = (20..100).step_by(LANES).map(|left| Strip { left, top: 0, end: 110 }).collect();
-        let gradients = (&b.gradient_x, &b.gradient_y);
         let mut planes =
             [PaddedImage::default(), PaddedImage::default(), PaddedImage::default(), PaddedImage::default()];
         planes.iter_mut().for_each(|plane| plane.reshape(140, 132));
         let [rows, tiles, plain_rows, plain_tiles] = &mut planes;
-        resample_rows(&b.interpolated, &strips, motion, rows);
-        resample_tiles((&b.interpolated, 1.0), gradients, &strips, motion, tiles);
-        resample_rows_with::<Portable>(&b.interpolated, &strips, motion, plain_rows);
-        resample_tiles_with::<Portable>((&b.interpolated, 1.0), gradients, &strips, motion, plain_tiles);
+        resample_rows(&b.interpolated, &strips, &motion, rows);
+        resample_tiles(&b, &b, &strips, &motion, tiles);
+        resample_rows_with::<Portable>(&b.interpolated, &strips, &motion, plain_rows);
+        resample_tiles_with::<Portable>(&b, &b, &strips, &motion, plain_tiles);
         assert!(*rows == *plain_rows && *tiles == *plain_tiles);
         let apart = |y: usize| rows.row(y)[20..100].iter().zip(&tiles.row(y)[20..100]).map(|(a, b)| (a - b).powi(2));
         let square: f32 = (4..106).flat_map(apart).sum::<f32>() / (80.0 * 102.0);

@@ -1,12 +1,13 @@
 //! Matching of one subset, and the tests that accept its result.
 
-use crate::dic::geometry::{Shape, SubsetMask, Warp};
+use crate::dic::geometry::{GridPoint, Pixel, Shape, SubsetMask, Warp};
 use crate::dic::image::PreparedFrame;
 use crate::dic::params::{CorrelationParams, Method};
 use crate::dic::refine::{Match, MatchError, Refiner};
-use crate::dic::search::{IntegerSearch, Peak, SearchResult, UpsampledSearch};
+use crate::dic::search::{IntegerSearch, Peak, PeakFit, SearchResult, Subset, UpsampledSearch};
 use crate::dic::subset::ReferenceSubset;
-use crate::dic::uncertainty::ROUNDING;
+use crate::dic::uncertainty::{GradientGain, NoisePool, ROUNDING};
+use crate::numeric::Lanes;
 use crate::results::PointStatus;
 
 /// The maximum ratio of the second to the first peak of the quick search for which the first is accepted.
@@ -61,13 +62,22 @@ impl SubsetMatch {
     }
 }
 
+/// An initial guess of a subset.
+#[derive(Debug, Clone, Copy, Default)]
+pub(in crate::dic) struct Guess {
+    /// The initial warp, if one is known.
+    pub(in crate::dic) warp: Option<Warp>,
+    /// The minimum ZNCC of a match from the warp; below, the subset is searched.
+    pub(in crate::dic) min_zncc: f64,
+}
+
 /// The planned searches of a correlator.
 pub(in crate::dic) struct Searches {
     pub(in crate::dic) pixel: IntegerSearch,
     /// For `spline-fft` only.
     pub(in crate::dic) fine: Option<UpsampledSearch>,
-    /// Whether the upsampled peak is fitted.
-    pub(in crate::dic) peak_fit: bool,
+    /// The estimator of the upsampled peak.
+    pub(in crate::dic) peak_fit: PeakFit,
 }
 
 /// One subset of a pair of frames.
@@ -79,39 +89,39 @@ pub(in crate::dic) struct SubsetMatcher<'a> {
     pub(in crate::dic) reference: &'a PreparedFrame,
     pub(in crate::dic) target: &'a PreparedFrame,
     /// The centre in the reference, px.
-    pub(in crate::dic) at: (u32, u32),
+    pub(in crate::dic) at: GridPoint,
 }
 
 impl SubsetMatcher<'_> {
-    /// Finds the subset, starting from `guess` if there is one.
-    pub(in crate::dic) fn solve(&self, searches: &mut Searches, guess: Option<Warp>, min_zncc: f64) -> SubsetMatch {
+    /// Finds the subset, starting from the guess.
+    pub(in crate::dic) fn solve(&self, searches: &mut Searches, guess: Guess) -> SubsetMatch {
         if self.params.method != Method::IcGn {
-            return self.solve_peak(searches, guess.as_ref());
+            return self.solve_peak(searches, guess.warp.as_ref());
         }
-        let solution = self.solve_first_order(&mut searches.pixel, guess, min_zncc);
+        let solution = self.solve_first_order(&mut searches.pixel, guess);
         if self.params.shape == Shape::Quadratic && solution.status == PointStatus::Valid {
             return self.refine_second_order(solution);
         }
         solution
     }
 
-    /// Runs the first-order match from the guess if that reaches a ZNCC of `min_zncc`, else after a search.
-    fn solve_first_order(&self, search: &mut IntegerSearch, guess: Option<Warp>, min_zncc: f64) -> SubsetMatch {
-        let solution = self.search(search, guess, min_zncc);
+    /// Runs the first-order match from the guess, or after a search.
+    fn solve_first_order(&self, search: &mut IntegerSearch, guess: Guess) -> SubsetMatch {
+        let solution = self.search(search, guess);
         // The guess leads out of the image and nothing else matches: the subset has left.
-        let left =
-            solution.status == PointStatus::LowCorrelation && guess.is_some_and(|warp| !self.refiner().inside(&warp));
+        let left = solution.status == PointStatus::LowCorrelation
+            && guess.warp.is_some_and(|warp| !self.refiner().inside(&warp));
         if left { solution.without_answer(PointStatus::OutOfFrame) } else { solution }
     }
 
     /// Tries the guess, then the quick search, then the full search.
-    fn search(&self, search: &mut IntegerSearch, guess: Option<Warp>, min_zncc: f64) -> SubsetMatch {
-        let guessed = guess.and_then(|warp| self.refiner().refine(warp).ok());
-        if let Some(found) = guessed.filter(|found| found.zncc >= min_zncc.max(self.params.min_zncc)) {
+    fn search(&self, search: &mut IntegerSearch, guess: Guess) -> SubsetMatch {
+        let guessed = guess.warp.and_then(|warp| self.refiner().refine(warp).ok());
+        if let Some(found) = guessed.filter(|found| found.zncc >= guess.min_zncc.max(self.params.min_zncc)) {
             return self.accept(found, None);
         }
-        let around = guess.map_or((0, 0), |warp| self.search_center(&warp));
-        if around == (0, 0)
+        let around = guess.warp.map_or(Pixel::default(), |warp| self.search_center(&warp));
+        if around == Pixel::default()
             && let Some(peaks) =
                 search.find_near(self.subset, self.window, &self.target.levels, self.target.local(self.at))
             && peaks.second.is_none_or(|second| second.height < MAX_SECOND_PEAK * peaks.best.height)
@@ -139,14 +149,15 @@ impl SubsetMatcher<'_> {
     /// accepted instead.
     fn repeats_itself(&self, search: &mut IntegerSearch) -> bool {
         let at = self.reference.local(self.at);
-        let own = search.find(self.subset, self.window, &self.reference.levels, at, (0, 0));
+        let own = search.find(self.subset, self.window, &self.reference.levels, at, Pixel::default());
         own.is_some_and(|own| own.second.is_some_and(|second| second.height > EQUAL_PEAK * own.best.height))
     }
 
     /// Finds one subset by its correlation peak alone.
     fn solve_peak(&self, searches: &mut Searches, guess: Option<&Warp>) -> SubsetMatch {
         let Searches { pixel: search, fine, peak_fit } = searches;
-        let around = guess.map_or((0, 0), |warp| (warp.u.round() as i32, warp.v.round() as i32));
+        let whole = |warp: &Warp| Pixel { x: warp.u.round() as i32, y: warp.v.round() as i32 };
+        let around = guess.map_or(Pixel::default(), whole);
         let Some(peaks) =
             search.find(self.subset, self.window, &self.target.levels, self.target.local(self.at), around)
         else {
@@ -154,12 +165,12 @@ impl SubsetMatcher<'_> {
         };
         let displacement = match (self.params.method, fine) {
             (Method::SplineFft, Some(fine)) => {
-                let frames = (&self.reference.interpolated, &self.target.interpolated);
-                let at = (self.reference.local(self.at), self.target.local(self.at));
-                fine.find(frames, self.window, at, peaks.whole(), *peak_fit)
+                let [from, to] = [self.reference, self.target]
+                    .map(|frame| Subset { image: &frame.interpolated, at: frame.local(self.at) });
+                fine.find(from, to, self.window, peaks.whole(), *peak_fit)
             }
-            (Method::PeakSpline, _) => Some(peaks.offset(search.spline_top(&peaks))),
-            _ => Some(peaks.offset(search.gaussian_top(&peaks))),
+            (Method::PeakSpline, _) => Some(peaks.displacement(&search.last_surface().spline(&peaks.best))),
+            _ => Some(peaks.displacement(&search.last_surface().gaussian(&peaks.best))),
         };
         let Some((u, v)) = displacement else { return SubsetMatch::failed(PointStatus::LowContrast) };
         let ratio = peaks.ratio();
@@ -196,13 +207,13 @@ impl SubsetMatcher<'_> {
     }
 
     /// Returns the integer displacement to search around: zero, or the guess if it exceeds the search range.
-    fn search_center(&self, warp: &Warp) -> (i32, i32) {
+    fn search_center(&self, warp: &Warp) -> Pixel {
         let range = f64::from(self.params.search_px);
         if warp.u.abs() <= range && warp.v.abs() <= range {
-            return (0, 0);
+            return Pixel::default();
         }
         let whole = |value: f64| value.round().clamp(-1e6, 1e6) as i32;
-        (whole(warp.u), whole(warp.v))
+        Pixel { x: whole(warp.u), y: whole(warp.v) }
     }
 
     /// Returns the refiner of this subset.
@@ -282,6 +293,19 @@ impl SubsetMatcher<'_> {
             residual,
             inverse: (subset.inverse[0][0], subset.inverse[along_v][along_v]),
             peak_variance: (0.0, 0.0),
+        }
+    }
+
+    /// Adds the autocorrelation of the residual of this match, with `residual` as scratch memory.
+    pub(in crate::dic) fn pool(&self, solution: &SubsetMatch, residual: &mut Vec<Lanes>, pool: &mut NoisePool) {
+        let Some(found) = solution.found else { return };
+        match self.params.refined_shape() {
+            Shape::Quadratic => self.refiner().quadratic_residual(&found, residual),
+            _ => self.refiner().residual(&found.warp, residual),
+        }
+        if !residual.is_empty() {
+            pool.add(self.subset, self.window, residual);
+            pool.add_gradient_gain(GradientGain::within(self.reference, self.window, self.at));
         }
     }
 }

@@ -5,6 +5,7 @@
 //! for the rotation. [`rigid_fit`](super::rigid_fit()) is more accurate for rigid bodies.
 
 use super::rigid_fit::{RigidMotion, variances};
+use crate::dic::geometry::Point;
 use crate::results::{FieldPoint, PointStatus};
 
 /// The minimum number of subsets.
@@ -33,12 +34,12 @@ pub struct CenterVector {
 
 impl CenterVector {
     /// Converts a valid point of a field; `None` for others.
-    pub fn from_point(point: &FieldPoint, (x_px, y_px): (f64, f64)) -> Option<Self> {
+    pub fn from_point(point: &FieldPoint, center: Point) -> Option<Self> {
         let displacement = point.displacement.filter(|_| point.status == PointStatus::Valid)?;
         let (sigma_u, sigma_v) = (f64::from(displacement.sigma_u_px), f64::from(displacement.sigma_v_px));
         Some(Self {
-            x_px: f64::from(point.x_px) - x_px,
-            y_px: f64::from(point.y_px) - y_px,
+            x_px: f64::from(point.x_px) - center.x_px,
+            y_px: f64::from(point.y_px) - center.y_px,
             u_px: f64::from(displacement.u_px),
             v_px: f64::from(displacement.v_px),
             sigma_px: (0.5 * (sigma_u * sigma_u + sigma_v * sigma_v)).sqrt(),

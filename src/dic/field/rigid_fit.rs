@@ -1,5 +1,6 @@
 //! Robust fit of a rigid motion to a displacement field.
 
+use crate::dic::geometry::{PlanarMotion, Point};
 use crate::results::{FieldPoint, PointStatus};
 
 /// The motion of a rigid body between two frames.
@@ -22,6 +23,11 @@ pub struct RigidMotion {
 }
 
 impl RigidMotion {
+    /// Returns the motion without its uncertainty.
+    pub fn planar(&self) -> PlanarMotion {
+        PlanarMotion { u_px: self.u_px, v_px: self.v_px, angle_deg: self.angle_deg }
+    }
+
     /// Returns the motion with its standard uncertainties multiplied by `factor`.
     pub(in crate::dic) fn with_sigmas(self, factor: f64) -> Self {
         Self {
@@ -115,21 +121,21 @@ impl RigidTransform {
 ///
 /// Proportional to the number of points times the number of subsets that overlap one.
 pub fn rigid_fit(field: &mut [FieldPoint], x_px: f64, y_px: f64, subset_size_px: u32) -> Option<RigidMotion> {
-    rigid_fit_near(field, (x_px, y_px), subset_size_px, None)
+    rigid_fit_near(field, Point { x_px, y_px }, subset_size_px, None)
 }
 
-/// Fits like [`rigid_fit`], with a motion (u, v, px; angle, deg) as the initial guess if limit vectors follow it.
+/// Fits like [`rigid_fit`], with a motion as the initial guess if limit vectors follow it.
 pub fn rigid_fit_near(
     field: &mut [FieldPoint],
-    point_px: (f64, f64),
+    point: Point,
     subset_size_px: u32,
-    near: Option<(f64, f64, f64)>,
+    near: Option<PlanarMotion>,
 ) -> Option<RigidMotion> {
-    let mut vectors = collect(field, point_px);
+    let mut vectors = collect(field, point);
     if vectors.len() < 3 {
         return None;
     }
-    let predicted = near.map(|(u_px, v_px, angle_deg)| RigidTransform::new(u_px, v_px, angle_deg.to_radians()));
+    let predicted = near.map(|near| RigidTransform::new(near.u_px, near.v_px, near.angle_deg.to_radians()));
     let mut turn = predicted.filter(|turn| is_followed(turn, &vectors)).or_else(|| first_guess(&vectors))?;
     let mut scatter = MIN_SCATTER_PX;
     for _ in 0..MAX_ROUNDS {
@@ -172,16 +178,16 @@ fn spread(vector: &Vector, scatter: f64) -> f64 {
     (scatter * scatter).max(vector.variance)
 }
 
-/// Collects the valid vectors, relative to (x, y).
-fn collect(field: &[FieldPoint], (x, y): (f64, f64)) -> Vec<Vector> {
+/// Collects the valid vectors, relative to a point.
+fn collect(field: &[FieldPoint], origin: Point) -> Vec<Vector> {
     let vector = |(index, point): (usize, &FieldPoint)| {
         let displacement = point.displacement.filter(|_| point.status == PointStatus::Valid)?;
         let (sigma_u, sigma_v) = (f64::from(displacement.sigma_u_px), f64::from(displacement.sigma_v_px));
         let variance = 0.5 * (sigma_u * sigma_u + sigma_v * sigma_v);
         Some(Vector {
             index,
-            x: f64::from(point.x_px) - x,
-            y: f64::from(point.y_px) - y,
+            x: f64::from(point.x_px) - origin.x_px,
+            y: f64::from(point.y_px) - origin.y_px,
             u: f64::from(displacement.u_px),
             v: f64::from(displacement.v_px),
             sigmas: [sigma_u, sigma_v].map(|sigma| sigma.max(1e-4)),
@@ -408,10 +414,11 @@ mod tests {
     #[test]
     fn a_predicted_motion_is_used_only_if_the_vectors_follow_it() {
         let turn = RigidTransform::new(1.0, 0.5, 0.01);
-        let fit = |near| rigid_fit_near(&mut body(turn, 0.005, 3), (100.0, 90.0), 31, near).unwrap();
-        let (free, near) = (fit(None), fit(Some((1.003, 0.498, 0.01_f64.to_degrees()))));
+        let fit = |near| rigid_fit_near(&mut body(turn, 0.005, 3), Point::new(100.0, 90.0), 31, near).unwrap();
+        let (free, near) =
+            (fit(None), fit(Some(PlanarMotion { u_px: 1.003, v_px: 0.498, angle_deg: 0.01_f64.to_degrees() })));
         assert!((free.u_px - near.u_px).abs() < 1e-5 && (free.angle_deg - near.angle_deg).abs() < 1e-5);
-        assert_eq!(fit(Some((0.0, 0.0, 0.0))), free);
+        assert_eq!(fit(Some(PlanarMotion::default())), free);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Grids of subset centres.
 
 /// The centre of a subset in the reference, a whole pixel.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct GridPoint {
     /// The column, px.
     pub x: u32,

@@ -1,6 +1,7 @@
 //! Pixel masks of subsets, in blocks of eight columns.
 
 use super::grid::GridPoint;
+use super::point::{Pixel, Size};
 use super::shape::WindowShape;
 use super::warp::Warp;
 use crate::numeric::{LANES, Lanes};
@@ -29,16 +30,18 @@ pub(in crate::dic) struct Extent {
 
 impl Extent {
     /// Returns the width and height in pixels.
-    pub(in crate::dic) fn sides(&self) -> (usize, usize) {
-        ((self.right - self.left + 1).max(0) as usize, (self.bottom - self.top + 1).max(0) as usize)
+    pub(in crate::dic) fn size(&self) -> Size {
+        let length = |first: i32, last: i32| (last - first + 1).max(0) as usize;
+        Size { width: length(self.left, self.right), height: length(self.top, self.bottom) }
     }
 
     /// Whether it lies wholly in an image when the centre is at `at`.
-    pub(in crate::dic) fn fits(&self, (x, y): (isize, isize), (width, height): (usize, usize)) -> bool {
+    pub(in crate::dic) fn fits(&self, at: Pixel, image: Size) -> bool {
+        let (x, y) = (at.x as isize, at.y as isize);
         x + self.left as isize >= 0
             && y + self.top as isize >= 0
-            && x + (self.right as isize) < width as isize
-            && y + (self.bottom as isize) < height as isize
+            && x + (self.right as isize) < image.width as isize
+            && y + (self.bottom as isize) < image.height as isize
     }
 }
 
@@ -134,14 +137,14 @@ impl SubsetMask {
 
     /// Returns the first and last column in each row of an image when the centre is at `at`; the first is larger in
     /// empty rows.
-    pub(in crate::dic) fn spans(&self, at: (i32, i32), rows: usize) -> Vec<(i32, i32)> {
+    pub(in crate::dic) fn spans(&self, at: Pixel, rows: usize) -> Vec<(i32, i32)> {
         let mut spans = vec![(i32::MAX, i32::MIN); rows];
         for block in &self.blocks {
             let mask = &self.mask[block.start..block.start + block.rows];
             for (dy, mask) in (block.dy..).zip(mask) {
                 let Some((first, last)) = ends(mask) else { continue };
-                let (left, right) = &mut spans[(at.1 + dy) as usize];
-                let x = at.0 + block.dx;
+                let (left, right) = &mut spans[(at.y + dy) as usize];
+                let x = at.x + block.dx;
                 (*left, *right) = ((*left).min(x + first), (*right).max(x + last));
             }
         }
@@ -219,11 +222,12 @@ impl SubsetMask {
     }
 
     /// Whether it lies wholly in an image of this size after a warp about `at`.
-    pub(in crate::dic) fn stays(&self, warp: &Warp, at: (i32, i32), (width, height): (usize, usize)) -> bool {
+    pub(in crate::dic) fn stays(&self, warp: &Warp, at: Pixel, image: Size) -> bool {
         let [left, top, right, bottom] = self.reach(warp);
-        let (x, y) = (f64::from(at.0), f64::from(at.1));
+        let (x, y) = (f64::from(at.x), f64::from(at.y));
+        let (width, height) = (image.width as f64, image.height as f64);
         // Written so that NaN is outside.
-        x + left >= 0.0 && x + right <= width as f64 - 1.0 && y + top >= 0.0 && y + bottom <= height as f64 - 1.0
+        x + left >= 0.0 && x + right <= width - 1.0 && y + top >= 0.0 && y + bottom <= height - 1.0
     }
 
     /// Returns the bounding box of the warped subset relative to the old position of its centre: left, top, right,
@@ -290,7 +294,7 @@ mod tests {
     #[test]
     fn the_span_of_a_row_goes_from_its_first_to_its_last_pixel() {
         let window = SubsetMask::from_test(12, |dx, dy| dx * dx + 2 * dy * dy <= 100 && dx != 3);
-        let spans = window.spans((20, 9), 30);
+        let spans = window.spans(Pixel { x: 20, y: 9 }, 30);
         for (y, span) in (0..).zip(spans) {
             let belongs = |x: &i32| window.holds(x - 20, y - 9);
             let (first, last) = ((0..40).find(belongs), (0..40).rfind(belongs));

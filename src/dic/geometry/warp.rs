@@ -1,5 +1,6 @@
 //! First-order warps of a subset.
 
+use super::point::Point;
 use super::shape::Shape;
 
 /// The first-order warp of a subset: an offset (dx, dy) from its centre moves to (u + (1 + ux) dx + uy dy, v + vx dx +
@@ -12,6 +13,31 @@ pub(in crate::dic) struct Warp {
     pub(in crate::dic) v: f64,
     pub(in crate::dic) vx: f64,
     pub(in crate::dic) vy: f64,
+}
+
+/// A rigid motion in the image plane.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct PlanarMotion {
+    /// The displacement of a point along x, px.
+    pub u_px: f64,
+    /// The displacement of the point along y, px.
+    pub v_px: f64,
+    /// The rotation, counter-clockwise on the screen, deg.
+    pub angle_deg: f64,
+}
+
+impl PlanarMotion {
+    /// Returns the motion of the point at an offset.
+    pub(in crate::dic) fn at(self, offset: Point) -> Self {
+        let (dx, dy) = (offset.x_px, offset.y_px);
+        let (x, y) = self.warp().apply(dx, dy);
+        Self { u_px: x - dx, v_px: y - dy, ..self }
+    }
+
+    /// Converts the motion to a warp about the point.
+    pub(in crate::dic) fn warp(self) -> Warp {
+        Warp::rigid(self.u_px, self.v_px, self.angle_deg.to_radians())
+    }
 }
 
 /// The second-order part of a warp: coefficients of dx^2, dx dy, dy^2 for u and for v.

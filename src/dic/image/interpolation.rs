@@ -7,6 +7,7 @@
 //! M. Eden, IEEE Trans. Signal Process. 41 (1993) 834, <https://doi.org/10.1109/78.193221>.
 
 use super::padded_image::{MARGIN, PaddedImage, mirror, mirror_row};
+use crate::dic::geometry::Size;
 use crate::numeric::{LANES, Vector, vectorized};
 
 /// The interpolation of a target between its pixels.
@@ -158,6 +159,11 @@ impl InterpolatedImage {
         self.plane.height()
     }
 
+    /// The width and the height, px.
+    pub(in crate::dic) fn size(&self) -> Size {
+        self.plane.size()
+    }
+
     /// The number of taps of the kernel along each axis: 6, or 4 if the outer weights are zero.
     pub(in crate::dic) fn tap_count(&self) -> usize {
         self.kernel.taps
@@ -283,12 +289,12 @@ fn filter_rows_with<V: Vector>(levels: &PaddedImage, out: &mut PaddedImage) {
     let (mut first, mut second) = (vec![0.0; levels.stride() + LANES], vec![0.0; levels.stride() + LANES]);
     for y in 0..levels.height() {
         let row = &levels.data()[levels.index(-(MARGIN as isize), y as isize)..];
-        symmetric::<V, 3, 1>(row, &near, &mut first, (MARGIN - LANES, width + 2 * LANES));
-        symmetric::<V, 3, 2>(&first, &middle, &mut second, (MARGIN, width));
+        symmetric::<V, 3, 1>(row, &near, &mut first, MARGIN - LANES, width + 2 * LANES);
+        symmetric::<V, 3, 2>(&first, &middle, &mut second, MARGIN, width);
         // A mirrored row stays mirrored under a symmetric filter.
         mirror_row(&mut second[..levels.stride()], width);
         // Writes into the margin, which is filled later.
-        symmetric::<V, 4, 4>(&second, &far, out.padded_row_mut(y), (MARGIN, width));
+        symmetric::<V, 4, 4>(&second, &far, out.padded_row_mut(y), MARGIN, width);
     }
 }
 
@@ -299,7 +305,8 @@ fn symmetric<V: Vector, const N: usize, const STEP: usize>(
     from: &[f32],
     weights: &[V; N],
     to: &mut [f32],
-    (first, count): (usize, usize),
+    first: usize,
+    count: usize,
 ) {
     for x in (first..first + count).step_by(LANES) {
         let near = &from[x - (N - 1) * STEP..][..2 * (N - 1) * STEP + LANES];

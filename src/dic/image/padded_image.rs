@@ -1,5 +1,7 @@
 //! An image with a mirrored margin, so that reads near the edge need no bounds test.
 
+use crate::dic::geometry::Size;
+
 /// The number of extra columns and rows on each side, px: room for six taps, eight lanes and rounding.
 pub(in crate::dic) const MARGIN: usize = 16;
 
@@ -37,6 +39,11 @@ impl PaddedImage {
     /// All values, margin included, row-major.
     pub(in crate::dic) fn data(&self) -> &[f32] {
         &self.data
+    }
+
+    /// The size without the margin.
+    pub(in crate::dic) fn size(&self) -> Size {
+        Size { width: self.width, height: self.height }
     }
 
     /// Returns the index of (x, y) in [`Self::data`]; both may be negative within the margin.

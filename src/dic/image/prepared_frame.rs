@@ -4,6 +4,7 @@ use multiversion::multiversion;
 
 use super::interpolation::{InterpolatedImage, Interpolation};
 use super::padded_image::PaddedImage;
+use crate::dic::geometry::{GridPoint, Pixel};
 use crate::image::{ImageView, is_saturated};
 use crate::numeric::LANES;
 
@@ -24,7 +25,7 @@ pub struct PreparedFrame {
     /// The saturation level minus the offset; infinite if the frame is not saturated.
     pub(in crate::dic) saturation: f32,
     /// The origin of the prepared part of the frame, px.
-    origin: (u32, u32),
+    origin: GridPoint,
     /// The size of the whole frame, px.
     size: (usize, usize),
 }
@@ -46,8 +47,8 @@ impl PreparedFrame {
     }
 
     /// Converts a frame position to the prepared part.
-    pub(in crate::dic) fn local(&self, (x, y): (u32, u32)) -> (i32, i32) {
-        (x as i32 - self.origin.0 as i32, y as i32 - self.origin.1 as i32)
+    pub(in crate::dic) fn local(&self, point: GridPoint) -> Pixel {
+        Pixel { x: point.x as i32 - self.origin.x as i32, y: point.y as i32 - self.origin.y as i32 }
     }
 
     /// Returns the approximate gain of `target` relative to this frame.
@@ -65,7 +66,7 @@ impl PreparedFrame {
         self.size = (image.width(), image.height());
         let (left, top) = ((part[0] as usize).min(self.size.0), (part[1] as usize).min(self.size.1));
         let (width, height) = ((part[2] as usize).min(self.size.0 - left), (part[3] as usize).min(self.size.1 - top));
-        self.origin = (left as u32, top as u32);
+        self.origin = GridPoint { x: left as u32, y: top as u32 };
         let row = |y: usize| &image.row(top + y)[left..left + width];
         let (highest, sum) = highest_and_sum((0..height).map(row));
         self.offset = (sum / (width * height).max(1) as f64).round() as f32;

@@ -13,13 +13,14 @@ use crate::numeric::{LANES, Lanes, Vector};
 #[inline(always)]
 pub(in crate::dic) fn sample_lanes<V: Vector, const N: usize, const M: usize>(
     target: &InterpolatedImage,
-    (x, y): (f64, f64),
+    x: f64,
+    y: f64,
     ux: f64,
     vx: f64,
 ) -> V {
     let last = (LANES - 1) as f64;
     if (last * ux).abs() >= 1.0 || (last * vx).abs() >= 1.0 {
-        return V::from_lanes(&sample_scattered(target, (x, y), ux, vx));
+        return V::from_lanes(&sample_scattered(target, x, y, ux, vx));
     }
     let (end_x, end_y) = (x + last * ux, y + last * vx);
     let (cell_x, cell_y) = (x.min(end_x).floor(), y.min(end_y).floor());
@@ -48,7 +49,7 @@ pub(in crate::dic) fn lane_positions<V: Vector>(start: f64, drift: f64) -> V {
 ///
 /// Lanes off the mask may lie outside the image; their values are not used.
 #[inline(never)]
-fn sample_scattered(target: &InterpolatedImage, (x, y): (f64, f64), ux: f64, vx: f64) -> Lanes {
+fn sample_scattered(target: &InterpolatedImage, x: f64, y: f64, ux: f64, vx: f64) -> Lanes {
     let (right, bottom) = (target.width() as f64 - 1.0, target.height() as f64 - 1.0);
     let mut lanes = Lanes::splat(0.0);
     for (lane, value) in lanes.0.iter_mut().enumerate() {
@@ -112,7 +113,7 @@ pub(in crate::dic) struct ShiftedRows<'a, V, const N: usize> {
 impl<'a, V: Vector, const N: usize> ShiftedRows<'a, V, N> {
     /// Starts at (x, y), the first lane of the first row.
     #[inline(always)]
-    pub(in crate::dic) fn new(target: &'a InterpolatedImage, (x, y): (f64, f64)) -> Self {
+    pub(in crate::dic) fn new(target: &'a InterpolatedImage, x: f64, y: f64) -> Self {
         let (cell_x, cell_y) = (x.floor(), y.floor());
         let (rows, stride) = target.taps::<N>(cell_x as isize, cell_y as isize);
         let weights_x = target.lane_weights(V::splat((x - cell_x) as f32));
@@ -195,7 +196,7 @@ mod tests {
         for case in 0..400 {
             let (ux, vx) = (f64::from(case % 20 - 10) * 0.017, f64::from(case / 20 - 10) * 0.016);
             let at = (20.0 + f64::from(case) * 0.013, 22.0 - f64::from(case) * 0.017);
-            let found = sample_lanes::<Portable, 6, 7>(&target, at, ux, vx).to_lanes();
+            let found = sample_lanes::<Portable, 6, 7>(&target, at.0, at.1, ux, vx).to_lanes();
             for lane in 0..LANES {
                 let offset = lane as f64;
                 let expected = target.at(at.0 + offset * (1.0 + ux), at.1 + offset * vx);
@@ -208,7 +209,7 @@ mod tests {
     fn lanes_far_outside_the_image_do_not_spoil_those_inside() {
         let target = waves();
         for (at, ux, vx) in [((50.0, 45.0), 0.9, 1.4), ((3.0, 2.0), -2.5, -1.7), ((58.0, 48.0), 3.0, 3.0)] {
-            let found = sample_lanes::<Portable, 6, 7>(&target, at, ux, vx).to_lanes();
+            let found = sample_lanes::<Portable, 6, 7>(&target, at.0, at.1, ux, vx).to_lanes();
             assert!((found.0[0] - target.at(at.0, at.1)).abs() < 1e-3, "{at:?}: {found:?}");
             assert!(found.0.iter().all(|value| value.is_finite()));
         }
@@ -219,9 +220,9 @@ mod tests {
         let target = waves();
         for case in 0..50 {
             let (x, y) = (17.0 + f64::from(case) * 0.173, 15.0 - f64::from(case) * 0.091);
-            let mut column = ShiftedRows::<Portable, 6>::new(&target, (x, y));
+            let mut column = ShiftedRows::<Portable, 6>::new(&target, x, y);
             for row in 0..9 {
-                let expected = sample_lanes::<Portable, 6, 7>(&target, (x, y + f64::from(row)), 0.0, 0.0).to_lanes();
+                let expected = sample_lanes::<Portable, 6, 7>(&target, x, y + f64::from(row), 0.0, 0.0).to_lanes();
                 let found = column.next_row().to_lanes();
                 for lane in 0..LANES {
                     assert!((found.0[lane] - expected.0[lane]).abs() < 1e-3, "{x} {y} row {row} lane {lane}");

@@ -7,7 +7,7 @@
 //! <https://doi.org/10.1007/s11340-013-9717-6>.
 
 use super::warped_rows::{RotatedRows, RowSampler, StoredRows, TiledRows, WarpedRows, WarpedTarget};
-use crate::dic::geometry::{Block, Second, Shape, SubsetMask, Warp};
+use crate::dic::geometry::{Block, Pixel, Second, Shape, SubsetMask, Warp};
 use crate::dic::image::{InterpolatedImage, ShiftedRows, gain};
 use crate::dic::subset::{ReferenceSubset, Sums, project};
 use crate::numeric::{Lanes, Vector, vectorized};
@@ -75,6 +75,15 @@ impl Match {
     }
 }
 
+/// The sampling of a warped target.
+#[derive(Clone, Copy)]
+enum Sampling {
+    /// Every pixel at its own position.
+    Exact,
+    /// In tiles that are only shifted.
+    Tiled,
+}
+
 /// One reference subset and the target to match it with.
 #[derive(Clone, Copy)]
 pub(in crate::dic) struct Refiner<'a> {
@@ -84,7 +93,7 @@ pub(in crate::dic) struct Refiner<'a> {
     /// The target, interpolated.
     pub(in crate::dic) target: &'a InterpolatedImage,
     /// The centre of the subset in the reference, px from the corner of the target's prepared part.
-    pub(in crate::dic) at: (i32, i32),
+    pub(in crate::dic) at: Pixel,
 }
 
 impl Refiner<'_> {
@@ -168,7 +177,7 @@ impl Refiner<'_> {
             if !warp.is_within(MAX_TILED_GRADIENT) {
                 return Ok((warp, iterations));
             }
-            let (step, ..) = self.step_of(self.pass(&warp, true)?)?;
+            let (step, ..) = self.step_of(self.pass(&warp, Sampling::Tiled)?)?;
             let length = step.length(half);
             if length.is_nan() || length >= half {
                 return Err(MatchError::NotConverged);
@@ -183,7 +192,7 @@ impl Refiner<'_> {
 
     /// Returns the Gauss-Newton step of the reference at `warp`, and the ZNCC there.
     pub(in crate::dic) fn step(&self, warp: &Warp) -> Result<(Warp, f64), MatchError> {
-        self.step_of(self.pass(warp, false)?).map(|(step, zncc, _)| (step, zncc))
+        self.step_of(self.pass(warp, Sampling::Exact)?).map(|(step, zncc, _)| (step, zncc))
     }
 
     /// Returns the step of a part of `whole` from the [samples](Self::sampled) of that, the ZNCC, and its gain by the
@@ -234,15 +243,18 @@ impl Refiner<'_> {
 
     /// Whether the warped subset lies wholly in the target.
     pub(in crate::dic) fn inside(&self, warp: &Warp) -> bool {
-        self.window.stays(warp, self.at, (self.target.width(), self.target.height()))
+        self.window.stays(warp, self.at, self.target.size())
     }
 
-    /// Samples the warped target once, in tiles or exactly, and computes the sums.
-    fn pass(&self, warp: &Warp, tiled: bool) -> Result<Sums, MatchError> {
+    /// Samples the warped target once and computes the sums.
+    fn pass(&self, warp: &Warp, sampling: Sampling) -> Result<Sums, MatchError> {
         if !self.inside(warp) {
             return Err(MatchError::OutOfFrame);
         }
-        Ok(if tiled { tiled_sums_of(self, warp) } else { sums_of(self, warp, &mut []) })
+        Ok(match sampling {
+            Sampling::Tiled => tiled_sums_of(self, warp),
+            Sampling::Exact => sums_of(self, warp, &mut []),
+        })
     }
 
     /// Samples the warped target exactly and stores the samples minus the mean of the reference.
@@ -264,8 +276,8 @@ impl Refiner<'_> {
         let turned = RotatedRows::<V, N, M>::follows(warp);
         for block in &self.window.blocks {
             if shift {
-                let start = carrier.place(f64::from(block.dx), f64::from(block.dy));
-                let column = ShiftedRows::<V, N>::new(self.target, start);
+                let (x, y) = carrier.place(f64::from(block.dx), f64::from(block.dy));
+                let column = ShiftedRows::<V, N>::new(self.target, x, y);
                 if self.shape == Shape::Translation {
                     self.add_block::<V, false>(&mut sums, block, column, values);
                 } else {
@@ -332,7 +344,7 @@ impl Refiner<'_> {
         let rows = mask.iter().zip(reference).zip(gradients.0.iter().zip(gradients.1));
         for (dy, ((mask, reference), (gradient_x, gradient_y))) in (block.dy..).zip(rows) {
             let (gradient_x, gradient_y) = (V::from_lanes(gradient_x), V::from_lanes(gradient_y));
-            let sampled = column.next((gradient_x, gradient_y));
+            let sampled = column.next(gradient_x, gradient_y);
             let value = sampled.sub(mean).mul(V::from_lanes(mask));
             if let Some(kept) = kept.next() {
                 *kept = value.to_lanes();

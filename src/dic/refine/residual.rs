@@ -48,58 +48,37 @@ impl Refiner<'_> {
         let gain = (self.subset.energy / energy).sqrt();
         // The mean of each reference is subtracted from its levels.
         let apart = f64::from(whole.subset.mean - self.subset.mean) / gain;
-        let even = (Lanes::splat((mean + apart) as f32), Lanes::splat(gain as f32));
-        let Some(light) = &self.subset.light else {
-            subtract(&whole.subset.levels, &whole.window.mask, even, out);
-            return;
-        };
-        let beside: [f64; 2] = std::array::from_fn(|axis| slopes[axis] - light.slopes[axis] / gain);
+        let (middle, slopes) = self.subset.light.as_ref().map_or(([0.0; 2], [0.0; 2]), |light| {
+            (light.middle, std::array::from_fn(|axis| slopes[axis] - light.slopes[axis] / gain))
+        });
         for block in &whole.window.blocks {
             let rows = block.start..block.start + block.rows;
-            let plane = Tilted { first: plane_row(beside, light.middle, (block.dx, block.dy)), down: beside[1] as f32 };
-            let layers = (&whole.subset.levels[rows.clone()], &whole.window.mask[rows.clone()]);
-            subtract_tilted(layers, even, plane, &mut out[rows]);
+            let mean = Lanes::splat((mean + apart) as f32) + plane_row(slopes, middle, block.dx, block.dy);
+            let fit = BlockFit { mean, slope: slopes[1] as f32, gain: gain as f32 };
+            subtract(&whole.subset.levels[rows.clone()], &whole.window.mask[rows.clone()], &fit, &mut out[rows]);
         }
     }
 }
 
+/// The fit of the target to the reference on eight columns.
+struct BlockFit {
+    /// The mean, with the illumination plane, in the first row.
+    mean: Lanes,
+    /// The slope of the mean from row to row.
+    slope: f32,
+    gain: f32,
+}
+
 vectorized! {
     /// Computes levels - gain (samples - mean) on the mask, in place of the samples.
-    fn subtract(levels: &[Lanes], mask: &[Lanes], mean_and_gain: (Lanes, Lanes), out: &mut [Lanes]) = subtract_with
+    fn subtract(levels: &[Lanes], mask: &[Lanes], fit: &BlockFit, out: &mut [Lanes]) = subtract_with
 }
 
 #[inline(always)]
-fn subtract_with<V: Vector>(levels: &[Lanes], mask: &[Lanes], (mean, gain): (Lanes, Lanes), out: &mut [Lanes]) {
-    let (mean, gain) = (V::from_lanes(&mean), V::from_lanes(&gain));
-    for ((level, mask), out) in levels.iter().zip(mask).zip(out) {
-        let value = V::from_lanes(out).sub(mean.mul(V::from_lanes(mask)));
-        *out = V::from_lanes(level).sub(value.mul(gain)).to_lanes();
-    }
-}
-
-/// A plane on eight columns: its first row, and its slope from row to row.
-#[derive(Clone, Copy)]
-struct Tilted {
-    first: Lanes,
-    down: f32,
-}
-
-vectorized! {
-    /// Works like [`subtract`] on a block, with a plane in addition to the mean.
-    fn subtract_tilted(layers: (&[Lanes], &[Lanes]), mean_and_gain: (Lanes, Lanes), plane: Tilted, out: &mut [Lanes]) =
-        subtract_tilted_with
-}
-
-#[inline(always)]
-fn subtract_tilted_with<V: Vector>(
-    (levels, mask): (&[Lanes], &[Lanes]),
-    (mean, gain): (Lanes, Lanes),
-    plane: Tilted,
-    out: &mut [Lanes],
-) {
-    let (gain, first, down) = (V::from_lanes(&gain), V::from_lanes(&(mean + plane.first)), V::splat(plane.down));
+fn subtract_with<V: Vector>(levels: &[Lanes], mask: &[Lanes], fit: &BlockFit, out: &mut [Lanes]) {
+    let (first, slope, gain) = (V::from_lanes(&fit.mean), V::splat(fit.slope), V::splat(fit.gain));
     for (row, ((level, mask), out)) in levels.iter().zip(mask).zip(out).enumerate() {
-        let mean = first.plus_product(down, V::splat(row as f32));
+        let mean = first.plus_product(slope, V::splat(row as f32));
         let value = V::from_lanes(out).sub(mean.mul(V::from_lanes(mask)));
         *out = V::from_lanes(level).sub(value.mul(gain)).to_lanes();
     }

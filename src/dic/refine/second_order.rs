@@ -139,7 +139,7 @@ impl Refiner<'_> {
     /// Samples the target at every pixel into `values`, in the order of [`Self::pixels`].
     fn quadratic_values(&self, warp: &Warp, second: &Second, values: &mut Vec<f64>) -> Result<(), MatchError> {
         values.clear();
-        let (x, y) = (f64::from(self.at.0), f64::from(self.at.1));
+        let (x, y) = (f64::from(self.at.x), f64::from(self.at.y));
         let (right, bottom) = (self.target.width() as f64 - 1.0, self.target.height() as f64 - 1.0);
         for (dx, dy, ..) in self.pixels() {
             let (tx, ty) = place(warp, second, dx, dy);

@@ -1,6 +1,6 @@
 //! Rows of eight columns of a warped target.
 
-use crate::dic::geometry::{Block, Warp};
+use crate::dic::geometry::{Block, Pixel, Warp};
 use crate::dic::image::{InterpolatedImage, ShiftedRows, Taps, lane_positions, sample_lanes, widened_weights};
 use crate::numeric::{LANES, Lanes, Vector};
 
@@ -18,8 +18,8 @@ const MAX_SLOPE: f64 = 0.12;
 
 /// The rows of a block of the target, in order.
 pub(in crate::dic) trait RowSampler<V> {
-    /// Returns the next row; `gradients` are those of the reference there, along x and y.
-    fn next(&mut self, gradients: (V, V)) -> V;
+    /// Returns the next row from the gradients of the reference there.
+    fn next(&mut self, gradient_x: V, gradient_y: V) -> V;
 }
 
 /// Stored samples, minus a mean.
@@ -37,7 +37,7 @@ impl<'a, V: Vector> StoredRows<'a, V> {
 
 impl<V: Vector> RowSampler<V> for StoredRows<'_, V> {
     #[inline(always)]
-    fn next(&mut self, _: (V, V)) -> V {
+    fn next(&mut self, _: V, _: V) -> V {
         self.samples.next().map_or(self.mean, |row| V::from_lanes(row).add(self.mean))
     }
 }
@@ -47,7 +47,7 @@ impl<V: Vector> RowSampler<V> for StoredRows<'_, V> {
 pub(in crate::dic) struct WarpedTarget<'a> {
     pub(in crate::dic) target: &'a InterpolatedImage,
     /// The subset's centre in the target before the warp.
-    pub(in crate::dic) at: (i32, i32),
+    pub(in crate::dic) at: Pixel,
     pub(in crate::dic) warp: &'a Warp,
     /// The approximate gain of the target relative to the reference.
     pub(in crate::dic) gain: f32,
@@ -58,7 +58,7 @@ impl WarpedTarget<'_> {
     #[inline(always)]
     pub(in crate::dic) fn place(&self, dx: f64, dy: f64) -> (f64, f64) {
         let (x, y) = self.warp.apply(dx, dy);
-        (f64::from(self.at.0) + x, f64::from(self.at.1) + y)
+        (f64::from(self.at.x) + x, f64::from(self.at.y) + y)
     }
 }
 
@@ -71,7 +71,7 @@ fn tile_rows(block: &Block, max_rows: usize) -> usize {
 /// A block that is only shifted.
 impl<V: Vector, const N: usize> RowSampler<V> for ShiftedRows<'_, V, N> {
     #[inline(always)]
-    fn next(&mut self, _: (V, V)) -> V {
+    fn next(&mut self, _: V, _: V) -> V {
         self.next_row()
     }
 }
@@ -90,25 +90,25 @@ impl<'a, V: Vector, const N: usize> TiledRows<'a, V, N> {
     #[inline(always)]
     pub(in crate::dic) fn new(carrier: WarpedTarget<'a>, block: &Block) -> Self {
         let rows = tile_rows(block, MAX_SHIFTED_ROWS);
-        let tile = Self::tile(&carrier, (block.dx, block.dy), rows);
+        let tile = Self::tile(&carrier, block.dx, block.dy, rows);
         Self { carrier, dx: block.dx, dy: block.dy, rows, remaining: rows, tile }
     }
 
     #[inline(always)]
-    fn tile(carrier: &WarpedTarget<'a>, (dx, dy): (i32, i32), rows: usize) -> ShiftedRows<'a, V, N> {
+    fn tile(carrier: &WarpedTarget<'a>, dx: i32, dy: i32, rows: usize) -> ShiftedRows<'a, V, N> {
         let middle = (0.5 * (LANES as f64 - 1.0), 0.5 * (rows as f64 - 1.0));
         let (x, y) = carrier.place(f64::from(dx) + middle.0, f64::from(dy) + middle.1);
-        ShiftedRows::new(carrier.target, (x - middle.0, y - middle.1))
+        ShiftedRows::new(carrier.target, x - middle.0, y - middle.1)
     }
 }
 
 impl<V: Vector, const N: usize> RowSampler<V> for TiledRows<'_, V, N> {
     #[inline(always)]
-    fn next(&mut self, _: (V, V)) -> V {
+    fn next(&mut self, _: V, _: V) -> V {
         if self.remaining == 0 {
             self.dy += self.rows as i32;
             self.remaining = self.rows;
-            self.tile = Self::tile(&self.carrier, (self.dx, self.dy), self.rows);
+            self.tile = Self::tile(&self.carrier, self.dx, self.dy, self.rows);
         }
         self.remaining -= 1;
         self.tile.next_row()
@@ -202,7 +202,7 @@ impl<'a, V: Vector, const N: usize, const M: usize> RotatedRows<'a, V, N, M> {
 
 impl<V: Vector, const N: usize, const M: usize> RowSampler<V> for RotatedRows<'_, V, N, M> {
     #[inline(always)]
-    fn next(&mut self, gradients: (V, V)) -> V {
+    fn next(&mut self, gradient_x: V, gradient_y: V) -> V {
         if self.row == self.rows {
             self.dy += self.rows as i32;
             self.row = 0;
@@ -219,7 +219,7 @@ impl<V: Vector, const N: usize, const M: usize> RowSampler<V> for RotatedRows<'_
         };
         let down = self.carrier.warp.vy as f32 * (self.row as f32 - 0.5 * (self.rows as f32 - 1.0));
         self.row += 1;
-        value.plus_product(gradients.0, self.lane_shift).plus_product(gradients.1, V::splat(self.carrier.gain * down))
+        value.plus_product(gradient_x, self.lane_shift).plus_product(gradient_y, V::splat(self.carrier.gain * down))
     }
 }
 
@@ -239,10 +239,10 @@ impl<'a, const N: usize, const M: usize> WarpedRows<'a, N, M> {
 
 impl<V: Vector, const N: usize, const M: usize> RowSampler<V> for WarpedRows<'_, N, M> {
     #[inline(always)]
-    fn next(&mut self, _: (V, V)) -> V {
-        let start = self.carrier.place(f64::from(self.dx), f64::from(self.dy));
+    fn next(&mut self, _: V, _: V) -> V {
+        let (x, y) = self.carrier.place(f64::from(self.dx), f64::from(self.dy));
         self.dy += 1;
-        sample_lanes::<V, N, M>(self.carrier.target, start, self.carrier.warp.ux, self.carrier.warp.vx)
+        sample_lanes::<V, N, M>(self.carrier.target, x, y, self.carrier.warp.ux, self.carrier.warp.vx)
     }
 }
 
@@ -255,7 +255,7 @@ mod tests {
 
     /// Returns the rows of a block, sampled pixel by pixel and in rotated tiles, with the target's own gradients.
     fn both(target: &InterpolatedImage, warp: &Warp, block: &Block) -> [Vec<Lanes>; 2] {
-        let carrier = WarpedTarget { target, at: (45, 45), warp, gain: 1.0 };
+        let carrier = WarpedTarget { target, at: Pixel { x: 45, y: 45 }, warp, gain: 1.0 };
         let mut exact = WarpedRows::<6, 7>::new(carrier, block);
         let mut turned = RotatedRows::<Portable, 6, 7>::new(carrier, block);
         let rows = (0..block.rows as i32).map(|row| {
@@ -266,8 +266,9 @@ mod tests {
                     2.0 * (target.at(x + dx, y + dy) - target.at(x - dx, y - dy))
                 }))
             };
-            let gradients = (Portable::from_lanes(&along(0.25, 0.0)), Portable::from_lanes(&along(0.0, 0.25)));
-            (RowSampler::<Portable>::next(&mut exact, gradients).to_lanes(), turned.next(gradients).to_lanes())
+            let (along_x, along_y) = (Portable::from_lanes(&along(0.25, 0.0)), Portable::from_lanes(&along(0.0, 0.25)));
+            let exact = RowSampler::<Portable>::next(&mut exact, along_x, along_y);
+            (exact.to_lanes(), turned.next(along_x, along_y).to_lanes())
         });
         let (exact, turned) = rows.unzip();
         [exact, turned]

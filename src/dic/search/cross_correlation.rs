@@ -2,18 +2,10 @@
 
 use multiversion::multiversion;
 
-use crate::dic::geometry::SubsetMask;
+use crate::dic::geometry::{Pixel, Size, SubsetMask};
 use crate::dic::image::PaddedImage;
 use crate::dic::subset::ReferenceSubset;
 use crate::numeric::{Complex32, Fft2d, LANES};
-
-/// A rectangle of the target.
-pub(in crate::dic) struct Area {
-    pub(in crate::dic) left: isize,
-    pub(in crate::dic) top: isize,
-    pub(in crate::dic) width: usize,
-    pub(in crate::dic) height: usize,
-}
 
 /// Plan and memory for cross-correlations of one size.
 pub(in crate::dic) struct CrossCorrelation {
@@ -41,13 +33,14 @@ impl CrossCorrelation {
         subset: &ReferenceSubset,
         window: &SubsetMask,
         target: &PaddedImage,
-        area: &Area,
+        corner: Pixel,
+        area: Size,
     ) {
         let size = self.size();
         for (y, line) in self.data.chunks_exact_mut(size).enumerate() {
             let (inside, outside) = line.split_at_mut(if y < area.height { area.width } else { 0 });
             if !inside.is_empty() {
-                let first = target.index(area.left, area.top + y as isize);
+                let first = target.index(corner.x as isize, corner.y as isize + y as isize);
                 let row = &target.data()[first..first + area.width];
                 for (value, level) in inside.iter_mut().zip(row) {
                     *value = Complex32::new(level - subset.mean, 0.0);
@@ -55,7 +48,7 @@ impl CrossCorrelation {
             }
             outside.fill(Complex32::default());
         }
-        let width = window.extent.sides().0.min(size);
+        let width = window.extent.size().width.min(size);
         for block in &window.blocks {
             // Lanes before the rectangle hold no pixel.
             let skipped = (window.extent.left - block.dx).max(0) as usize;
@@ -72,11 +65,7 @@ impl CrossCorrelation {
     }
 
     /// Loads two squares, `area` and `subset`, each with its side length.
-    pub(in crate::dic) fn load_squares(
-        &mut self,
-        (area, area_side): (&[f32], usize),
-        (subset, subset_side): (&[f32], usize),
-    ) {
+    pub(in crate::dic) fn load_squares(&mut self, area: &[f32], area_side: usize, subset: &[f32], subset_side: usize) {
         let size = self.size();
         self.data.fill(Complex32::default());
         for (line, row) in self.data.chunks_exact_mut(size).zip(area.chunks_exact(area_side)) {
@@ -126,12 +115,17 @@ fn cross_spectrum(own: Complex32, opposite: Complex32) -> Complex32 {
 
 /// The range of shifts of a normalised correlation surface.
 pub(in crate::dic) struct Shifts {
-    /// The width and height of the subset's rectangle.
-    pub(in crate::dic) sides: (usize, usize),
+    /// The size of the subset's rectangle.
+    pub(in crate::dic) subset: Size,
     /// The number of shifts along x.
     pub(in crate::dic) columns: usize,
     /// The number of shifts along y.
     pub(in crate::dic) rows: usize,
+    /// The subset's sum of squares.
+    pub(in crate::dic) energy: f64,
+    /// The ratio of the area of the rectangle to that of the subset: a round subset is normalised by the contrast of its
+    /// square.
+    pub(in crate::dic) area_ratio: f64,
 }
 
 /// Local contrast of the target at each shift, from summed-area tables.
@@ -156,16 +150,16 @@ impl LocalContrast {
     }
 
     /// Fills the tables from the area that `correlation` holds. Call before it runs.
-    pub(in crate::dic) fn add_up(&mut self, correlation: &CrossCorrelation, area: (usize, usize)) {
-        let (size, stride) = (correlation.size(), area.0 + 1);
+    pub(in crate::dic) fn add_up(&mut self, correlation: &CrossCorrelation, area: Size) {
+        let (size, stride) = (correlation.size(), area.width + 1);
         self.sums[..stride].fill(0.0);
         self.squares[..stride].fill(0.0);
-        for y in 0..area.1 {
+        for y in 0..area.height {
             let (mut sum, mut square) = (0.0_f64, 0.0_f64);
             let line = (y + 1) * stride;
             self.sums[line] = 0.0;
             self.squares[line] = 0.0;
-            for (x, value) in correlation.data[y * size..][..area.0].iter().enumerate() {
+            for (x, value) in correlation.data[y * size..][..area.width].iter().enumerate() {
                 let level = f64::from(value.re);
                 sum += level;
                 square += level * level;
@@ -176,21 +170,12 @@ impl LocalContrast {
     }
 
     /// Divides the correlation at each shift by the local contrast of the target.
-    ///
-    /// `energy` is the subset's sum of squares. `share` is the ratio of its rectangle's area to its own: a round subset
-    /// is normalised by the contrast of its square.
-    pub(in crate::dic) fn normalise(
-        &self,
-        correlation: &CrossCorrelation,
-        shifts: &Shifts,
-        (energy, share): (f64, f64),
-        surface: &mut [f32],
-    ) {
-        let Shifts { sides: (width, height), columns, rows } = *shifts;
+    pub(in crate::dic) fn normalise(&self, correlation: &CrossCorrelation, shifts: &Shifts, surface: &mut [f32]) {
+        let Shifts { subset: Size { width, height }, columns, rows, energy, area_ratio } = *shifts;
         let size = correlation.size();
         let stride = columns + width;
         let pixels = (width * height) as f64;
-        let scale = share / (size * size) as f64;
+        let scale = area_ratio / (size * size) as f64;
         for y in 0..rows {
             for x in 0..columns {
                 let over = |sums: &[f64]| {
@@ -200,8 +185,11 @@ impl LocalContrast {
                 let sum = over(&self.sums);
                 let contrast = over(&self.squares) - sum * sum / pixels;
                 let product = f64::from(correlation.data[y * size + x].re) * scale;
-                surface[y * columns + x] =
-                    if contrast > 0.01 * pixels { (product / (contrast * energy * share).sqrt()) as f32 } else { 0.0 };
+                surface[y * columns + x] = if contrast > 0.01 * pixels {
+                    (product / (contrast * energy * area_ratio).sqrt()) as f32
+                } else {
+                    0.0
+                };
             }
         }
     }

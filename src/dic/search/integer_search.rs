@@ -4,9 +4,9 @@
 //! the subset moved less than about half its width. The full search covers the whole range. It divides the correlation
 //! at each shift by the local contrast of the target, so the overlap does not bias the result.
 
-use super::cross_correlation::{Area, CrossCorrelation, LocalContrast, Shifts};
+use super::cross_correlation::{CrossCorrelation, LocalContrast, Shifts};
 use super::peak::{Peak, Surface};
-use crate::dic::geometry::SubsetMask;
+use crate::dic::geometry::{Pixel, Size, SubsetMask};
 use crate::dic::image::PaddedImage;
 use crate::dic::subset::ReferenceSubset;
 use crate::numeric::{circular_size, fast_size};
@@ -19,7 +19,7 @@ pub(in crate::dic) struct SearchResult {
     /// The second-highest peak, if there is one.
     pub(in crate::dic) second: Option<Peak>,
     /// The displacement of column 0, row 0 of the surface, px.
-    pub(in crate::dic) origin: (i32, i32),
+    pub(in crate::dic) origin: Pixel,
     /// Whether the edge of the image limits the range.
     pub(in crate::dic) clipped: bool,
 }
@@ -31,19 +31,13 @@ impl SearchResult {
     }
 
     /// Returns the integer displacement of the highest peak, px.
-    pub(in crate::dic) fn whole(&self) -> (i32, i32) {
-        (self.best.column as i32 + self.origin.0, self.best.row as i32 + self.origin.1)
-    }
-
-    /// Returns the displacement at an offset from the highest sample, px.
-    pub(in crate::dic) fn offset(&self, (dx, dy): (f64, f64)) -> (f64, f64) {
-        let (u, v) = self.whole();
-        (f64::from(u) + dx, f64::from(v) + dy)
+    pub(in crate::dic) fn whole(&self) -> Pixel {
+        Pixel { x: self.best.column as i32 + self.origin.x, y: self.best.row as i32 + self.origin.y }
     }
 
     /// Returns the displacement at the top of a peak, px.
     pub(in crate::dic) fn displacement(&self, peak: &Peak) -> (f64, f64) {
-        let (column, row) = (peak.column as i32 + self.origin.0, peak.row as i32 + self.origin.1);
+        let (column, row) = (peak.column as i32 + self.origin.x, peak.row as i32 + self.origin.y);
         (f64::from(column) + peak.dx, f64::from(row) + peak.dy)
     }
 }
@@ -55,8 +49,8 @@ pub(in crate::dic) struct IntegerSearch {
     full: CrossCorrelation,
     contrast: LocalContrast,
     surface: Vec<f32>,
-    /// The columns and rows of the surface of the last full search.
-    shifts: (usize, usize),
+    /// The size of the surface of the last full search.
+    shifts: Size,
     candidates: Vec<f32>,
     /// Whether any search ran since this was last reset.
     pub(in crate::dic) is_used: bool,
@@ -74,7 +68,7 @@ impl IntegerSearch {
             full: CrossCorrelation::new(fast_size(area)),
             contrast: LocalContrast::new(area),
             surface: vec![0.0; count * count],
-            shifts: (0, 0),
+            shifts: Size { width: 0, height: 0 },
             candidates: vec![0.0; count],
             is_used: false,
         }
@@ -88,17 +82,16 @@ impl IntegerSearch {
         subset: &ReferenceSubset,
         window: &SubsetMask,
         target: &PaddedImage,
-        at: (i32, i32),
+        at: Pixel,
     ) -> Option<SearchResult> {
         self.is_used = true;
-        let place = (at.0 as isize, at.1 as isize);
-        if !window.extent.fits(place, (target.width(), target.height())) {
+        let (extent, size) = (window.extent, self.quick.size());
+        if !extent.fits(at, target.size()) {
             return None;
         }
-        let (extent, size) = (window.extent, self.quick.size());
-        let (width, height) = extent.sides();
-        let (left, top) = (at.0 as isize + extent.left as isize, at.1 as isize + extent.top as isize);
-        self.quick.load(subset, window, target, &Area { left, top, width: width.min(size), height: height.min(size) });
+        let Size { width, height } = extent.size();
+        let area = Size { width: width.min(size), height: height.min(size) };
+        self.quick.load(subset, window, target, Pixel { x: at.x + extent.left, y: at.y + extent.top }, area);
         self.quick.run();
         // Moves shift zero to the middle, with one wrapped line around.
         let (columns, before) = (size + 2, size / 2 + 1);
@@ -110,29 +103,18 @@ impl IntegerSearch {
         }
         let surface = Surface { data: &self.surface[..columns * columns], columns };
         let highest = surface.highest()?;
-        let origin = (-(before as i32), -(before as i32));
+        let origin = Pixel { x: -(before as i32), y: -(before as i32) };
         let in_range = |place: usize| place.abs_diff(before) <= self.range;
         if !in_range(highest.0) || !in_range(highest.1) {
             return None;
         }
-        let second = surface.second(highest, &mut self.candidates);
+        let second = surface.second(highest.0, highest.1, &mut self.candidates);
         Some(SearchResult { best: surface.top(highest.0, highest.1), second, origin, clipped: false })
     }
 
-    /// Returns the sub-pixel offset of the highest peak of the last [`Self::find`], by a three-point Gaussian along
-    /// each axis, px.
-    pub(in crate::dic) fn gaussian_top(&self, found: &SearchResult) -> (f64, f64) {
-        self.last_surface().gaussian(found.best.column, found.best.row)
-    }
-
-    /// Returns the sub-pixel offset of the highest peak of the last [`Self::find`], on a spline through the surface,
-    /// px.
-    pub(in crate::dic) fn spline_top(&self, found: &SearchResult) -> (f64, f64) {
-        self.last_surface().spline(found.best.column, found.best.row)
-    }
-
-    fn last_surface(&self) -> Surface<'_> {
-        let (columns, rows) = self.shifts;
+    /// The normalised surface of the last [`Self::find`].
+    pub(in crate::dic) fn last_surface(&self) -> Surface<'_> {
+        let Size { width: columns, height: rows } = self.shifts;
         Surface { data: &self.surface[..columns * rows], columns }
     }
 
@@ -144,39 +126,35 @@ impl IntegerSearch {
         subset: &ReferenceSubset,
         window: &SubsetMask,
         target: &PaddedImage,
-        at: (i32, i32),
-        around: (i32, i32),
+        at: Pixel,
+        around: Pixel,
     ) -> Option<SearchResult> {
         self.is_used = true;
         let (extent, range) = (window.extent, self.range as i64);
-        let shifts = |center: i64, (first, last): (i32, i32), length: usize| {
+        let shifts = |center: i64, first: i32, last: i32, length: usize| {
             let low = (center - range).max(-i64::from(first));
             let high = (center + range).min(length as i64 - 1 - i64::from(last));
             (low <= high).then_some((low, high))
         };
-        let center = (i64::from(at.0) + i64::from(around.0), i64::from(at.1) + i64::from(around.1));
-        let (left, right) = shifts(center.0, (extent.left, extent.right), target.width())?;
-        let (top, bottom) = shifts(center.1, (extent.top, extent.bottom), target.height())?;
+        let (x, y) = (i64::from(at.x) + i64::from(around.x), i64::from(at.y) + i64::from(around.y));
+        let (left, right) = shifts(x, extent.left, extent.right, target.width())?;
+        let (top, bottom) = shifts(y, extent.top, extent.bottom, target.height())?;
         let (columns, rows) = ((right - left + 1) as usize, (bottom - top + 1) as usize);
-        self.shifts = (columns, rows);
-        let sides = extent.sides();
-        let area = Area {
-            left: (left + i64::from(extent.left)) as isize,
-            top: (top + i64::from(extent.top)) as isize,
-            width: columns + sides.0 - 1,
-            height: rows + sides.1 - 1,
-        };
-        self.full.load(subset, window, target, &area);
-        self.contrast.add_up(&self.full, (area.width, area.height));
+        self.shifts = Size { width: columns, height: rows };
+        let Size { width, height } = extent.size();
+        let corner = Pixel { x: left as i32 + extent.left, y: top as i32 + extent.top };
+        let area = Size { width: columns + width - 1, height: rows + height - 1 };
+        self.full.load(subset, window, target, corner, area);
+        self.contrast.add_up(&self.full, area);
         self.full.run();
-        let share = (sides.0 * sides.1) as f64 / window.pixels as f64;
-        let shape = Shifts { sides, columns, rows };
-        self.contrast.normalise(&self.full, &shape, (subset.energy, share), &mut self.surface);
+        let area_ratio = (width * height) as f64 / window.pixels as f64;
+        let shifts = Shifts { subset: extent.size(), columns, rows, energy: subset.energy, area_ratio };
+        self.contrast.normalise(&self.full, &shifts, &mut self.surface);
         let surface = Surface { data: &self.surface[..columns * rows], columns };
         let highest = surface.highest()?;
-        let origin = ((left - i64::from(at.0)) as i32, (top - i64::from(at.1)) as i32);
+        let origin = Pixel { x: (left - i64::from(at.x)) as i32, y: (top - i64::from(at.y)) as i32 };
         let clipped = columns.min(rows) < 2 * self.range + 1;
-        let second = surface.second(highest, &mut self.candidates);
+        let second = surface.second(highest.0, highest.1, &mut self.candidates);
         Some(SearchResult { best: surface.top(highest.0, highest.1), second, origin, clipped })
     }
 }
@@ -184,6 +162,7 @@ impl IntegerSearch {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dic::geometry::GridPoint;
     use crate::dic::image::PreparedFrame;
     use crate::dic::tests::{Speckle, record};
     use crate::dic::{Interpolation, Shape, WindowShape, zncc};
@@ -229,9 +208,9 @@ mod tests {
         search.quick.spoil();
         search.contrast.spoil();
         let mut subset = ReferenceSubset::default();
-        let at = (44, 40);
+        let at = GridPoint { x: 44, y: 40 };
         subset.fill(&f, &window, Shape::Translation, at).unwrap();
-        let found = search.find(&subset, &window, &g.levels, g.local(at), (0, 0)).unwrap();
+        let found = search.find(&subset, &window, &g.levels, g.local(at), Pixel::default()).unwrap();
         let slow = slow_surface(&reference, &target, (44, 40), 10, 7);
         let difference = slow.iter().zip(&search.surface).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(difference < 2e-5, "largest difference {difference}");
@@ -249,10 +228,10 @@ mod tests {
         frame.fill(record(&speckle.draw(60, 60), 1.0, 1).view(), Interpolation::Optimised);
         let window = SubsetMask::new(WindowShape::Square, 31);
         let (mut search, mut subset) = (IntegerSearch::new(31, 16), ReferenceSubset::default());
-        subset.fill(&frame, &window, Shape::Affine, (15, 44)).unwrap();
-        let found = search.find(&subset, &window, &frame.levels, (15, 44), (0, 0)).unwrap();
-        assert_eq!(found.origin, (0, -16));
+        subset.fill(&frame, &window, Shape::Affine, GridPoint { x: 15, y: 44 }).unwrap();
+        let found = search.find(&subset, &window, &frame.levels, Pixel { x: 15, y: 44 }, Pixel::default()).unwrap();
+        assert_eq!(found.origin, Pixel { x: 0, y: -16 });
         assert_eq!((found.best.column, found.best.row), (0, 16));
-        assert!(search.find(&subset, &window, &frame.levels, (15, 44), (200, 0)).is_none());
+        assert!(search.find(&subset, &window, &frame.levels, Pixel { x: 15, y: 44 }, Pixel { x: 200, y: 0 }).is_none());
     }
 }

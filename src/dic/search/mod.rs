@@ -7,4 +7,4 @@ mod upsampled;
 
 pub(in crate::dic) use integer_search::{IntegerSearch, SearchResult};
 pub(in crate::dic) use peak::Peak;
-pub(in crate::dic) use upsampled::UpsampledSearch;
+pub(in crate::dic) use upsampled::{PeakFit, Subset, UpsampledSearch};

@@ -60,25 +60,27 @@ impl Surface<'_> {
         }
     }
 
-    /// Returns the offset of the top by a three-point Gaussian along each axis.
+    /// Fits the top of a peak by a three-point Gaussian along each axis; the sample itself without a maximum.
     ///
     /// C. E. Willert, M. Gharib, Exp. Fluids 10 (1991) 181, <https://doi.org/10.1007/BF00190388>.
-    pub(in crate::dic) fn gaussian(&self, column: usize, row: usize) -> (f64, f64) {
+    pub(in crate::dic) fn gaussian(&self, peak: &Peak) -> Peak {
+        let (column, row, sample) = (peak.column, peak.row, Peak { dx: 0.0, dy: 0.0, ..*peak });
         let Some(patch) = self.patch(column, row).filter(|patch| patch.iter().all(|value| *value > 0.0)) else {
-            return (0.0, 0.0);
+            return sample;
         };
         let log = patch.map(|value| f64::from(value).ln());
         let top = |low: f64, middle: f64, high: f64| {
             let curvature = low - 2.0 * middle + high;
             if curvature < 0.0 { (0.5 * (low - high) / curvature).clamp(-1.0, 1.0) } else { 0.0 }
         };
-        (top(log[3], log[4], log[5]), top(log[1], log[4], log[7]))
+        Peak { dx: top(log[3], log[4], log[5]), dy: top(log[1], log[4], log[7]), ..sample }
     }
 
-    /// Returns the offset of the top on a spline through the samples around the highest one.
-    pub(in crate::dic) fn spline(&self, column: usize, row: usize) -> (f64, f64) {
+    /// Finds the top of a peak on a spline through the samples around the highest one.
+    pub(in crate::dic) fn spline(&self, peak: &Peak) -> Peak {
+        let (column, row) = (peak.column, peak.row);
         if self.patch(column, row).is_none() {
-            return (0.0, 0.0);
+            return Peak { dx: 0.0, dy: 0.0, ..*peak };
         }
         let (left, top) = (column.saturating_sub(REACH), row.saturating_sub(REACH));
         let (right, bottom) = ((column + REACH).min(self.columns - 1), (row + REACH).min(self.rows() - 1));
@@ -105,7 +107,7 @@ impl Surface<'_> {
             dx = (dx + step * sx).clamp(-1.0, 1.0);
             dy = (dy + step * sy).clamp(-1.0, 1.0);
         }
-        (dx, dy)
+        Peak { dx, dy, ..*peak }
     }
 
     /// Returns the highest sample, the first of equal ones; `None` if all are missing.
@@ -126,7 +128,7 @@ impl Surface<'_> {
     /// Returns the highest local maximum outside the neighbourhood of (column, row), without the border.
     ///
     /// `candidates` is scratch memory for at least one row.
-    pub(in crate::dic) fn second(&self, (column, row): (usize, usize), candidates: &mut [f32]) -> Option<Peak> {
+    pub(in crate::dic) fn second(&self, column: usize, row: usize, candidates: &mut [f32]) -> Option<Peak> {
         let candidates = &mut candidates[..self.columns];
         let mut best: Option<(f32, usize, usize)> = None;
         for y in 1..self.rows().saturating_sub(1) {
@@ -227,7 +229,8 @@ mod tests {
     fn the_second_peak_is_the_next_maximum_not_the_shoulder_of_the_first() {
         let data = bumps(&[(6.3, 6.2, 1.0), (17.2, 12.1, 0.7), (5.0, 17.0, 0.6)]);
         let surface = Surface { data: &data, columns: 25 };
-        let second = surface.second(surface.highest().unwrap(), &mut [f32::NAN; 25]).unwrap();
+        let (column, row) = surface.highest().unwrap();
+        let second = surface.second(column, row, &mut [f32::NAN; 25]).unwrap();
         assert_eq!((second.column, second.row), (17, 12));
         assert!((second.height - 0.7).abs() < 1e-3, "{second:?}");
     }

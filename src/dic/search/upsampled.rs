@@ -6,12 +6,28 @@
 
 use super::cross_correlation::{CrossCorrelation, LocalContrast, Shifts};
 use super::peak::Surface;
-use crate::dic::geometry::SubsetMask;
+use crate::dic::geometry::{Pixel, Size, SubsetMask};
 use crate::dic::image::InterpolatedImage;
 use crate::numeric::fast_size;
 
 /// The search range around the integer displacement, px.
 const MARGIN_PX: usize = 2;
+
+/// The estimator of a correlation peak.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::dic) enum PeakFit {
+    /// The top of the fitted peak.
+    Fitted,
+    /// The highest grid point.
+    Highest,
+}
+
+/// A subset of an image, by its centre.
+#[derive(Clone, Copy)]
+pub(in crate::dic) struct Subset<'a> {
+    pub(in crate::dic) image: &'a InterpolatedImage,
+    pub(in crate::dic) at: Pixel,
+}
 
 /// Plan and memory of the upsampled search.
 pub(in crate::dic) struct UpsampledSearch {
@@ -59,50 +75,48 @@ impl UpsampledSearch {
         }
     }
 
-    /// Returns the displacement of the subset, centred at `at` in reference and target, near an integer one; px.
-    ///
-    /// With a fit it is the top of the peak, else the highest grid point. Returns `None` if the subset has no contrast.
+    /// Returns the displacement of a subset near an integer one, px; `None` if it has no contrast.
     pub(in crate::dic) fn find(
         &mut self,
-        (reference, target): (&InterpolatedImage, &InterpolatedImage),
+        reference: Subset<'_>,
+        target: Subset<'_>,
         window: &SubsetMask,
-        (at, at_target): ((i32, i32), (i32, i32)),
-        near: (i32, i32),
-        fit: bool,
+        near: Pixel,
+        fit: PeakFit,
     ) -> Option<(f64, f64)> {
-        let half = window.half as isize;
-        let (x, y) = (at.0 as isize, at.1 as isize);
+        let half = window.half as i32;
         let side = 2 * window.half as usize * self.factor + 1;
         for (phase, weights) in self.phases.iter_mut().enumerate() {
-            *weights = reference.weights(phase as f32 / self.factor as f32);
+            *weights = reference.image.weights(phase as f32 / self.factor as f32);
         }
-        upsample(reference, (x - half, y - half), side, &self.phases, (&mut self.rows, &mut self.subset));
+        let corner = Pixel { x: reference.at.x - half, y: reference.at.y - half };
+        upsample(reference.image, corner, side, &self.phases, &mut self.rows, &mut self.subset);
         let energy = self.center();
-        let margin = MARGIN_PX as isize;
-        let (x, y) = (at_target.0 as isize, at_target.1 as isize);
-        let corner = (x + near.0 as isize - half - margin, y + near.1 as isize - half - margin);
+        let margin = half + MARGIN_PX as i32;
+        let corner = Pixel { x: target.at.x + near.x - margin, y: target.at.y + near.y - margin };
         let area = side + 2 * MARGIN_PX * self.factor;
-        upsample(target, corner, area, &self.phases, (&mut self.rows, &mut self.area));
+        upsample(target.image, corner, area, &self.phases, &mut self.rows, &mut self.area);
         let mean = self.area.iter().map(|value| f64::from(*value)).sum::<f64>() / self.area.len() as f64;
         self.area.iter_mut().for_each(|value| *value -= mean as f32);
-        self.correlation.load_squares((&self.area, area), (&self.subset, side));
-        self.contrast.add_up(&self.correlation, (area, area));
+        self.correlation.load_squares(&self.area, area, &self.subset, side);
+        self.contrast.add_up(&self.correlation, Size { width: area, height: area });
         self.correlation.run();
         let count = area - side + 1;
-        let shifts = Shifts { sides: (side, side), columns: count, rows: count };
-        let share = (side * side) as f64 / self.count.max(1) as f64;
-        self.contrast.normalise(&self.correlation, &shifts, (energy, share), &mut self.surface);
+        let area_ratio = (side * side) as f64 / self.count.max(1) as f64;
+        let subset = Size { width: side, height: side };
+        let shifts = Shifts { subset, columns: count, rows: count, energy, area_ratio };
+        self.contrast.normalise(&self.correlation, &shifts, &mut self.surface);
         let surface = Surface { data: &self.surface, columns: count };
         let (column, row) = surface.highest().filter(|_| energy > 0.0)?;
         let (mut fine_x, mut fine_y) = (column as f64, row as f64);
-        if fit {
+        if fit == PeakFit::Fitted {
             let top = surface.top(column, row);
             fine_x += top.dx;
             fine_y += top.dy;
         }
         let factor = self.factor as f64;
         let place = |fine: f64, near: i32| fine / factor - MARGIN_PX as f64 + f64::from(near);
-        Some((place(fine_x, near.0), place(fine_y, near.1)))
+        Some((place(fine_x, near.x), place(fine_y, near.y)))
     }
 
     /// Subtracts the mean of the subset on the mask and returns the sum of squares.
@@ -120,16 +134,17 @@ impl UpsampledSearch {
 
 /// Interpolates `side` x `side` points from a whole pixel on, with one point per phase and pixel.
 fn upsample(
-    picture: &InterpolatedImage,
-    corner: (isize, isize),
+    image: &InterpolatedImage,
+    corner: Pixel,
     side: usize,
     phases: &[[f32; 6]],
-    (rows, out): (&mut [f32], &mut [f32]),
+    rows: &mut [f32],
+    out: &mut [f32],
 ) {
     let factor = phases.len();
     let lines = (side - 1) / factor + 6;
     for line in 0..lines {
-        let (taps, _) = picture.taps::<6>(corner.0, corner.1 + line as isize);
+        let (taps, _) = image.taps::<6>(corner.x as isize, corner.y as isize + line as isize);
         for (fine, value) in rows[line * side..(line + 1) * side].iter_mut().enumerate() {
             let taps = &taps[fine / factor..][..6];
             *value = taps.iter().zip(&phases[fine % factor]).map(|(tap, weight)| tap * weight).sum();

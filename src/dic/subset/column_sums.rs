@@ -4,7 +4,7 @@
 //! the running sums after its last and before its first row.
 
 use super::normal_equations::{DOWN, Layers, Moments, add_rows, collect_moments, subtract_before};
-use crate::dic::geometry::SubsetMask;
+use crate::dic::geometry::{Pixel, Size, SubsetMask};
 use crate::numeric::{LANES, Vector, vectorized};
 use std::ops::Range;
 
@@ -32,7 +32,7 @@ pub(in crate::dic) struct ColumnSums {
     /// The first rows of the subsets, ascending.
     tops: Vec<i32>,
     /// The columns and rows of a subset.
-    sides: (usize, usize),
+    size: Size,
     /// Whether a subset covers each group of eight columns, by first row.
     needed: Vec<bool>,
     strips: Vec<Strip>,
@@ -53,20 +53,26 @@ struct NeededRows<'a> {
 
 vectorized! {
     /// Sums eight columns from `left` on over the requested rows; `count` is the number of all columns.
-    fn sum_down(layers: Layers<'_>, left: i32, needed: &NeededRows<'_>, before: &mut [f32], out: (&mut [f32], usize)) =
-        sum_down_with
+    fn sum_down(
+        layers: Layers<'_>,
+        left: i32,
+        needed: &NeededRows<'_>,
+        before: &mut [f32],
+        out: &mut [f32],
+        count: usize,
+    ) = sum_down_with
 }
 
 impl ColumnSums {
     /// Plans the sums over subsets of the shape of `window` about these centres.
-    pub(in crate::dic) fn plan(&mut self, window: &SubsetMask, centers: impl Iterator<Item = (i32, i32)> + Clone) {
+    pub(in crate::dic) fn plan(&mut self, window: &SubsetMask, centers: impl Iterator<Item = Pixel> + Clone) {
         let extent = window.extent;
-        self.sides = extent.sides();
+        self.size = extent.size();
         self.tops.clear();
-        self.tops.extend(centers.clone().map(|(_, y)| y + extent.top));
+        self.tops.extend(centers.clone().map(|at| at.y + extent.top));
         self.tops.sort_unstable();
         self.tops.dedup();
-        let lefts = centers.clone().map(|(x, _)| x + extent.left);
+        let lefts = centers.clone().map(|at| at.x + extent.left);
         let (first, last) = lefts.fold((i32::MAX, i32::MIN), |ends, x| (ends.0.min(x), ends.1.max(x)));
         self.left = first;
         self.strips.clear();
@@ -76,11 +82,11 @@ impl ColumnSums {
             return;
         }
         // The last block of a window is padded to eight columns.
-        self.count = ((last - first) as usize + self.sides.0 + LANES - 1).next_multiple_of(LANES);
+        self.count = ((last - first) as usize + self.size.width + LANES - 1).next_multiple_of(LANES);
         self.needed.resize(self.count / LANES * self.tops.len(), false);
-        for (x, y) in centers {
+        for Pixel { x, y } in centers {
             let (from, top) = ((x + extent.left - first) as usize, self.place(y + extent.top));
-            for block in from / LANES..=(from + self.sides.0 - 1) / LANES {
+            for block in from / LANES..=(from + self.size.width - 1) / LANES {
                 self.needed[block * self.tops.len() + top] = true;
             }
         }
@@ -97,7 +103,7 @@ impl ColumnSums {
         for (block, needed) in self.needed.chunks_exact(self.tops.len()).enumerate() {
             let left = self.left + (block * LANES) as i32;
             for (top, _) in self.tops.iter().zip(needed).filter(|(_, needed)| **needed) {
-                let end = top + self.sides.1 as i32;
+                let end = top + self.size.height as i32;
                 match self.strips.last_mut() {
                     Some(strip) if strip.left == left && strip.end >= *top => strip.end = end,
                     _ => self.strips.push(Strip { left, top: *top, end }),
@@ -112,8 +118,8 @@ impl ColumnSums {
     }
 
     /// Returns the sums over a planned square subset about `at`. Access in row order is fastest.
-    pub(in crate::dic) fn moments(&mut self, layers: Layers<'_>, window: &SubsetMask, at: (i32, i32)) -> Moments {
-        let (left, top) = (at.0 + window.extent.left, at.1 + window.extent.top);
+    pub(in crate::dic) fn moments(&mut self, layers: Layers<'_>, window: &SubsetMask, at: Pixel) -> Moments {
+        let (left, top) = (at.x + window.extent.left, at.y + window.extent.top);
         let place = self.place(top);
         if !self.summed.contains(&place) {
             self.sum(layers, place..self.tops.len().min(place + BAND));
@@ -125,11 +131,11 @@ impl ColumnSums {
     fn sum(&mut self, layers: Layers<'_>, band: Range<usize>) {
         self.sums.resize(self.sums.len().max(band.len() * DOWN * self.count), 0.0);
         self.before.resize(self.before.len().max(band.len() * DOWN * LANES), 0.0);
-        let (tops, rows) = (&self.tops[band.clone()], self.sides.1 as i32);
+        let (tops, rows) = (&self.tops[band.clone()], self.size.height as i32);
         for (block, is_needed) in self.needed.chunks_exact(self.tops.len()).enumerate() {
             let needed = NeededRows { tops, is_needed: &is_needed[band.clone()], rows };
-            let out = (&mut self.sums[block * LANES..], self.count);
-            sum_down(layers, self.left + (block * LANES) as i32, &needed, &mut self.before, out);
+            let left = self.left + (block * LANES) as i32;
+            sum_down(layers, left, &needed, &mut self.before, &mut self.sums[block * LANES..], self.count);
         }
         self.summed = band;
     }
@@ -141,7 +147,8 @@ fn sum_down_with<V: Vector>(
     left: i32,
     needed: &NeededRows<'_>,
     before: &mut [f32],
-    (out, count): (&mut [f32], usize),
+    out: &mut [f32],
+    count: usize,
 ) {
     const SIZE: usize = DOWN * LANES;
     let NeededRows { tops, is_needed, rows } = *needed;
@@ -158,7 +165,7 @@ fn sum_down_with<V: Vector>(
             row = to;
         }
         let first = layers.reference.index(left as isize, row as isize);
-        add_rows(&mut sums, layers, (first, (to - row) as usize), |_| None);
+        add_rows(&mut sums, layers, first, (to - row) as usize, |_| None);
         row = to;
         if begins.is_some() {
             for (sum, kept) in sums.iter().zip(before[opens * SIZE..].chunks_exact_mut(LANES)) {
@@ -193,6 +200,7 @@ mod tests {
             let places = |side: i32| (half..side - half).step_by(step);
             let centers = places(50).flat_map(|y| places(60).map(move |x| (x + y % 2, y)));
             let centers = centers.filter(|(x, y)| (x + 3 * y) % 4 != 0 && x + half < 60);
+            let centers = centers.map(|(x, y)| Pixel { x, y });
             let mut columns = ColumnSums::default();
             columns.plan(&window, centers.clone());
             for at in centers {
@@ -213,7 +221,7 @@ mod tests {
         let [reference, gradient_x, gradient_y, target] = &planes;
         let layers = Layers { reference, gradient_x, gradient_y, target };
         let window = SubsetMask::new(WindowShape::Square, 61);
-        let centers = (0..16).map(|k| (32, 30 + 40 * k));
+        let centers = (0..16).map(|k| Pixel { x: 32, y: 30 + 40 * k });
         let mut columns = ColumnSums::default();
         columns.plan(&window, centers.clone());
         for at in centers {
@@ -233,15 +241,15 @@ mod tests {
     #[test]
     fn strips_cover_every_needed_pixel_and_no_row_between() {
         let window = SubsetMask::new(WindowShape::Square, 9);
-        let centers = [(10, 10), (30, 12), (12, 40), (11, 19)];
+        let centers = [(10, 10), (30, 12), (12, 40), (11, 19)].map(|(x, y)| Pixel { x, y });
         let mut columns = ColumnSums::default();
         columns.plan(&window, centers.into_iter());
         for (x, y) in (0..60).flat_map(|y| (0..60).map(move |x| (x, y))) {
             let holds =
                 |strip: &Strip| (strip.left..strip.left + 8).contains(&x) && (strip.top..strip.end).contains(&y);
             let found = columns.strips().iter().filter(|strip| holds(strip)).count();
-            let needed = centers.iter().any(|center| window.holds(x - center.0, y - center.1));
-            let row = centers.iter().any(|center| (center.1 - y).abs() <= 4);
+            let needed = centers.iter().any(|center| window.holds(x - center.x, y - center.y));
+            let row = centers.iter().any(|center| (center.y - y).abs() <= 4);
             assert!(found <= 1 && (found == 1 || !needed) && (found == 0 || row), "{x} {y}");
         }
         columns.plan(&window, [].into_iter());
@@ -256,8 +264,8 @@ mod tests {
         let needed = NeededRows { tops: &[2, 5, 11, 40], is_needed: &[true, false, true, true], rows: 9 };
         let mut sums = [vec![0.0; 4 * DOWN * 8], vec![0.0; 4 * DOWN * 8]];
         let mut before = vec![0.0; 4 * DOWN * 8];
-        sum_down(layers, 3, &needed, &mut before, (&mut sums[0], 8));
-        sum_down_with::<Portable>(layers, 3, &needed, &mut before, (&mut sums[1], 8));
+        sum_down(layers, 3, &needed, &mut before, &mut sums[0], 8);
+        sum_down_with::<Portable>(layers, 3, &needed, &mut before, &mut sums[1], 8);
         assert_eq!(sums[0], sums[1]);
     }
 }

@@ -125,7 +125,7 @@ fn powers_with<V: Vector>(values: &[Lanes], dy: i32) -> [Lanes; 3] {
 }
 
 /// Returns the values of a plane on the columns of a block, in one row.
-pub(in crate::dic) fn plane_row(slopes: [f64; 2], about: [f64; 2], (dx, dy): (i32, i32)) -> Lanes {
+pub(in crate::dic) fn plane_row(slopes: [f64; 2], about: [f64; 2], dx: i32, dy: i32) -> Lanes {
     let first = slopes[0] * (f64::from(dx) - about[0]) + slopes[1] * (f64::from(dy) - about[1]);
     Lanes(std::array::from_fn::<f32, LANES, _>(|lane| (first + slopes[0] * lane as f64) as f32))
 }
@@ -133,7 +133,7 @@ pub(in crate::dic) fn plane_row(slopes: [f64; 2], about: [f64; 2], (dx, dy): (i3
 #[cfg(test)]
 mod tests {
     use crate::dic::tests::{Speckle, prepared, record};
-    use crate::dic::{Region, RigidBody};
+    use crate::dic::{PlanarMotion, Point, Region, RigidBody};
     use crate::image::Image;
 
     /// An image with an illumination gradient, DN/px.
@@ -163,7 +163,8 @@ mod tests {
             let find = |slopes: [[f32; 2]; 2]| {
                 let mut body = RigidBody::new(&prepared(&lit(&first, slopes[0])), &region).unwrap();
                 let target = prepared(&lit(&second, slopes[1]));
-                let motion = body.find_visible(&target, (70.0, 66.0), (0.37, -0.21, 0.6)).unwrap();
+                let near = PlanarMotion { u_px: 0.37, v_px: -0.21, angle_deg: 0.6 };
+                let motion = body.find_visible(&target, Point::new(70.0, 66.0), near).unwrap();
                 assert!(motion.visible_fraction > 0.99 && motion.zncc > 0.98, "{motion:?}");
                 motion.motion
             };

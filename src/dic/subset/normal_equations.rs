@@ -1,6 +1,6 @@
 //! Sums for one Gauss-Newton update, in one pass over a reference and an aligned target.
 
-use crate::dic::geometry::SubsetMask;
+use crate::dic::geometry::{Pixel, SubsetMask};
 use crate::dic::image::PaddedImage;
 use crate::numeric::{LANES, Lanes, Vector, vectorized};
 
@@ -46,7 +46,7 @@ vectorized! {
     /// Sums the columns of `window` about `at`, one kind of sum after the other.
     ///
     /// The window must lie in the planes, and their values off the mask must be finite.
-    fn sum_window(layers: Layers<'_>, window: &SubsetMask, at: (i32, i32), sums: &mut [f32]) = sum_window_with
+    fn sum_window(layers: Layers<'_>, window: &SubsetMask, at: Pixel, sums: &mut [f32]) = sum_window_with
 }
 
 vectorized! {
@@ -58,8 +58,8 @@ impl Moments {
     /// Computes the sums over `window` about `at`.
     ///
     /// The window must lie in the planes, and their values off the mask must be finite. `sums` is scratch memory.
-    pub(in crate::dic) fn of(layers: Layers<'_>, window: &SubsetMask, at: (i32, i32), sums: &mut Vec<f32>) -> Self {
-        let count = window.extent.sides().0.next_multiple_of(LANES) + LANES;
+    pub(in crate::dic) fn of(layers: Layers<'_>, window: &SubsetMask, at: Pixel, sums: &mut Vec<f32>) -> Self {
+        let count = window.extent.size().width.next_multiple_of(LANES) + LANES;
         sums.clear();
         sums.resize(DOWN * count, 0.0);
         sum_window(layers, window, at, sums);
@@ -105,7 +105,8 @@ const BLOCKS: usize = 4;
 pub(in crate::dic) fn add_rows<V: Vector>(
     all: &mut [V; DOWN],
     layers: Layers<'_>,
-    (first, rows): (usize, usize),
+    first: usize,
+    rows: usize,
     mask: impl Fn(usize) -> Option<V>,
 ) {
     // A local copy keeps the sums in registers.
@@ -172,16 +173,16 @@ pub(in crate::dic) fn subtract_before<V: Vector>(
 }
 
 #[inline(always)]
-fn sum_window_with<V: Vector>(layers: Layers<'_>, window: &SubsetMask, at: (i32, i32), out: &mut [f32]) {
+fn sum_window_with<V: Vector>(layers: Layers<'_>, window: &SubsetMask, at: Pixel, out: &mut [f32]) {
     let count = out.len() / DOWN;
     for block in &window.blocks {
         let mask = &window.mask[block.start..block.start + block.rows];
-        let first = layers.reference.index((at.0 + block.dx) as isize, (at.1 + block.dy) as isize);
+        let first = layers.reference.index((at.x + block.dx) as isize, (at.y + block.dy) as isize);
         // Rows left are counted to the last row of the window.
         let rows = (window.extent.bottom - block.dy + 1) as usize;
         let mask = |row: usize| Some(mask.get(row).map_or(V::splat(0.0), V::from_lanes));
         let mut sums = [V::splat(0.0); DOWN];
-        add_rows(&mut sums, layers, (first, rows), mask);
+        add_rows(&mut sums, layers, first, rows, mask);
         let column = (block.dx - window.blocks[0].dx) as usize;
         for (k, sum) in sums.into_iter().enumerate() {
             sum.store(&mut out[k * count + column..]);
@@ -278,13 +279,13 @@ pub(in crate::dic) mod tests {
     }
 
     /// The reference implementation, pixel by pixel in double precision.
-    pub(in crate::dic) fn slow(planes: &[PaddedImage; 4], window: &SubsetMask, at: (i32, i32)) -> Moments {
+    pub(in crate::dic) fn slow(planes: &[PaddedImage; 4], window: &SubsetMask, at: Pixel) -> Moments {
         let mut out = Moments::default();
         for (dx, dy) in (-31..=31).flat_map(|dy| (-31..=31).map(move |dx| (dx, dy))) {
             if !window.holds(dx, dy) {
                 continue;
             }
-            let value = |k: usize| f64::from(planes[k].row((at.1 + dy) as usize)[(at.0 + dx) as usize]);
+            let value = |k: usize| f64::from(planes[k].row((at.y + dy) as usize)[(at.x + dx) as usize]);
             let (f, gx, gy, g, x, y) = (value(0), value(1), value(2), value(3), f64::from(dx), f64::from(dy));
             out.reference += f;
             out.target += g;
@@ -317,7 +318,7 @@ pub(in crate::dic) mod tests {
         let layers = Layers { reference, gradient_x, gradient_y, target };
         for (shape, size) in [(WindowShape::Square, 31), (WindowShape::Circle, 29), (WindowShape::Ring, 21)] {
             let window = SubsetMask::new(shape, size);
-            let at = (30, 24);
+            let at = Pixel { x: 30, y: 24 };
             let mut memory = Vec::new();
             let found = Moments::of(layers, &window, at, &mut memory);
             let mut plain = vec![0.0; memory.len()];

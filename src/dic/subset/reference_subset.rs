@@ -2,9 +2,10 @@
 
 use super::illumination::{IlluminationPlane, add_powers};
 use super::normal_equations::Moments;
-use crate::dic::geometry::{Shape, SubsetMask};
+use crate::dic::geometry::{GridPoint, Pixel, Shape, SubsetMask};
 use crate::dic::image::{PaddedImage, PreparedFrame};
 use crate::numeric::{LANES, Lanes, Vector, invert, vectorized};
+use crate::results::PointStatus;
 
 /// The reason why a reference subset cannot be matched.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -13,6 +14,24 @@ pub(in crate::dic) enum Unusable {
     OutOfFrame,
     /// It has no texture, texture along one direction or in one corner only, or is saturated.
     LowContrast,
+}
+
+impl Unusable {
+    /// Converts the reason to a status.
+    pub(in crate::dic) fn status(self) -> PointStatus {
+        match self {
+            Self::OutOfFrame => PointStatus::OutOfFrame,
+            Self::LowContrast => PointStatus::LowContrast,
+        }
+    }
+}
+
+/// The illumination across a subset.
+#[derive(Clone, Copy, PartialEq)]
+enum Illumination {
+    Uniform,
+    /// A plane, which is removed.
+    Gradient,
 }
 
 /// The standard deviation below which a subset holds nothing but rounding, DN.
@@ -70,10 +89,10 @@ impl ReferenceSubset {
         reference: &PreparedFrame,
         window: &SubsetMask,
         shape: Shape,
-        at: (u32, u32),
+        at: GridPoint,
     ) -> Result<(), Unusable> {
         self.load(reference, window, at)?;
-        self.finish(window, shape, false)
+        self.finish(window, shape, Illumination::Uniform)
     }
 
     /// Extracts a whole rigid body, without its illumination plane.
@@ -81,10 +100,10 @@ impl ReferenceSubset {
         &mut self,
         reference: &PreparedFrame,
         window: &SubsetMask,
-        at: (u32, u32),
+        at: GridPoint,
     ) -> Result<(), Unusable> {
         self.load(reference, window, at)?;
-        self.finish(window, Shape::Rigid, true)
+        self.finish(window, Shape::Rigid, Illumination::Gradient)
     }
 
     /// Restricts `whole` to the pixels of `window`, which must have the same blocks.
@@ -103,14 +122,14 @@ impl ReferenceSubset {
         let difference = (sum / window.pixels.max(1) as f64) as f32;
         self.mean = whole.mean + difference;
         self.center(window, difference);
-        self.finish(window, shape, whole.light.is_some())
+        self.finish(window, shape, if whole.light.is_some() { Illumination::Gradient } else { Illumination::Uniform })
     }
 
     /// Computes the sums from grey levels and gradients.
-    fn finish(&mut self, window: &SubsetMask, shape: Shape, with_illumination: bool) -> Result<(), Unusable> {
+    fn finish(&mut self, window: &SubsetMask, shape: Shape, illumination: Illumination) -> Result<(), Unusable> {
         self.check_contrast(window.pixels)?;
         let mut hessian = self.sum_gradients(window);
-        self.light = with_illumination
+        self.light = (illumination == Illumination::Gradient)
             .then(|| IlluminationPlane::of(&self.levels, [&self.gradient_x, &self.gradient_y], window))
             .flatten();
         if let Some(light) = &self.light {
@@ -173,10 +192,9 @@ impl ReferenceSubset {
     }
 
     /// Loads grey levels, their mean and energy, and gradients.
-    fn load(&mut self, reference: &PreparedFrame, window: &SubsetMask, at: (u32, u32)) -> Result<(), Unusable> {
-        let (x, y) = reference.local(at);
-        let at = (x as isize, y as isize);
-        if !window.extent.fits(at, (reference.levels.width(), reference.levels.height())) {
+    fn load(&mut self, reference: &PreparedFrame, window: &SubsetMask, at: GridPoint) -> Result<(), Unusable> {
+        let at = reference.local(at);
+        if !window.extent.fits(at, reference.levels.size()) {
             return Err(Unusable::OutOfFrame);
         }
         self.contrast = reference.contrast;
@@ -226,13 +244,13 @@ impl ReferenceSubset {
 }
 
 /// Copies the pixels of a window from a plane, 0 off the mask, and returns their sum.
-fn copy_window(plane: &PaddedImage, window: &SubsetMask, at: (isize, isize), out: &mut Vec<Lanes>) -> f64 {
+fn copy_window(plane: &PaddedImage, window: &SubsetMask, at: Pixel, out: &mut Vec<Lanes>) -> f64 {
     out.resize(window.mask.len(), Lanes::splat(0.0));
     let mut sum = 0.0;
     for block in &window.blocks {
-        let first = plane.index(at.0 + block.dx as isize, at.1 + block.dy as isize);
+        let first = plane.index((at.x + block.dx) as isize, (at.y + block.dy) as isize);
         let rows = block.start..block.start + block.rows;
-        sum += pack((&plane.data()[first..], plane.stride()), &window.mask[rows.clone()], &mut out[rows]);
+        sum += pack(&plane.data()[first..], plane.stride(), &window.mask[rows.clone()], &mut out[rows]);
     }
     sum
 }
@@ -274,11 +292,11 @@ impl GradientSums {
 
 vectorized! {
     /// Copies a block from a plane, 0 off the mask, and returns the sum.
-    fn pack(source: (&[f32], usize), mask: &[Lanes], out: &mut [Lanes]) -> f64 = pack_with
+    fn pack(source: &[f32], stride: usize, mask: &[Lanes], out: &mut [Lanes]) -> f64 = pack_with
 }
 
 #[inline(always)]
-fn pack_with<V: Vector>((source, stride): (&[f32], usize), mask: &[Lanes], out: &mut [Lanes]) -> f64 {
+fn pack_with<V: Vector>(source: &[f32], stride: usize, mask: &[Lanes], out: &mut [Lanes]) -> f64 {
     let mut total = V::splat(0.0);
     for (row, (mask, out)) in mask.iter().zip(out).enumerate() {
         let value = V::load(&source[row * stride..]).mul(V::from_lanes(mask));

@@ -2,7 +2,7 @@
 
 use super::speckle_image::{Disc, Sequence, Speckle, record};
 use crate::dic::geometry::grid::rectangle;
-use crate::dic::geometry::{SubsetMask, Warp};
+use crate::dic::geometry::{GridPoint, SubsetMask, Warp};
 use crate::dic::image::PreparedFrame;
 use crate::dic::refine::Refiner;
 use crate::dic::subset::ReferenceSubset;
@@ -288,10 +288,8 @@ fn any_warp_of_any_window_anywhere_is_sampled_or_refused() {
                 whole.restrict(&kept, &mut window);
             }
         }
-        let at = (
-            (45.0 + 25.0 * random.normal()).clamp(0.0, 89.0) as u32,
-            (45.0 + 25.0 * random.normal()).clamp(0.0, 89.0) as u32,
-        );
+        let mut place = || (45.0 + 25.0 * random.normal()).clamp(0.0, 89.0) as u32;
+        let at = GridPoint { x: place(), y: place() };
         if subset.fill(&reference, &window, Shape::Affine, at).is_err() {
             continue;
         }

@@ -2,7 +2,7 @@
 
 use super::speckle_image::{Speckle, record};
 use crate::dic::geometry::grid::rectangle;
-use crate::dic::geometry::{SubsetMask, Warp};
+use crate::dic::geometry::{GridPoint, SubsetMask, Warp};
 use crate::dic::subset::ReferenceSubset;
 use crate::dic::*;
 use crate::image::Image;
@@ -90,7 +90,7 @@ fn unit_bound(clean: &Image) -> f64 {
     let (mut subset, window) = (ReferenceSubset::default(), SubsetMask::new(WindowShape::Square, 31));
     let mut sum = 0.0;
     for point in points() {
-        subset.fill(&frame, &window, Shape::Affine, (point.x, point.y)).unwrap();
+        subset.fill(&frame, &window, Shape::Affine, point).unwrap();
         sum += subset.inverse[0][0] + subset.inverse[3][3];
     }
     (sum / points().len() as f64).sqrt()

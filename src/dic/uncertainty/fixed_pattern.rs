@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use multiversion::multiversion;
 
+use crate::dic::geometry::{GridPoint, Pixel};
 use crate::dic::image::PreparedFrame;
 use crate::numeric::LANES;
 
@@ -61,7 +62,7 @@ impl FixedPattern {
             let strip = Strip { y, columns: columns.clone(), from: self.values.len() };
             self.strips.push(strip);
             self.values.extend_from_slice(eighths(first, y, &columns, &mut self.memory));
-            let (left, row) = first.local((columns.start, y));
+            let Pixel { x: left, y: row } = first.local(GridPoint { x: columns.start, y });
             let slopes = [&first.gradient_x, &first.gradient_y]
                 .map(|plane| &plane.row(row as usize)[left as usize..left as usize + columns.len()]);
             squares += slopes.map(|slope| dot(slope, slope)).iter().sum::<f64>();
@@ -94,7 +95,7 @@ impl FixedPattern {
 
 /// Returns the rows of rectangles, clipped to the prepared part of a frame.
 fn rows(frame: &PreparedFrame, rectangles: &[[u32; 4]]) -> impl Iterator<Item = (u32, Range<u32>)> {
-    let (left, top) = frame.local((0, 0));
+    let Pixel { x: left, y: top } = frame.local(GridPoint { x: 0, y: 0 });
     let within = |from: u32, length: u32, before: i32, ready: usize| {
         let first = before.unsigned_abs();
         from.max(first)..from.saturating_add(length).min(first + ready as u32)
@@ -108,13 +109,9 @@ fn rows(frame: &PreparedFrame, rectangles: &[[u32; 4]]) -> impl Iterator<Item = 
 }
 
 /// Returns the eighth differences of some pixels of a row, in frame coordinates.
-fn eighths<'a>(
-    frame: &PreparedFrame,
-    y: u32,
-    columns: &Range<u32>,
-    [down, across]: &'a mut [Vec<f32>; 2],
-) -> &'a [f32] {
-    let (left, row) = frame.local((columns.start, y));
+fn eighths<'a>(frame: &PreparedFrame, y: u32, columns: &Range<u32>, memory: &'a mut [Vec<f32>; 2]) -> &'a [f32] {
+    let [down, across] = memory;
+    let Pixel { x: left, y: row } = frame.local(GridPoint { x: columns.start, y });
     let wide = columns.len() + 2 * REACH as usize;
     down.resize(wide, 0.0);
     across.resize(columns.len(), 0.0);

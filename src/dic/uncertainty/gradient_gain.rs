@@ -8,7 +8,7 @@
 //! displacement by the true gradient h. Noise therefore moves the result by sum g n / sum g h, not by the sum g n / sum
 //! g^2 of the inverse Hessian. Standard uncertainties from the inverse Hessian are too large by the same factor.
 
-use crate::dic::geometry::SubsetMask;
+use crate::dic::geometry::{GridPoint, Pixel, SubsetMask};
 use crate::dic::image::PreparedFrame;
 use crate::numeric::{LANES, Lanes, Vector, vectorized};
 
@@ -38,8 +38,8 @@ impl GradientGain {
     }
 
     /// Sums the pixels of a window at a position in the reference.
-    pub(in crate::dic) fn within(reference: &PreparedFrame, window: &SubsetMask, at: (u32, u32)) -> Self {
-        let (x, y) = reference.local(at);
+    pub(in crate::dic) fn within(reference: &PreparedFrame, window: &SubsetMask, at: GridPoint) -> Self {
+        let Pixel { x, y } = reference.local(at);
         let mut sums = Self::default();
         for block in &window.blocks {
             let first = reference.levels.index((x + block.dx) as isize, (y + block.dy) as isize);

@@ -7,7 +7,7 @@
 //! dark speckles, and only noise at grey-level slopes moves the result.
 
 use super::gradient_gain::GradientGain;
-use crate::dic::geometry::{Block, SubsetMask};
+use crate::dic::geometry::{Block, Pixel, SubsetMask};
 use crate::dic::image::PaddedImage;
 use crate::dic::subset::{Layers, ReferenceSubset};
 use crate::numeric::{LANES, Lanes, Vector, vectorized};
@@ -102,12 +102,13 @@ impl NoisePool {
         layers: Layers<'_>,
         window: &SubsetMask,
         pairs: &Lags,
-        (at, fit): ((i32, i32), GreyLevelFit),
+        at: Pixel,
+        fit: GreyLevelFit,
     ) {
         self.pairs.iter_mut().zip(pairs).for_each(|(sum, pairs)| *sum += pairs);
         let side = side_of(window);
         self.layers.iter_mut().for_each(|dense| dense.resize(dense_len(side), 0.0));
-        spread_layers(layers, window, (at, fit), &mut self.layers, &mut self.slopes.sums);
+        spread_layers(layers, window, at, fit, &mut self.layers, &mut self.slopes.sums);
         self.slopes.pixels += window.pixels as f64;
         let [gradient_x, gradient_y, residual] = &self.layers;
         add_lags(gradient_x, side, &mut self.gradient_x);
@@ -237,7 +238,8 @@ vectorized! {
     fn spread_layers(
         layers: Layers<'_>,
         window: &SubsetMask,
-        fit: ((i32, i32), GreyLevelFit),
+        at: Pixel,
+        fit: GreyLevelFit,
         dense: &mut [Vec<f32>; 3],
         sums: &mut [f64; 5],
     ) = spread_layers_with
@@ -247,7 +249,8 @@ vectorized! {
 fn spread_layers_with<V: Vector>(
     layers: Layers<'_>,
     window: &SubsetMask,
-    ((x, y), fit): ((i32, i32), GreyLevelFit),
+    at: Pixel,
+    fit: GreyLevelFit,
     dense: &mut [Vec<f32>; 3],
     sums: &mut [f64; 5],
 ) {
@@ -255,7 +258,7 @@ fn spread_layers_with<V: Vector>(
     let (means, gain) = ((V::splat(fit.means.0), V::splat(fit.means.1)), V::splat(fit.gain));
     let mut totals = [V::splat(0.0); 5];
     for block in &window.blocks {
-        let mut from = layers.reference.index((x + block.dx) as isize, (y + block.dy) as isize);
+        let mut from = layers.reference.index((at.x + block.dx) as isize, (at.y + block.dy) as isize);
         let mut to = first_of(window, block);
         for mask in &window.mask[block.start..block.start + block.rows] {
             let load = |plane: &PaddedImage| V::load(&plane.data()[from..]);
@@ -263,7 +266,7 @@ fn spread_layers_with<V: Vector>(
             let (gx, gy) = (load(layers.gradient_x).mul(mask), load(layers.gradient_y).mul(mask));
             let (level, value) = (load(layers.reference).sub(means.0), load(layers.target).sub(means.1));
             let left = level.sub(gain.mul(value)).mul(mask);
-            add_row([gx, gy, left], &mut totals);
+            add_row(gx, gy, left, &mut totals);
             for (dense, value) in dense.iter_mut().zip([gx, gy, left]) {
                 value.store(&mut dense[to..]);
             }
@@ -324,7 +327,7 @@ fn add_squares_with<V: Vector>(gradients: [&[Lanes]; 2], residual: &[Lanes], sum
     let [along_x, along_y] = gradients;
     let mut totals = [V::splat(0.0); 5];
     for ((x, y), left) in along_x.iter().zip(along_y).zip(residual) {
-        add_row([V::from_lanes(x), V::from_lanes(y), V::from_lanes(left)], &mut totals);
+        add_row(V::from_lanes(x), V::from_lanes(y), V::from_lanes(left), &mut totals);
     }
     for (sum, total) in sums.iter_mut().zip(totals) {
         *sum += total.to_lanes().sum();
@@ -333,7 +336,7 @@ fn add_squares_with<V: Vector>(gradients: [&[Lanes]; 2], residual: &[Lanes], sum
 
 /// Adds the squares of eight pixels' slopes along x and y and of their residuals.
 #[inline(always)]
-fn add_row<V: Vector>([x, y, left]: [V; 3], totals: &mut [V; 5]) {
+fn add_row<V: Vector>(x: V, y: V, left: V, totals: &mut [V; 5]) {
     let (x_squared, y_squared, squared) = (x.mul(x), y.mul(y), left.mul(left));
     totals[0] = totals[0].add(squared);
     totals[1] = totals[1].add(x_squared);
@@ -379,13 +382,13 @@ impl VarianceFactor {
     ///
     /// They are not smaller than rounding allows. If the factor is so small that the pair must be called aliased, no
     /// single formula is correct, and the uncertainty is increased by up to 1.5.
-    pub(in crate::dic) fn variances(&self, residual: f64, inverse: (f64, f64)) -> (f64, f64) {
+    pub(in crate::dic) fn variances(&self, residual: f64, inverse_u: f64, inverse_v: f64) -> (f64, f64) {
         let along = |factor: f64, inverse: f64| {
             let naive = 1.0 / factor.sqrt();
             let doubt = 1.0 + ((naive - 1.5) / 0.5).clamp(0.0, 1.0) * 0.5;
             (residual * factor * doubt * doubt).max(ROUNDING) * inverse
         };
-        (along(self.x, inverse.0), along(self.y, inverse.1))
+        (along(self.x, inverse_u), along(self.y, inverse_v))
     }
 }
 
@@ -427,7 +430,7 @@ mod tests {
             let (mut one, mut other) = (NoisePool::default(), NoisePool::default());
             for _ in 0..2 {
                 one.add(&subset, &window, &residual);
-                other.add_layers(layers, &window, &count_pairs(&window), ((30, 24), fit));
+                other.add_layers(layers, &window, &count_pairs(&window), Pixel { x: 30, y: 24 }, fit);
             }
             let (one, other) = (one.factor(), other.factor());
             assert!((one.x - 1.0).abs() > 1e-4 && (one.x / other.x - 1.0).abs() < 1e-5, "{one:?} {other:?}");
@@ -440,14 +443,14 @@ mod tests {
         let planes = [plane(1), plane(2), plane(3), plane(4)];
         let [reference, gradient_x, gradient_y, target] = &planes;
         let layers = Layers { reference, gradient_x, gradient_y, target };
-        let at = ((30, 24), GreyLevelFit { means: (3.0, -2.0), gain: 0.9 });
+        let (at, fit) = (Pixel { x: 30, y: 24 }, GreyLevelFit { means: (3.0, -2.0), gain: 0.9 });
         for (shape, size) in [(WindowShape::Square, 31), (WindowShape::Circle, 29)] {
             let window = SubsetMask::new(shape, size);
             let side = side_of(&window);
             let memory: [Vec<f32>; 3] = std::array::from_fn(|_| vec![0.0; dense_len(side)]);
             let (mut one, mut other) = ((memory.clone(), [0.0; 5]), (memory, [0.0; 5]));
-            spread_layers(layers, &window, at, &mut one.0, &mut one.1);
-            spread_layers_with::<Portable>(layers, &window, at, &mut other.0, &mut other.1);
+            spread_layers(layers, &window, at, fit, &mut one.0, &mut one.1);
+            spread_layers_with::<Portable>(layers, &window, at, fit, &mut other.0, &mut other.1);
             assert_eq!(one, other);
             let mut lags = [[0.0; LAGS]; 2];
             add_lags(&one.0[2], side, &mut lags[0]);

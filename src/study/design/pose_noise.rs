@@ -4,7 +4,7 @@ use super::films::{pixels_of, steps};
 use super::rig::Rig;
 use super::{reference_renewal, subset_noise};
 use crate::console::UsageError;
-use crate::dic::{Correlator, RigidBody};
+use crate::dic::{Correlator, Point, RigidBody};
 use crate::failure::Failure;
 use crate::image::Image;
 use crate::process::analysis_params;
@@ -119,7 +119,7 @@ fn bound(rig: &Rig, light: &Image, center_px: [f64; 2], pixel_dn: f64) -> Result
     let body = RigidBody::new(&correlator.prepare(light.view()), &pixels_of(rig, center_px)).map_err(|status| {
         UsageError(format!("{}: cannot match the whole body: {}", rig.config.origin, status.as_str()))
     })?;
-    Ok(body.expected_sigma((x_px, y_px), pixel_dn).map(|sigma| sigma * std::f64::consts::FRAC_1_SQRT_2))
+    Ok(body.expected_sigma(Point { x_px, y_px }, pixel_dn).map(|sigma| sigma * std::f64::consts::FRAC_1_SQRT_2))
 }
 
 /// Fits the reduction of the variance of a pose by interpolation half-way between pixels, by least squares.

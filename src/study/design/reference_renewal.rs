@@ -7,7 +7,7 @@
 use super::films::pixels_of;
 use super::rig::Rig;
 use crate::camera::simulated;
-use crate::dic::{Correlator, PreparedFrame, RigidBody};
+use crate::dic::{Correlator, PlanarMotion, Point, PreparedFrame, RigidBody};
 use crate::failure::Failure;
 use crate::image::{Frame, Image};
 use crate::synth::SimulatedFilm;
@@ -126,8 +126,9 @@ fn follow(rig: &Rig, film: &SimulatedFilm, frames: &[u64], pictures: &[PreparedF
     let body = |at: usize| RigidBody::new(&pictures[at], &pixels_of(rig, [poses[at][0], poses[at][1]])).ok();
     let step = |body: &mut RigidBody, from: usize, to: usize| {
         let [x, y, _] = poses[from];
-        let near: [f64; 3] = std::array::from_fn(|k| poses[to][k] - poses[from][k]);
-        let motion = body.find(&pictures[to], (x, y), (near[0], near[1], near[2])).ok()?.motion;
+        let [u_px, v_px, angle_deg] = std::array::from_fn(|k| poses[to][k] - poses[from][k]);
+        let near = PlanarMotion { u_px, v_px, angle_deg };
+        let motion = body.find(&pictures[to], Point::new(x, y), near).ok()?.motion;
         Some([motion.u_px, motion.v_px, motion.angle_deg])
     };
     let mut first = body(0)?;

@@ -5,8 +5,8 @@ use super::plain_correlation::Plain;
 use crate::ball::{BallFinder, BallParams};
 use crate::console::UsageError;
 use crate::dic::{
-    self, CenterVector, CorrelationParams, Correlator, GridPoint, PolarCorrelator, PreparedFrame, Region, RigidBody,
-    RigidMotion, Start, center_fit,
+    self, CenterVector, CenteredFrame, CorrelationParams, Correlator, GridPoint, Point, PolarCorrelator, PreparedFrame,
+    Radii, Region, RigidBody, RigidMotion, Start, center_fit,
 };
 use crate::dic::{grid, rigid_fit};
 use crate::failure::Failure;
@@ -198,7 +198,7 @@ impl Evaluator {
             }
             let status = why_not(field);
             if matches!(method, Method::Paper | Method::PaperFit | Method::PeakSpline | Method::PeakPlain) {
-                let center = (circle.x_px, circle.y_px);
+                let center = Point::new(circle.x_px, circle.y_px);
                 let vectors: Vec<_> =
                     field.iter().filter_map(|point| CenterVector::from_point(point, center)).collect();
                 return as_the_paper(&vectors, *windows, status);
@@ -269,9 +269,10 @@ fn with_ring(
     circle: &Circle,
     near: RigidMotion,
 ) -> Answer {
-    let (from, to) = ((circle.x_px, circle.y_px), (circle.x_px + near.u_px, circle.y_px + near.v_px));
-    let radii_px = (RING_SHARE * circle.radius_px, circle.radius_px * (1.0 - RIM_CLEARANCE));
-    let turn = ring.rotation((reference, from), (target, to), radii_px, Some(near.angle_deg));
+    let from = CenteredFrame { frame: reference, center: Point::new(circle.x_px, circle.y_px) };
+    let moved = Point::new(circle.x_px + near.u_px, circle.y_px + near.v_px);
+    let radii = Radii { inner_px: RING_SHARE * circle.radius_px, outer_px: circle.radius_px * (1.0 - RIM_CLEARANCE) };
+    let turn = ring.rotation(from, CenteredFrame { frame: target, center: moved }, radii, Some(near.angle_deg));
     turn.map_or_else(none, |turn| {
         of(&RigidMotion { angle_deg: turn.angle_deg, sigma_angle_deg: turn.sigma_deg, ..near })
     })
@@ -281,8 +282,8 @@ fn with_ring(
 fn whole(reference: &PreparedFrame, target: &PreparedFrame, circle: &Circle, near: &RigidMotion) -> Answer {
     let radius_px = circle.radius_px * (1.0 - RIM_CLEARANCE);
     let region = Region::Disc { x_px: circle.x_px, y_px: circle.y_px, radius_px };
-    let found = RigidBody::new(reference, &region)
-        .and_then(|mut body| body.find(target, (circle.x_px, circle.y_px), (near.u_px, near.v_px, near.angle_deg)));
+    let center = Point::new(circle.x_px, circle.y_px);
+    let found = RigidBody::new(reference, &region).and_then(|mut body| body.find(target, center, near.planar()));
     found.map_or_else(none, |found| of(&found.motion))
 }
 

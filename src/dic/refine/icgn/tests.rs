@@ -1,6 +1,7 @@
 //! Tests of the refinement against the statistical correlation.
 
 use super::*;
+use crate::dic::geometry::{GridPoint, Pixel};
 use crate::dic::image::PreparedFrame;
 use crate::dic::tests::{Speckle, record};
 use crate::dic::{Interpolation, WindowShape, zncc};
@@ -27,7 +28,7 @@ fn the_answer_is_where_the_statistical_correlation_is_highest() {
     let (image, reference, target) = pair();
     let window = SubsetMask::new(WindowShape::Square, 31);
     let mut subset = ReferenceSubset::default();
-    let at = (45, 44);
+    let at = GridPoint { x: 45, y: 44 };
     subset.fill(&reference, &window, Shape::Affine, at).unwrap();
     let refiner = Refiner {
         subset: &subset,
@@ -71,9 +72,10 @@ fn sums_are_equal_to_the_last_bit_with_and_without_vector_instructions() {
     for shape in [WindowShape::Square, WindowShape::Circle] {
         let window = SubsetMask::new(shape, 27);
         let mut subset = ReferenceSubset::default();
-        subset.fill(&reference, &window, Shape::Affine, (45, 44)).unwrap();
+        subset.fill(&reference, &window, Shape::Affine, GridPoint { x: 45, y: 44 }).unwrap();
         let target = &target.interpolated;
-        let refiner = Refiner { subset: &subset, window: &window, shape: Shape::Affine, target, at: (45, 44) };
+        let refiner =
+            Refiner { subset: &subset, window: &window, shape: Shape::Affine, target, at: Pixel { x: 45, y: 44 } };
         let warps = [Warp::shift(0.3, -1.7), Warp::rigid(0.6, -0.3, 0.03), Warp::rigid(0.6, -0.3, 0.3)];
         let exact =
             warps.map(|warp| (sums_of(&refiner, &warp, &mut []), sums_with::<Portable>(&refiner, &warp, &mut [])));
