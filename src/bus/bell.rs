@@ -61,7 +61,7 @@ impl Bus {
             .event_id_max_value(15)
             .disable_deadline()
             .open_or_create()
-            .map_err(|error| BusError::new("create the notifications of", &self.full_name(topic), error))
+            .map_err(self.failure("create the notifications of", topic))
     }
 
     /// Creates the notifier of this topic.
@@ -71,10 +71,7 @@ impl Bus {
     /// [`BusError::Service`] when shared memory cannot be used.
     pub fn bell(&self, topic: &str) -> Result<Bell, BusError> {
         let service = self.bell_service(topic)?;
-        let port = service
-            .notifier_builder()
-            .create()
-            .map_err(|error| BusError::new("notify readers of", &self.full_name(topic), error))?;
+        let port = service.notifier_builder().create().map_err(self.failure("notify readers of", topic))?;
         Ok(Bell { port, _service: service, last: None })
     }
 
@@ -85,10 +82,7 @@ impl Bus {
     /// [`BusError::Service`] when shared memory cannot be used.
     pub fn ear(&self, topic: &str) -> Result<Ear, BusError> {
         let service = self.bell_service(topic)?;
-        let port = service
-            .listener_builder()
-            .create()
-            .map_err(|error| BusError::new("wait for", &self.full_name(topic), error))?;
+        let port = service.listener_builder().create().map_err(self.failure("wait for", topic))?;
         Ok(Ear { port, _service: service })
     }
 }

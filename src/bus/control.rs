@@ -1,6 +1,6 @@
 //! Requests to a running rig: arm, disarm, trigger, status.
 
-use super::{Bus, BusError};
+use super::{Bus, BusError, failure};
 use crate::message::{Command, Reply, Request};
 use iceoryx2::port::client::Client;
 use iceoryx2::port::server::Server;
@@ -26,7 +26,7 @@ impl ControlServer {
     ///
     /// [`BusError::Service`] when shared memory cannot be used.
     pub fn answer(&self, mut reply: impl FnMut(Option<Command>) -> Reply) -> Result<(), BusError> {
-        while let Some(request) = self.port.receive().map_err(|error| BusError::new("read", TOPIC, error))? {
+        while let Some(request) = self.port.receive().map_err(failure("read", TOPIC))? {
             let answer = reply(Command::from_number(request.command));
             // The client may be gone by now.
             let _ = request.send_copy(answer);
@@ -50,11 +50,11 @@ impl ControlClient {
     /// [`BusError::Service`] when shared memory cannot be used.
     pub fn ask(&self, command: Command, patience: Duration) -> Result<Option<Reply>, BusError> {
         let request = Request { command: command as u32, reserved: 0 };
-        let pending = self.port.send_copy(request).map_err(|error| BusError::new("ask", TOPIC, error))?;
+        let pending = self.port.send_copy(request).map_err(failure("ask", TOPIC))?;
         #[expect(clippy::disallowed_methods, reason = "limits how long a person waits")]
         let asked = Instant::now();
         while asked.elapsed() < patience {
-            if let Some(reply) = pending.receive().map_err(|error| BusError::new("ask", TOPIC, error))? {
+            if let Some(reply) = pending.receive().map_err(failure("ask", TOPIC))? {
                 return Ok(Some(*reply));
             }
             std::thread::sleep(Duration::from_millis(1));
@@ -76,7 +76,7 @@ impl Bus {
             .enable_safe_overflow_for_requests(true)
             .enable_safe_overflow_for_responses(true)
             .open_or_create()
-            .map_err(|error| BusError::new("create", &self.full_name(TOPIC), error))
+            .map_err(self.failure("create", TOPIC))
     }
 
     /// Creates the server.
@@ -86,10 +86,7 @@ impl Bus {
     /// [`BusError::Service`] when shared memory cannot be used.
     pub fn control_server(&self) -> Result<ControlServer, BusError> {
         let service = self.control_service()?;
-        let port = service
-            .server_builder()
-            .create()
-            .map_err(|error| BusError::new("answer", &self.full_name(TOPIC), error))?;
+        let port = service.server_builder().create().map_err(self.failure("answer", TOPIC))?;
         Ok(ControlServer { port, _service: service })
     }
 
@@ -105,8 +102,7 @@ impl Bus {
             .request_response::<Request, Reply>()
             .open()
             .map_err(|_| BusError::NoRig { rig: self.rig.clone(), service: self.full_name(TOPIC) })?;
-        let port =
-            service.client_builder().create().map_err(|error| BusError::new("ask", &self.full_name(TOPIC), error))?;
+        let port = service.client_builder().create().map_err(self.failure("ask", TOPIC))?;
         Ok(ControlClient { port, _service: service })
     }
 }

@@ -1,6 +1,6 @@
 //! The `field` topic: the step of one body and its displacement field.
 
-use super::{Bus, BusError, Limits};
+use super::{Bus, BusError, Limits, failure};
 use crate::message::{FieldHeader, FieldPointMessage};
 use crate::results::PairField;
 use iceoryx2::port::publisher::Publisher;
@@ -33,12 +33,10 @@ impl FieldPublisher {
             let reason = format!("the field has {} points, at most {} fit", points.len(), self.max_points);
             return Err(BusError::new("publish", TOPIC, reason));
         }
-        let fail = |error| BusError::new("publish", TOPIC, error);
-        let mut sample =
-            self.port.loan_slice_uninit(points.len()).map_err(|error| BusError::new("publish", TOPIC, error))?;
+        let mut sample = self.port.loan_slice_uninit(points.len()).map_err(failure("publish", TOPIC))?;
         *sample.user_header_mut() = *header;
         let sample = sample.write_from_fn(|index| FieldPointMessage::from(&points[index]));
-        sample.send().map(|_| ()).map_err(fail)
+        sample.send().map(|_| ()).map_err(failure("publish", TOPIC))
     }
 }
 
@@ -56,14 +54,8 @@ impl FieldSubscriber {
     ///
     /// [`BusError::Service`] when shared memory cannot be used.
     pub fn take(&self) -> Result<Option<(FieldHeader, Option<PairField>)>, BusError> {
-        match self.port.receive() {
-            Ok(None) => Ok(None),
-            Ok(Some(sample)) => {
-                let header = *sample.user_header();
-                Ok(Some((header, header.field(sample.payload()))))
-            }
-            Err(error) => Err(BusError::new("read", TOPIC, error)),
-        }
+        let sample = self.port.receive().map_err(failure("read", TOPIC))?;
+        Ok(sample.map(|sample| (*sample.user_header(), sample.user_header().field(sample.payload()))))
     }
 
     /// Connects to writers that joined since the last call; consumes nothing.
@@ -86,7 +78,7 @@ impl Bus {
             .subscriber_max_borrowed_samples(4)
             .history_size(0)
             .open_or_create()
-            .map_err(|error| BusError::new("create", &self.full_name(TOPIC), error))
+            .map_err(self.failure("create", TOPIC))
     }
 
     /// Creates a publisher of fields, one per worker.
@@ -104,7 +96,7 @@ impl Bus {
             .max_loaned_samples(2)
             .override_sample_preallocation(move |worst| worst.min(chunks))
             .create()
-            .map_err(|error| BusError::new("write", &self.full_name(TOPIC), error))?;
+            .map_err(self.failure("write", TOPIC))?;
         Ok(FieldPublisher { port, _service: service, max_points: limits.field_points })
     }
 
@@ -134,11 +126,7 @@ impl Bus {
     }
 
     fn read_field(&self, service: Service, depth: usize) -> Result<FieldSubscriber, BusError> {
-        let port = service
-            .subscriber_builder()
-            .buffer_size(depth)
-            .create()
-            .map_err(|error| BusError::new("read", &self.full_name(TOPIC), error))?;
+        let port = service.subscriber_builder().buffer_size(depth).create().map_err(self.failure("read", TOPIC))?;
         Ok(FieldSubscriber { port, _service: service })
     }
 }

@@ -1,7 +1,7 @@
 //! The ring of frames: bytes with a header, written once and read by all.
 #![expect(unsafe_code, reason = "slots of the ring are lent to cameras, which write them through a pointer")]
 
-use super::{Bus, BusError, Limits, memory};
+use super::{Bus, BusError, Limits, failure, memory};
 use crate::camera::Slot;
 use crate::message::FrameHeader;
 use iceoryx2::port::LoanError;
@@ -65,7 +65,7 @@ impl FramePublisher {
         *loan.user_header_mut() = header;
         // SAFETY: shared memory is zeroed by the system and pre-touched, so every byte is initialised.
         let sample = unsafe { loan.assume_init() };
-        sample.send().map(|_| ()).map_err(|error| BusError::new("publish", TOPIC, error))
+        sample.send().map(|_| ()).map_err(failure("publish", TOPIC))
     }
 
     /// Returns an unused slot to the ring.
@@ -130,7 +130,7 @@ impl FrameSubscriber {
     ///
     /// [`BusError::Service`] when shared memory cannot be used.
     pub fn take(&self) -> Result<Option<FrameSample>, BusError> {
-        self.port.receive().map(|sample| sample.map(FrameSample)).map_err(|error| BusError::new("read", TOPIC, error))
+        self.port.receive().map(|sample| sample.map(FrameSample)).map_err(failure("read", TOPIC))
     }
 
     /// Connects to writers that joined since the last call; consumes nothing.
@@ -155,7 +155,7 @@ impl Bus {
             .subscriber_max_borrowed_samples(limits.ring_frames + limits.held_frames)
             .history_size(0)
             .open_or_create()
-            .map_err(|error| BusError::new("create", &self.full_name(TOPIC), error))
+            .map_err(self.failure("create", TOPIC))
     }
 
     /// Creates the publisher of the ring, with slots of `slot_bytes`.
@@ -174,7 +174,7 @@ impl Bus {
             .max_loaned_samples(Limits::CAMERA_SLOTS)
             .override_sample_preallocation(move |_worst| chunks)
             .create()
-            .map_err(|error| BusError::new("write", &self.full_name(TOPIC), error))?;
+            .map_err(self.failure("write", TOPIC))?;
         Ok(FramePublisher { loans: Vec::new(), port, _service: service, slot_bytes })
     }
 
@@ -189,7 +189,7 @@ impl Bus {
             .subscriber_builder()
             .buffer_size(limits.ring_frames)
             .create()
-            .map_err(|error| BusError::new("read", &self.full_name(TOPIC), error))?;
+            .map_err(self.failure("read", TOPIC))?;
         Ok(FrameSubscriber { port, _service: service })
     }
 }

@@ -27,6 +27,7 @@ pub use topic::{Publisher, Subscriber, Topic};
 
 use iceoryx2::prelude::{LogLevel, Node, NodeBuilder, NodeName, ServiceName, SignalHandlingMode, ipc};
 use std::any::Any;
+use std::fmt::Debug;
 use std::time::Duration;
 
 /// The membership of a process in a rig.
@@ -89,6 +90,11 @@ impl Bus {
         format!("ricochet/{}/{topic}", self.rig)
     }
 
+    /// Returns the conversion of an error of iceoryx2 in an action on the service of a topic.
+    fn failure<E: Debug>(&self, action: &'static str, topic: &str) -> impl FnOnce(E) -> BusError + use<E> {
+        failure(action, self.full_name(topic))
+    }
+
     /// Opens all services of a rig and keeps them open, so that a process that dies and is restarted finds the same limits.
     ///
     /// # Errors
@@ -111,4 +117,10 @@ impl Bus {
             Box::new(self.bell_service("velocity")?),
         ])
     }
+}
+
+/// Returns the conversion of an error of iceoryx2 in an action on a service.
+fn failure<E: Debug>(action: &'static str, service: impl Into<String>) -> impl FnOnce(E) -> BusError {
+    let service = service.into();
+    move |error| BusError::new(action, &service, error)
 }

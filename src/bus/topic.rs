@@ -1,6 +1,6 @@
 //! Topics of fixed-size messages.
 
-use super::{Bus, BusError, Limits};
+use super::{Bus, BusError, Limits, failure};
 use crate::message::{Event, ImpactMessage, Progress, StatusMessage, TrackMessage, VelocityMessage};
 use iceoryx2::port::publisher::Publisher as Port;
 use iceoryx2::port::subscriber::Subscriber as SubscriberPort;
@@ -58,7 +58,7 @@ impl<T: Topic> Publisher<T> {
     ///
     /// [`BusError::Service`] when shared memory cannot be used.
     pub fn send(&self, message: &T) -> Result<(), BusError> {
-        self.port.send_copy(*message).map(|_| ()).map_err(|error| BusError::new("publish", T::NAME, error))
+        self.port.send_copy(*message).map(|_| ()).map_err(failure("publish", T::NAME))
     }
 
     /// Sends the history to readers that joined since the last message.
@@ -81,10 +81,8 @@ impl<T: Topic> Subscriber<T> {
     ///
     /// [`BusError::Service`] when shared memory cannot be used.
     pub fn take(&self) -> Result<Option<T>, BusError> {
-        match self.port.receive() {
-            Ok(sample) => Ok(sample.map(|sample| *sample.payload())),
-            Err(error) => Err(BusError::new("read", T::NAME, error)),
-        }
+        let sample = self.port.receive().map_err(failure("read", T::NAME))?;
+        Ok(sample.map(|sample| *sample.payload()))
     }
 }
 
@@ -102,7 +100,7 @@ impl Bus {
             .subscriber_max_borrowed_samples(2)
             .history_size(T::HISTORY)
             .open_or_create()
-            .map_err(|error| BusError::new("create", &self.full_name(T::NAME), error))
+            .map_err(self.failure("create", T::NAME))
     }
 
     /// Creates a publisher of this topic.
@@ -117,7 +115,7 @@ impl Bus {
             .max_loaned_samples(2)
             .override_sample_preallocation(|worst| worst.min(2 * Limits::small_depth()))
             .create()
-            .map_err(|error| BusError::new("write", &self.full_name(T::NAME), error))?;
+            .map_err(self.failure("write", T::NAME))?;
         Ok(Publisher { port, _service: service })
     }
 
@@ -153,7 +151,7 @@ impl Bus {
             .buffer_size(Limits::small_depth())
             .history_request(T::HISTORY)
             .create()
-            .map_err(|error| BusError::new("read", &self.full_name(T::NAME), error))?;
+            .map_err(self.failure("read", T::NAME))?;
         Ok(Subscriber { port, _service: service })
     }
 }

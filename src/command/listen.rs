@@ -4,9 +4,11 @@ use super::{json_cells, rod};
 use crate::bus::{Bus, BusError, Subscriber, Topic};
 use crate::console::{Outcome, UsageError, print_line};
 use crate::failure::Failure;
-use crate::message::{Event, EventKind, ImpactMessage, Role, StatusMessage, TrackMessage, VelocityMessage};
+use crate::message::{
+    Event, EventKind, FieldHeader, ImpactMessage, Role, StatusMessage, TrackMessage, VelocityMessage,
+};
 use crate::process::Stop;
-use crate::results::{FieldPoint, Impact, PointStatus, Sample, TrackSample, VelocitySample};
+use crate::results::{FieldPoint, Impact, PairField, PointStatus, Sample, TrackSample, VelocitySample};
 use serde_json::{Map, Value, json};
 use std::time::Duration;
 
@@ -44,14 +46,17 @@ pub fn run(options: &ListenOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let bus = Bus::join(&options.rig, "listen")?;
     wait_for_rig(&bus, options, stop)?;
     let mut printer = Printer { json: options.json, left: options.count, has_header: false };
-    let watch = Watch::new(&bus)?;
+    let mut follow = |take: &mut dyn FnMut() -> Result<Option<Rows>, BusError>| follow(&bus, &mut printer, stop, take);
     match options.topic.as_str() {
-        "track" => follow(&bus.listen::<TrackMessage>()?, watch, track, &mut printer, stop),
-        "velocity" => follow(&bus.listen::<VelocityMessage>()?, watch, velocity, &mut printer, stop),
-        "impact" => follow(&bus.listen::<ImpactMessage>()?, watch, impact, &mut printer, stop),
-        "status" => follow(&bus.listen::<StatusMessage>()?, watch, status, &mut printer, stop),
-        "events" => follow(&bus.listen::<Event>()?, watch, event, &mut printer, stop),
-        _ => follow_field(&bus, watch, &mut printer, stop),
+        "track" => follow(&mut rows_of(bus.listen()?, track)),
+        "velocity" => follow(&mut rows_of(bus.listen()?, velocity)),
+        "impact" => follow(&mut rows_of(bus.listen()?, impact)),
+        "status" => follow(&mut rows_of(bus.listen()?, status)),
+        "events" => follow(&mut rows_of(bus.listen()?, event)),
+        _ => {
+            let fields = bus.listen_field()?;
+            follow(&mut || Ok(fields.take()?.map(|(header, field)| field_rows(&header, field))))
+        }
     }
 }
 
@@ -110,40 +115,30 @@ impl<'a> Watch<'a> {
     }
 }
 
-fn follow<T: Topic>(
-    topic: &Subscriber<T>,
-    mut watch: Watch<'_>,
+/// The rows of one message.
+type Rows = Vec<Map<String, Value>>;
+
+/// Returns a function that takes the next message of a topic. One with an unknown number in place of a name has no row.
+fn rows_of<T: Topic>(
+    topic: Subscriber<T>,
     row: fn(&T) -> Option<Map<String, Value>>,
+) -> impl FnMut() -> Result<Option<Rows>, BusError> {
+    move || Ok(topic.take()?.map(|message| row(&message).into_iter().collect()))
+}
+
+fn follow(
+    bus: &Bus,
     printer: &mut Printer,
     stop: &Stop,
+    take: &mut dyn FnMut() -> Result<Option<Rows>, BusError>,
 ) -> Result<Outcome, Failure> {
+    let mut watch = Watch::new(bus)?;
     while !stop.requested() {
         // Checked before the topic is read for the last time, so that no message before the end is missed.
         let over = watch.is_over()?;
-        while let Some(message) = topic.take()? {
-            // A message with the unknown number of a name is left out.
-            let Some(row) = row(&message) else { continue };
-            if !printer.print(&row) {
+        while let Some(rows) = take()? {
+            if !rows.iter().all(|row| printer.print(row)) {
                 return Ok(Outcome::Clean);
-            }
-        }
-        if over {
-            break;
-        }
-        std::thread::sleep(PAUSE);
-    }
-    Ok(Outcome::Clean)
-}
-
-fn follow_field(bus: &Bus, mut watch: Watch<'_>, printer: &mut Printer, stop: &Stop) -> Result<Outcome, Failure> {
-    let topic = bus.listen_field()?;
-    while !stop.requested() {
-        let over = watch.is_over()?;
-        while let Some((header, field)) = topic.take()? {
-            for point in field.iter().flat_map(|field| &field.points) {
-                if !printer.print(&field_row(header.sequence, point)) {
-                    return Ok(Outcome::Clean);
-                }
             }
         }
         if over {
@@ -248,6 +243,8 @@ fn event(message: &Event) -> Option<Map<String, Value>> {
     ]))
 }
 
-fn field_row(frame: u64, point: &FieldPoint) -> Map<String, Value> {
-    row(std::iter::once(("frame", json!(frame))).chain(json_cells(point, FieldPoint::COLUMNS)))
+fn field_rows(header: &FieldHeader, field: Option<PairField>) -> Rows {
+    let row =
+        |point| row([("frame", json!(header.sequence))].into_iter().chain(json_cells(point, FieldPoint::COLUMNS)));
+    field.iter().flat_map(|field| &field.points).map(row).collect()
 }
