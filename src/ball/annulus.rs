@@ -109,16 +109,17 @@ fn measure_block(pixels: Pixels<'_>, counts: &Lane, band: Band, distance: &mut [
     }
 }
 
-/// Returns the maximum grey level.
+/// Returns the maximum of some values.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
-fn maximum(grey: &[Lane]) -> f32 {
+pub(super) fn maximum(values: &[f32]) -> f32 {
     let mut maximum = [f32::NEG_INFINITY; LANES];
-    for grey in grey {
-        for i in 0..LANES {
-            maximum[i] = if grey[i] > maximum[i] { grey[i] } else { maximum[i] };
+    let (chunks, rest) = values.as_chunks::<LANES>();
+    for chunk in chunks {
+        for lane in 0..LANES {
+            maximum[lane] = if chunk[lane] > maximum[lane] { chunk[lane] } else { maximum[lane] };
         }
     }
-    maximum.into_iter().fold(f32::NEG_INFINITY, f32::max)
+    maximum.iter().chain(rest).copied().fold(f32::NEG_INFINITY, f32::max)
 }
 
 impl Annulus {
@@ -188,7 +189,7 @@ impl Annulus {
                 self.push(&row[run], first, dy as f32);
             }
         }
-        let highest = maximum(&self.grey);
+        let highest = maximum(self.grey.as_flattened());
         self.white = if is_saturated(highest) { highest - 0.5 } else { f32::INFINITY };
         self.measure(outline);
     }

@@ -360,7 +360,7 @@ impl BallFinder {
     fn search_filtered_rims(&mut self, image: ImageView<'_>) {
         for peak in self.peaks.iter().take(FILTERED_PEAKS) {
             let (grey, scale) = self.hough.filtered_image(peak);
-            let Ok(view) = ImageView::new(&grey.data, grey.width, grey.height) else { continue };
+            let Some(view) = grey.view() else { continue };
             let (x, y) = self.hough.to_reduced(peak.band, peak.x, peak.y);
             let reach_px = (peak.spread / scale + 2.0).max(3.0);
             let params = RansacParams { reach_px, tolerance_px: 0.5, draws: 120, rays: 120 };

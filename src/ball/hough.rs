@@ -1,7 +1,8 @@
 //! The coarse search: a Hough transform with gradient direction and sign on a reduced image.
 
+use super::annulus::maximum;
 use super::params::BallParams;
-use super::pyramid::{GreyImage, blur, halve, remove_bright_marks, remove_dark_marks};
+use super::pyramid::{GreyImage, blur, remove_bright_marks, remove_dark_marks};
 use crate::image::ImageView;
 
 /// A peak of the Hough transform: centre and radius in pixels of the full image.
@@ -64,7 +65,7 @@ struct Votes {
 }
 
 /// The planned search with its scratch memory.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct HoughSearch {
     bands: Vec<Band>,
     roi: [usize; 4],
@@ -98,21 +99,8 @@ impl HoughSearch {
             levels: vec![GreyImage::default(); deepest + 1],
             filtered: vec![GreyImage::default(); bands.len()],
             bands,
-            scratch: GreyImage::default(),
-            smooth: GreyImage::default(),
-            gx: Vec::new(),
-            gy: Vec::new(),
-            size: Vec::new(),
-            sample: Vec::new(),
-            edges: Vec::new(),
-            lighter: Vec::new(),
-            darker: Vec::new(),
-            box_sum: Vec::new(),
-            box_rows: Vec::new(),
-            peaks: Vec::new(),
-            score: Vec::new(),
-            sums: Vec::new(),
             spokes: (0..SPOKES).map(|i| (i as f32 * std::f32::consts::TAU / SPOKES as f32).sin_cos()).collect(),
+            ..Self::default()
         }
     }
 
@@ -123,17 +111,16 @@ impl HoughSearch {
 
     /// Builds the image pyramid; the first step of every search.
     pub fn reduce(&mut self, image: ImageView<'_>) {
-        let [x0, y0, width, height] = self.roi;
         let needs_full = self.bands.iter().any(|b| b.level == 0);
         if needs_full || self.levels.len() == 1 {
-            self.levels[0].copy_region(image, x0, y0, width, height);
+            self.levels[0].copy_region(image, self.roi);
         }
         for level in 1..self.levels.len() {
-            if level == 1 {
-                self.levels[1].copy_halved(image, x0, y0, width, height);
-            } else {
-                let (fine, coarse) = self.levels.split_at_mut(level);
-                halve(&fine[level - 1], &mut coarse[0]);
+            let (fine, coarse) = self.levels.split_at_mut(level);
+            let fine = &fine[level - 1];
+            match fine.view() {
+                Some(view) if level > 1 => coarse[0].copy_halved(view, [0, 0, fine.width, fine.height]),
+                _ => coarse[0].copy_halved(image, self.roi),
             }
         }
     }
@@ -381,20 +368,6 @@ fn add_three(a: &[f32], b: &[f32], c: &[f32], out: &mut [f32]) {
     for (((out, a), b), c) in out.iter_mut().zip(a).zip(b).zip(c) {
         *out = a + b + c;
     }
-}
-
-/// Returns the maximum of non-negative values.
-#[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
-fn maximum(values: &[f32]) -> f32 {
-    const LANES: usize = 16;
-    let mut maximum = [0.0_f32; LANES];
-    let (chunks, rest) = values.as_chunks::<LANES>();
-    for chunk in chunks {
-        for lane in 0..LANES {
-            maximum[lane] = if chunk[lane] > maximum[lane] { chunk[lane] } else { maximum[lane] };
-        }
-    }
-    maximum.iter().chain(rest).fold(0.0, |a, &b| if b > a { b } else { a })
 }
 
 /// Appends the highest peaks of `sums`, at least three cells apart.

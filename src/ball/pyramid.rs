@@ -16,8 +16,13 @@ impl GreyImage {
         (self.width, self.height) = (width, height);
     }
 
-    /// Copies a region of `image`.
-    pub fn copy_region(&mut self, image: ImageView<'_>, x0: usize, y0: usize, width: usize, height: usize) {
+    pub fn view(&self) -> Option<ImageView<'_>> {
+        ImageView::new(&self.data, self.width, self.height).ok()
+    }
+
+    /// Copies a region of `image`: x, y, width, height.
+    pub fn copy_region(&mut self, image: ImageView<'_>, region: [usize; 4]) {
+        let [x0, y0, width, height] = region;
         self.reshape(width, height);
         for (y, row) in self.data.chunks_exact_mut(width.max(1)).enumerate() {
             row.copy_from_slice(&image.row(y0 + y)[x0..x0 + width]);
@@ -25,29 +30,16 @@ impl GreyImage {
     }
 
     /// Copies a region of `image` at half its size; each pixel is the mean of four.
-    pub fn copy_halved(&mut self, image: ImageView<'_>, x0: usize, y0: usize, width: usize, height: usize) {
+    pub fn copy_halved(&mut self, image: ImageView<'_>, region: [usize; 4]) {
+        let [x0, y0, width, height] = region;
         self.reshape(width / 2, height / 2);
         for (y, row) in self.data.chunks_exact_mut((width / 2).max(1)).enumerate() {
             let upper = &image.row(y0 + 2 * y)[x0..x0 + width];
             let lower = &image.row(y0 + 2 * y + 1)[x0..x0 + width];
-            halve_rows(upper, lower, row);
+            for ((pixel, a), b) in row.iter_mut().zip(upper.chunks_exact(2)).zip(lower.chunks_exact(2)) {
+                *pixel = 0.25 * (a[0] + a[1] + b[0] + b[1]);
+            }
         }
-    }
-}
-
-/// Reduces `fine` to half its size; each pixel is the mean of four.
-pub(super) fn halve(fine: &GreyImage, coarse: &mut GreyImage) {
-    coarse.reshape(fine.width / 2, fine.height / 2);
-    for (y, row) in coarse.data.chunks_exact_mut((fine.width / 2).max(1)).enumerate() {
-        let start = 2 * y * fine.width;
-        let (upper, lower) = fine.data[start..start + 2 * fine.width].split_at(fine.width);
-        halve_rows(upper, lower, row);
-    }
-}
-
-fn halve_rows(upper: &[f32], lower: &[f32], out: &mut [f32]) {
-    for ((pixel, a), b) in out.iter_mut().zip(upper.chunks_exact(2)).zip(lower.chunks_exact(2)) {
-        *pixel = 0.25 * (a[0] + a[1] + b[0] + b[1]);
     }
 }
 
