@@ -36,10 +36,7 @@ pub(super) fn step(here: &Pose, next: &Pose) -> RigidStep {
         dx_px: next.center_px[0] - here.center_px[0],
         dy_px: next.center_px[1] - here.center_px[1],
         dtheta_deg: (next.angle_rad - here.angle_rad).to_degrees(),
-        sigma_dx_px: 0.0,
-        sigma_dy_px: 0.0,
-        sigma_dtheta_deg: 0.0,
-        points: 0,
+        ..RigidStep::STILL
     }
 }
 

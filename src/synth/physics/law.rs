@@ -40,14 +40,6 @@ impl NormalLaw {
         }
     }
 
-    /// Returns the elastic energy at a compression (m), J.
-    pub fn stored_j(self, compression_m: f64) -> f64 {
-        match self {
-            Self::KelvinVoigt { stiffness_n_m, .. } => 0.5 * stiffness_n_m * compression_m * compression_m,
-            Self::HuntCrossley { stiffness_n_m15, .. } => 0.4 * stiffness_n_m15 * compression_m.max(0.0).powf(2.5),
-        }
-    }
-
     /// The law named in results.
     pub fn force_law(self) -> ForceLaw {
         match self {

@@ -118,7 +118,8 @@ impl Scenario {
         within("body.pattern.coverage", pattern.coverage, 0.0, 0.6)?;
         within("body.pattern.lines", f64::from(pattern.lines), 0.0, 20.0)?;
         if pattern.lines > 0 && self.body.shape == Shape::Sphere {
-            return Err(ScenarioError::LinesOnSphere(pattern.lines));
+            let range = "0 with body.shape = \"sphere\", on which nothing is straight";
+            return Err(out_of_range("body.pattern.lines", pattern.lines, range));
         }
         within("body.pattern.line_width_px", pattern.line_width_px, 0.5, 10.0)
     }

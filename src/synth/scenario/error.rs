@@ -79,11 +79,6 @@ pub enum ScenarioError {
     /// A setting that a rod does not support.
     #[error("body.rod stands upright and does not turn: {0}")]
     RodOnly(&'static str),
-    /// Straight lines on a sphere.
-    #[error(
-        "body.pattern.lines = {0} is out of range: allowed is 0 with body.shape = \"sphere\", on which nothing is straight"
-    )]
-    LinesOnSphere(u32),
     /// A setting that contradicts the rest of the scenario.
     #[error("{key} is out of place: {why}")]
     Misplaced {
