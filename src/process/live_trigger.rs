@@ -8,7 +8,7 @@ use crate::bus::BusError;
 use crate::config::{Config, TriggerMode};
 use crate::message::{Event, EventKind};
 use crate::results::{BodyStep, VelocitySample};
-use crate::trigger::{Decision, MeasuredTrigger, Quiet, States};
+use crate::trigger::{Decision, MeasuredTrigger, Quiet, Recorder, States};
 use std::time::Instant;
 
 /// Executes a trigger in this process if the rig has no recorder.
@@ -67,11 +67,15 @@ pub(super) struct LiveTrigger {
 impl LiveTrigger {
     pub(super) fn new(config: &Config) -> Self {
         let mode = config.trigger.mode;
-        let streams = mode == TriggerMode::Off && config.record.is_some();
+        let recorder = match mode {
+            TriggerMode::Off if config.record.is_some() => Recorder::Writing,
+            TriggerMode::Off => Recorder::Off,
+            _ => Recorder::Armed,
+        };
         Self {
             trigger: None,
             standalone: StandaloneTrigger::new(config),
-            states: States::new(config.bodies.len(), mode != TriggerMode::Off, streams),
+            states: States::new(config.bodies.len(), recorder),
             is_pulsed: mode == TriggerMode::Hardware,
             is_live: config.camera.source.is_device(),
             exposure_ns: 0,
@@ -102,8 +106,8 @@ impl LiveTrigger {
             match event.kind() {
                 Some(EventKind::Prepared) => self.states.prepared(),
                 Some(EventKind::Started) => self.states.started(),
-                Some(EventKind::Armed) => self.states.armed(true),
-                Some(EventKind::Disarmed) => self.states.armed(false),
+                Some(EventKind::Armed) => self.states.armed(),
+                Some(EventKind::Disarmed) => self.states.disarmed(),
                 Some(EventKind::Triggered) if self.standalone.is_none() => self.states.triggered(),
                 // The rows of a shot and its recording may become complete in either order.
                 Some(EventKind::Recorded) if self.is_pulsed => {

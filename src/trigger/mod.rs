@@ -9,4 +9,4 @@ mod state;
 pub use measured::{BodyWatch, Condition, Decision, MeasuredTrigger};
 pub use motion::MotionTrigger;
 pub use quiet::Quiet;
-pub use state::{RigState, States};
+pub use state::{Recorder, RigState, States};

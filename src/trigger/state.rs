@@ -51,16 +51,26 @@ pub struct States {
     reported: RigState,
 }
 
+/// The recorder before the stream of a rig.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Recorder {
+    /// It records nothing.
+    Off,
+    /// It waits for a trigger.
+    Armed,
+    /// It records the whole stream.
+    Writing,
+}
+
 impl States {
-    /// Creates the state of a rig with this number of bodies, before its stream. A rig that waits for a trigger from the
-    /// start is `armed`; one that records its whole stream is `writing`.
-    pub fn new(bodies: usize, armed: bool, writing: bool) -> Self {
+    /// Creates the state of a rig with this number of bodies, before its stream.
+    pub fn new(bodies: usize, recorder: Recorder) -> Self {
         Self {
             prepared: false,
             started: false,
             ended: false,
-            armed,
-            writing,
+            armed: recorder == Recorder::Armed,
+            writing: recorder == Recorder::Writing,
             recorded: false,
             bodies: vec![BodyState::Idle; bodies],
             reported: RigState::Idle,
@@ -89,10 +99,14 @@ impl States {
         self.bodies.fill(BodyState::Idle);
     }
 
-    /// Notes whether the recorder waits for a trigger.
-    pub fn armed(&mut self, armed: bool) {
-        self.armed = armed;
-        self.recorded = false;
+    /// Notes that the recorder waits for a trigger.
+    pub fn armed(&mut self) {
+        (self.armed, self.recorded) = (true, false);
+    }
+
+    /// Notes that the recorder waits for no trigger.
+    pub fn disarmed(&mut self) {
+        (self.armed, self.recorded) = (false, false);
     }
 
     /// Notes the begin of a shot.
@@ -179,7 +193,7 @@ mod tests {
 
     #[test]
     fn a_shot_goes_from_idle_through_fall_and_impact_to_done_and_back_to_armed() {
-        let mut states = States::new(1, true, false);
+        let mut states = States::new(1, Recorder::Armed);
         let mut reported = vec![states.state()];
         let mut step = |act: &dyn Fn(&mut States)| {
             act(&mut states);
@@ -193,7 +207,7 @@ mod tests {
         step(&|states| states.measured(&row(-1.2, Phase::Contact)));
         step(&|states| states.measured(&row(1.1, Phase::Rebound)));
         step(&|states| states.recorded());
-        step(&|states| states.armed(true));
+        step(&|states| states.armed());
         step(&|states| states.ended());
         let names: Vec<&str> = reported.iter().map(|state| state.as_str()).collect();
         assert_eq!(names, ["idle", "preparing", "armed", "falling", "impact", "writing", "done", "armed", "done"]);
@@ -201,7 +215,7 @@ mod tests {
 
     #[test]
     fn a_slow_body_does_not_fall_and_a_stream_without_a_trigger_is_written_throughout() {
-        let mut states = States::new(1, false, true);
+        let mut states = States::new(1, Recorder::Writing);
         states.prepared();
         states.started();
         assert_eq!(states.changed(), Some(RigState::Writing));
@@ -213,11 +227,11 @@ mod tests {
 
     #[test]
     fn a_disarmed_rig_is_idle_while_frames_come() {
-        let mut states = States::new(1, true, false);
+        let mut states = States::new(1, Recorder::Armed);
         states.prepared();
         states.started();
         assert_eq!(states.changed(), Some(RigState::Armed));
-        states.armed(false);
+        states.disarmed();
         assert_eq!(states.changed(), Some(RigState::Idle));
     }
 }

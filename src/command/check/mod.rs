@@ -22,7 +22,7 @@ use finding::Seen;
 use fixed::Fixed;
 use grab::Grabbed;
 use region::{Region, Stack};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// Findings that are counts, not fractions.
@@ -78,7 +78,11 @@ pub fn run(options: &CheckOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let grabbed = grab::grab(&config, options.seconds, stop)?;
     let floor = displacement::floor(&config, &grabbed)?;
     let inspection = inspect(&config, &grabbed, &floor)?;
-    print(&config, &grabbed, &inspection, options.json);
+    if options.json {
+        print_line(&as_json(&config, &grabbed, &inspection).to_string());
+    } else {
+        print(&inspection.findings);
+    }
     if let Some(output) = &options.output {
         write_file(output, page(&config, &grabbed, &inspection))?;
         if !options.json {
@@ -108,7 +112,8 @@ fn inspect(config: &Config, grabbed: &Grabbed, floor: &Floor) -> Result<Inspecti
     let (width, height) = (format.width_px as usize, format.height_px as usize);
     let region = Region::of(&floor.first_fields(), subset_px, width, height);
     let correction = analysis_params(config, &format).0.correction(width, height)?;
-    let stack = Stack::of(grabbed, floor.moves.is_some(), &correction)?;
+    let max_frames = if floor.moves.is_some() { 1 } else { usize::MAX };
+    let stack = Stack::of(grabbed, max_frames, &correction)?;
     let full_dn = f64::from((1_u32 << format.format.bits()) - 1);
     let levels = texture::levels(&stack, &region, full_dn);
     let noise_dn = levels.noise_dn.unwrap_or(0.0);
@@ -147,23 +152,23 @@ fn shown(finding: &Finding) -> String {
     }
 }
 
-fn print(config: &Config, grabbed: &Grabbed, inspection: &Inspection, json: bool) {
+fn as_json(config: &Config, grabbed: &Grabbed, inspection: &Inspection) -> Value {
     let findings = &inspection.findings;
-    if json {
-        let rows = findings.iter().map(|finding| {
-            json!({
-                "name": finding.name, "value": finding.value, "unit": finding.unit,
-                "verdict": finding.verdict.as_str(), "text": finding.words,
-            })
-        });
-        let worst = findings.iter().map(|finding| finding.verdict).max().unwrap_or(Verdict::Unknown);
-        let report = json!({
-            "rig": config.rig.name, "camera": grabbed.camera.model, "serial": grabbed.camera.serial,
-            "frames": grabbed.means.len(), "ready": worst != Verdict::Bad, "findings": rows.collect::<Vec<_>>(),
-            "defective_px": inspection.defective_px,
-        });
-        return print_line(&report.to_string());
-    }
+    let rows = findings.iter().map(|finding| {
+        json!({
+            "name": finding.name, "value": finding.value, "unit": finding.unit,
+            "verdict": finding.verdict.as_str(), "text": finding.words,
+        })
+    });
+    let worst = findings.iter().map(|finding| finding.verdict).max().unwrap_or(Verdict::Unknown);
+    json!({
+        "rig": config.rig.name, "camera": grabbed.camera.model, "serial": grabbed.camera.serial,
+        "frames": grabbed.means.len(), "ready": worst != Verdict::Bad, "findings": rows.collect::<Vec<_>>(),
+        "defective_px": inspection.defective_px,
+    })
+}
+
+fn print(findings: &[Finding]) {
     let cells = |finding: &Finding| vec![finding.name.to_owned(), shown(finding), finding.verdict.as_str().to_owned()];
     let rows: Vec<Vec<String>> = findings.iter().map(cells).collect();
     for (line, finding) in table(&rows).lines().zip(findings) {
