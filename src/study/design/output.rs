@@ -32,7 +32,7 @@ impl Study<'_> {
                 ("true", json!(row.truth)),
                 ("sigma", json!(row.sigma)),
                 ("mean_error", json!(row.offset)),
-                ("told", json!(row.fraction)),
+                ("measured", json!(row.fraction)),
                 ("odd", json!(row.outliers)),
             ]
         }));
