@@ -5,6 +5,7 @@
 
 use super::ransac::within;
 use crate::image::ImageView;
+use crate::numeric::quantile;
 use crate::results::Circle;
 
 /// The maximum distance of the boundary from the detected circle, px.
@@ -121,8 +122,7 @@ impl PaperHough {
             let start = ((detected.x_px - reach).max(0.0) as usize).min(end);
             self.levels.extend(row[start..end].iter().step_by(2));
         }
-        let middle = self.levels.len() / 2;
-        (!self.levels.is_empty()).then(|| *self.levels.select_nth_unstable_by(middle, f32::total_cmp).1)
+        quantile(&mut self.levels, 0.5)
     }
 
     /// Computes the Hough transform: each mark votes, for every centre, for the radius of the circle through it.

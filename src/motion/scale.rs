@@ -1,6 +1,7 @@
 //! The scale, given or from the ball's own size.
 
 use super::{MetresPerPixel, Scale};
+use crate::numeric::median;
 use crate::results::{Circle, Estimate};
 
 /// The maximum number of outlines kept; every second one is then dropped.
@@ -40,15 +41,9 @@ impl Sorted {
             self.stride *= 2;
         }
         self.kept.push((radius, sigma));
-        let middle = |mut numbers: Vec<f64>| {
-            numbers.sort_by(f64::total_cmp);
-            let n = numbers.len();
-            0.5 * (numbers[(n - 1) / 2] + numbers[n / 2])
-        };
-        self.median = Some(Estimate {
-            value: middle(self.kept.iter().map(|k| k.0).collect()),
-            sigma: middle(self.kept.iter().map(|k| k.1).collect()),
-        });
+        let (mut radii, mut sigmas): (Vec<f64>, Vec<f64>) = self.kept.iter().copied().unzip();
+        let estimate = median(&mut radii).zip(median(&mut sigmas));
+        self.median = estimate.map(|(value, sigma)| Estimate { value, sigma });
     }
 }
 

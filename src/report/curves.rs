@@ -1,6 +1,7 @@
 //! The curves of one body.
 
 use super::shot::Shot;
+use crate::numeric::quantile;
 use crate::plot::{TimeChart, TimeCurve, TimePoint, Timeline, format_estimate};
 use crate::results::{BodyVelocity, Estimate, VelocitySample};
 use maud::{Markup, PreEscaped, html};
@@ -152,9 +153,8 @@ impl<'a> Drawer<'a> {
     /// The median and the largest uncertainty of a number; `None` without any.
     fn typical(&self, sigma: impl Fn(&VelocitySample) -> Option<f64>) -> Option<Markup> {
         let mut sigmas: Vec<f64> = self.rows.iter().filter_map(|row| sigma(row)).filter(|s| s.is_finite()).collect();
-        sigmas.sort_by(f64::total_cmp);
         let text = |sigma: f64| format_estimate(Estimate { value: 0.0, sigma }, 1.0).sigma;
-        let (median, highest) = (text(*sigmas.get(sigmas.len() / 2)?), text(*sigmas.last()?));
+        let (median, highest) = (text(quantile(&mut sigmas, 0.5)?), text(quantile(&mut sigmas, 1.0)?));
         Some(html! { i { "σ" } " " (median) " typical, " (highest) " at most" })
     }
 

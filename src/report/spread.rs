@@ -1,5 +1,6 @@
 //! The variation of a number from shot to shot.
 
+use crate::numeric::median;
 use crate::results::Estimate;
 
 /// Modified z-score beyond which a value is an outlier: Iglewicz and Hoaglin, How to Detect and Handle Outliers,
@@ -51,17 +52,11 @@ fn outliers(values: &[Estimate]) -> Vec<bool> {
     if values.len() < VALUES_MIN {
         return vec![false; values.len()];
     }
-    let center = median(values.iter().map(|e| e.value));
-    let spread = MAD_TO_SIGMA * median(values.iter().map(|e| (e.value - center).abs()));
-    let stated = median(values.iter().map(|e| e.sigma));
+    let middle = |of: &dyn Fn(&Estimate) -> f64| median(&mut values.iter().map(of).collect::<Vec<_>>()).unwrap_or(0.0);
+    let center = middle(&|e| e.value);
+    let spread = MAD_TO_SIGMA * middle(&|e| (e.value - center).abs());
+    let stated = middle(&|e| e.sigma);
     values.iter().map(|e| (e.value - center).abs() > OUTLIER_SCORE * spread.max(stated).max(e.sigma)).collect()
-}
-
-fn median(values: impl Iterator<Item = f64>) -> f64 {
-    let mut values: Vec<f64> = values.collect();
-    values.sort_by(f64::total_cmp);
-    let half = values.len() / 2;
-    if values.len().is_multiple_of(2) { 0.5 * (values[half - 1] + values[half]) } else { values[half] }
 }
 
 #[cfg(test)]

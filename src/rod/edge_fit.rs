@@ -1,7 +1,8 @@
 //! Subpixel fit of a straight edge: one blurred step through many profiles of grey levels.
 
-use super::paint_levels::{Level, MIN_LEVELS, PAINT_SIGMAS, Paint, fit_paint, quantile};
+use super::paint_levels::{Level, MIN_LEVELS, PAINT_SIGMAS, Paint, fit_paint};
 use crate::image::{ImageView, is_saturated};
+use crate::numeric::{normal_f64, quantile};
 use crate::results::{Estimate, PointStatus};
 use nalgebra::{SMatrix, SVector};
 
@@ -135,17 +136,6 @@ struct EdgeModel {
     moved: [f64; 2],
 }
 
-/// Returns the normal distribution function and its density.
-///
-/// M. Abramowitz and I. A. Stegun, Handbook of Mathematical Functions, 7.1.26: error below 1e-7.
-fn normal(x: f64) -> (f64, f64) {
-    const COEFFICIENTS: [f64; 5] = [1.061_405_429, -1.453_152_027, 1.421_413_741, -0.284_496_736, 0.254_829_592];
-    let t = 1.0 / (1.0 + 0.327_591_1 * x.abs() * std::f64::consts::FRAC_1_SQRT_2);
-    let bell = (-0.5 * x * x).exp();
-    let tail = 0.5 * COEFFICIENTS.iter().fold(0.0, |sum, c| sum * t + c) * t * bell;
-    (if x >= 0.0 { 1.0 - tail } else { tail }, bell / std::f64::consts::TAU.sqrt())
-}
-
 impl EdgeModel {
     /// Returns the distance of a level of a profile behind the edge, px.
     fn behind(&self, profile: &Profile, index: usize) -> f64 {
@@ -174,7 +164,7 @@ impl EdgeModel {
         let [before, after] = self.paints.map(|paint| paint.at(profile.along));
         profile.levels.iter().enumerate().filter_map(move |(index, level)| {
             let behind = self.behind(profile, index);
-            let (p, density) = normal(behind / self.blur);
+            let (p, density) = normal_f64(behind / self.blur);
             let by_place = -(after - before) * density / self.blur;
             let by_blur = by_place * behind / self.blur;
             let residual = level - before - (after - before) * p;
@@ -281,21 +271,20 @@ fn paint(profiles: &[Profile], step: &EdgeModel, expected: &ExpectedEdge) -> Res
     if sides.iter().any(|levels| levels.len() < MIN_LEVELS) {
         return Err(PointStatus::OutOfFrame);
     }
-    let sorted = sides.each_ref().map(|levels| {
-        let mut levels: Vec<f64> = levels.iter().map(|level| level.level).collect();
-        levels.sort_by(f64::total_cmp);
-        levels
-    });
+    let side_quantile = |k: usize, fraction: f64| {
+        let mut levels: Vec<f64> = sides[k].iter().map(|level| level.level).collect();
+        quantile(&mut levels, fraction).unwrap_or(f64::NAN)
+    };
     // With sign 1 it is dark before the edge and light behind it.
     let start: [f64; 2] = std::array::from_fn(|k| {
         let is_light = (k == 1) == (sign > 0.0);
-        quantile(&sorted[k], if is_light { PAINT_QUANTILE } else { 1.0 - PAINT_QUANTILE })
+        side_quantile(k, if is_light { PAINT_QUANTILE } else { 1.0 - PAINT_QUANTILE })
     });
     let contrast = sign * (start[1] - start[0]);
     if contrast <= 0.0 {
         return Err(PointStatus::Lost);
     }
-    let noise = sorted.each_ref().map(|levels| 0.7413 * (quantile(levels, 0.75) - quantile(levels, 0.25)));
+    let noise = [0, 1].map(|k| 0.7413 * (side_quantile(k, 0.75) - side_quantile(k, 0.25)));
     let tolerance = (PAINT_TOLERANCE * contrast).max(PAINT_SIGMAS * noise[0].min(noise[1]));
     let outward = |k: usize| if (k == 1) == (sign > 0.0) { 1.0 } else { -1.0 };
     let mut paints = [Paint::default(); 2];
@@ -363,11 +352,6 @@ fn equations(profiles: &[Profile], step: &EdgeModel) -> (Matrix, Vector, f64) {
     (normal, right, squares)
 }
 
-fn median(mut numbers: Vec<f64>) -> f64 {
-    numbers.sort_by(f64::total_cmp);
-    numbers.get(numbers.len() / 2).copied().unwrap_or(0.0)
-}
-
 /// Updates the weights of the profiles from their residuals and their distance from the common line.
 fn reweigh(profiles: &mut [Profile], step: &EdgeModel, fraction: f64) {
     let limit = (fraction * step.contrast().abs()).max(OUTLIER_SIGMAS * step.noise());
@@ -375,8 +359,9 @@ fn reweigh(profiles: &mut [Profile], step: &EdgeModel, fraction: f64) {
         profiles.iter().map(|profile| step.core(profile).all(|(residual, _)| residual.abs() <= limit)).collect();
     let shifts: Vec<f64> = profiles.iter().map(|profile| step.shift(profile)).collect();
     let of_clean = shifts.iter().zip(&is_clean).filter(|(_, clean)| **clean).map(|(shift, _)| *shift);
-    let middle = median(of_clean.clone().collect());
-    let scatter = 1.4826 * median(of_clean.map(|shift| (shift - middle).abs()).collect());
+    let middle = quantile(&mut of_clean.clone().collect::<Vec<_>>(), 0.5).unwrap_or(0.0);
+    let mut apart: Vec<f64> = of_clean.map(|shift| (shift - middle).abs()).collect();
+    let scatter = 1.4826 * quantile(&mut apart, 0.5).unwrap_or(0.0);
     for ((profile, shift), clean) in profiles.iter_mut().zip(shifts).zip(is_clean) {
         let far = (shift - middle) / (TUKEY * scatter.max(1e-4));
         profile.weight = if clean && far.abs() < 1.0 { (1.0 - far * far).powi(2) } else { 0.0 };

@@ -7,6 +7,7 @@ use super::paint_shading::clean_paint_at;
 use super::params::{RodError, RodParams};
 use super::projections::{BinaryImage, Line, lines};
 use crate::image::ImageView;
+use crate::numeric::quantile;
 use crate::results::{Estimate, PointStatus, ROD_EDGES};
 
 /// The minimum contrast of black and white, in standard deviations of the noise.
@@ -407,11 +408,6 @@ fn noise_dn(image: ImageView<'_>, region: [usize; 4]) -> f32 {
     let [left, top, width, height] = region;
     let rows = (top..top + height).map(|y| &image.row(y)[left..left + width]);
     let mut differences: Vec<f32> = rows.flat_map(|row| row.windows(2).map(|pair| (pair[1] - pair[0]).abs())).collect();
-    if differences.is_empty() {
-        return 0.0;
-    }
-    let middle = differences.len() / 2;
-    let (_, median, _) = differences.select_nth_unstable_by(middle, f32::total_cmp);
     // The median absolute difference of two normal numbers, in standard deviations of one.
-    *median / (0.6745 * std::f32::consts::SQRT_2)
+    quantile(&mut differences, 0.5).unwrap_or(0.0) / (0.6745 * std::f32::consts::SQRT_2)
 }

@@ -57,11 +57,6 @@ impl Paint {
     }
 }
 
-/// Returns the quantile of sorted values.
-pub fn quantile(sorted: &[f64], fraction: f64) -> f64 {
-    sorted[((sorted.len() - 1) as f64 * fraction).round() as usize]
-}
-
 /// Fits the paint to the densest levels by a mean shift.
 ///
 /// Levels next to a speckle lie between its level and that of the paint. The noise is therefore estimated on the other

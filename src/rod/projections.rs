@@ -5,6 +5,7 @@
 //! along a rod are extrema of these sums, to whole pixels.
 
 use crate::image::ImageView;
+use crate::numeric::otsu;
 
 /// The number of histogram bins for the threshold.
 const LEVELS: usize = 256;
@@ -84,28 +85,6 @@ impl BinaryImage {
         let sum = |x: usize| (0..self.height).map(|y| self.step(y * self.width + x, y * self.width + x + 1)).sum();
         (0..self.width.saturating_sub(1)).map(sum).collect()
     }
-}
-
-/// Returns the first level that counts as white.
-fn otsu(counts: &[u32; LEVELS]) -> usize {
-    let total: f64 = counts.iter().map(|n| f64::from(*n)).sum();
-    let moment: f64 = counts.iter().enumerate().map(|(level, n)| level as f64 * f64::from(*n)).sum();
-    let (mut below, mut sum, mut best) = (0.0, 0.0, (-1.0, 1, 1));
-    for level in 1..LEVELS {
-        below += f64::from(counts[level - 1]);
-        sum += (level - 1) as f64 * f64::from(counts[level - 1]);
-        if below <= 0.0 || below >= total {
-            continue;
-        }
-        let between = (moment * below - sum * total).powi(2) / (below * (total - below));
-        // Thresholds in an empty range between the classes are equivalent, so the middle one is taken.
-        if between > best.0 {
-            best = (between, level, level);
-        } else if between >= best.0 {
-            best.2 = level;
-        }
-    }
-    usize::midpoint(best.1, best.2)
 }
 
 /// An extremum of a list of sums.

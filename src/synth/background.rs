@@ -2,11 +2,12 @@
 
 use super::scenario::{MotionSetup, Scenario};
 use super::trajectory::tangent;
+use crate::numeric::normal_cdf;
 use crate::numeric::{Stream, key};
 use crate::synth::render::Rod;
 use crate::synth::render::smooth;
+use crate::synth::render::total_sigma_px;
 use crate::synth::render::{EDGE_SIGMA, HalfPlane, Patch};
-use crate::synth::render::{normal_cdf, total_sigma_px};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// The purposes of the random streams.

@@ -2,8 +2,8 @@
 
 use super::scenario::CameraSetup;
 use crate::image::PixelFormat;
+use crate::numeric::normal_cdf;
 use crate::numeric::{COUNT, Stream, key, scramble};
-use crate::synth::render::normal_cdf;
 
 /// The number of noise values; 12 random bits choose one.
 const QUANTILES: usize = 4096;

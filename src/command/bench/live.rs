@@ -17,6 +17,7 @@ use crate::failure::Failure;
 use crate::image::{Frame, FrameMeta, Image};
 use crate::measure::{BodyParams, MeasureParams, Measured, Measurer, OUTLINE_INTERVAL_FRAMES, Share};
 use crate::motion::Rotation;
+use crate::numeric::quantile;
 use crate::results::{Circle, FieldPoint};
 use crate::synth::{Scenario, SimulatedFilm};
 
@@ -132,7 +133,7 @@ impl Film {
             return Err(error.into());
         }
         let is_finding = |frame: usize| frame as u64 % u64::from(BLOCK_FRAMES) < FINDING_FRAMES;
-        let us: Vec<f64> = seconds.iter_mut().map(|seconds| 1e6 * median(seconds)).collect();
+        let us: Vec<f64> = seconds.iter_mut().map(|seconds| 1e6 * quantile(seconds, 0.5).unwrap_or(f64::NAN)).collect();
         let mean = |of: &dyn Fn(usize) -> bool| {
             let of = || us.iter().enumerate().filter(|(frame, _)| of(*frame));
             of().map(|(_, us)| us).sum::<f64>() / of().count() as f64
@@ -240,12 +241,6 @@ impl Pair {
         let near = PlanarMotion { u_px: u_px - 0.004, v_px: v_px + 0.003, angle_deg: angle_deg + 0.006 };
         self.body.find_visible(&self.target, Point::new(circle.x_px, circle.y_px), near).is_ok()
     }
-}
-
-/// Returns the median.
-fn median(numbers: &mut [f64]) -> f64 {
-    numbers.sort_by(f64::total_cmp);
-    numbers[numbers.len() / 2]
 }
 
 /// Returns the part of a frame that holds a ball and a margin.

@@ -3,6 +3,7 @@
 use super::BenchOptions;
 use crate::failure::Failure;
 use crate::image::{Frame, FrameMeta, PixelFormat};
+use crate::numeric::quantile;
 use crate::recording::{RecordingInfo, RecordingWriter, WriterOptions, part_path};
 use serde_json::json;
 use std::fs::File;
@@ -180,7 +181,5 @@ fn noise(seed: u32) -> Vec<u8> {
 }
 
 fn median(values: impl Iterator<Item = f64>) -> f64 {
-    let mut values: Vec<f64> = values.collect();
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
+    quantile(&mut values.collect::<Vec<_>>(), 0.5).unwrap_or(0.0)
 }

@@ -14,7 +14,7 @@ use crate::dic::{
 };
 use crate::failure::Failure;
 use crate::image::Image;
-use crate::numeric::instruction_set;
+use crate::numeric::{instruction_set, quantile};
 
 /// Side of the test images, px.
 const SIDE: usize = 512;
@@ -239,9 +239,7 @@ fn work(case: &Case, frames: &(Image, Image), duration: Duration, ready: &Barrie
 
 /// Returns the median.
 fn median(figures: impl Iterator<Item = f64>) -> f64 {
-    let mut figures: Vec<f64> = figures.collect();
-    figures.sort_by(f64::total_cmp);
-    figures[figures.len() / 2]
+    quantile(&mut figures.collect::<Vec<_>>(), 0.5).unwrap_or(f64::NAN)
 }
 
 /// Renders speckle discs of 3 to 6 px with soft edges, shifted, with noise.

@@ -3,6 +3,7 @@
 use super::grab::Grabbed;
 use crate::failure::Failure;
 use crate::image::{Correction, Frame, Image};
+use crate::numeric;
 use crate::results::PairField;
 
 /// The pixels of the bodies, or of the whole image if no body was found.
@@ -74,14 +75,14 @@ pub(super) struct Stack {
 }
 
 impl Stack {
-    /// Computes the statistics of the corrected frames, normalised to the same brightness.
+    /// Computes the statistics of the first corrected frames, normalised to the same brightness.
     ///
     /// # Errors
     ///
     /// When a frame cannot be unpacked.
-    pub(super) fn of(grabbed: &Grabbed, moves: bool, correction: &Correction) -> Result<Self, Failure> {
+    pub(super) fn of(grabbed: &Grabbed, max_frames: usize, correction: &Correction) -> Result<Self, Failure> {
         let mut images = Vec::new();
-        for (meta, bytes) in grabbed.frames.iter().take(if moves { 1 } else { usize::MAX }) {
+        for (meta, bytes) in grabbed.frames.iter().take(max_frames) {
             let mut image = Image::default();
             Frame { meta: *meta, bytes }.unpack(&mut image)?;
             correction.correct(&mut image);
@@ -117,10 +118,5 @@ fn mean(data: &[f32]) -> f64 {
 
 /// Returns the quantile of the values; 0 for none.
 pub(super) fn quantile(values: &mut [f32], share: f64) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let at = ((values.len() - 1) as f64 * share).round() as usize;
-    let (_, value, _) = values.select_nth_unstable_by(at, f32::total_cmp);
-    f64::from(*value)
+    numeric::quantile(values, share).map_or(0.0, f64::from)
 }

@@ -1,6 +1,7 @@
 //! Grey levels, sharpness and speckles of a static image.
 
 use super::region::{Region, Stack, quantile};
+use crate::numeric::otsu;
 
 /// Shift, relative to its diameter, at which a disc overlaps itself by one half.
 const HALF_OVERLAP: f64 = 0.404;
@@ -122,7 +123,7 @@ pub(super) struct Speckles {
 pub(super) fn speckles(stack: &Stack, region: &Region, noise_dn: f64, reach_px: usize) -> Speckles {
     let data = stack.mean.view().data();
     let values: Vec<f32> = region.values(data).collect();
-    let middle = otsu(&values);
+    let middle = threshold(&values);
     let bright = values.iter().filter(|value| **value > middle).count() as f64 / values.len().max(1) as f64;
     let mean = values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len().max(1) as f64;
     let covariances: Vec<f64> = (0..=reach_px).map(|lag| covariance(data, region, mean, lag)).collect();
@@ -161,31 +162,15 @@ fn covariance(data: &[f32], region: &Region, mean: f64, lag: usize) -> f64 {
     sum / f64::max(count, 1.0)
 }
 
-/// Returns the threshold between dark and bright (Otsu 1979, doi:10.1109/TSMC.1979.4310076).
-fn otsu(values: &[f32]) -> f32 {
+/// Returns the threshold between dark and bright.
+fn threshold(values: &[f32]) -> f32 {
     let (low, high) = values.iter().fold((f32::INFINITY, 0.0_f32), |(low, high), v| (low.min(*v), high.max(*v)));
-    if high <= low || values.is_empty() {
+    if high <= low {
         return high;
     }
-    let mut counts = [0.0_f64; 256];
-    for value in values {
-        counts[(255.0 * (value - low) / (high - low)) as usize] += 1.0;
-    }
-    let total = values.len() as f64;
-    let moment: f64 = counts.iter().enumerate().map(|(bin, count)| bin as f64 * count).sum();
-    let (mut below, mut below_moment, mut best) = (0.0, 0.0, (0.0, 0));
-    for (bin, count) in counts.iter().enumerate() {
-        below += count;
-        below_moment += bin as f64 * count;
-        if below > 0.0 && below < total {
-            let apart = below_moment / below - (moment - below_moment) / (total - below);
-            let between = below * (total - below) * apart * apart;
-            if between > best.0 {
-                best = (between, bin);
-            }
-        }
-    }
-    low + (high - low) * (best.1 as f32 + 1.0) / 256.0
+    let mut counts = [0_u32; 256];
+    values.iter().for_each(|value| counts[(255.0 * (value - low) / (high - low)) as usize] += 1);
+    low + (high - low) * otsu(&counts) as f32 / 256.0
 }
 
 #[cfg(test)]
@@ -203,7 +188,7 @@ mod tests {
     #[test]
     fn dark_and_bright_are_parted_between_them() {
         let values: Vec<f32> = (0..100).map(|k| if k % 4 == 0 { 20.0 } else { 200.0 }).collect();
-        let middle = otsu(&values);
+        let middle = threshold(&values);
         assert!((20.0..200.0).contains(&middle), "{middle}");
     }
 }

@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use crate::dic::geometry::{GridPoint, Pixel, Point, Size};
 use crate::dic::image::PreparedFrame;
-use crate::numeric::fast_size;
+use crate::numeric::{fast_size, quantile};
 use crate::results::PointStatus;
 
 /// The lowest harmonic that is compared. Illumination, which does not rotate with the body, is in those below.
@@ -234,10 +234,8 @@ impl PolarCorrelator {
                 cells.push((band, sum / (rows.len() * columns.len()) as f64));
             }
         }
-        let mut sorted: Vec<f64> = cells.iter().map(|cell| cell.1).collect();
-        let middle = sorted.len() / 2;
-        let median = *sorted.select_nth_unstable_by(middle, f64::total_cmp).1;
-        let limit = MAX_CELL_RATIO * median.max(MIN_RESIDUAL_DN * MIN_RESIDUAL_DN);
+        let mut squares: Vec<f64> = cells.iter().map(|cell| cell.1).collect();
+        let limit = MAX_CELL_RATIO * quantile(&mut squares, 0.5).unwrap_or(0.0).max(MIN_RESIDUAL_DN * MIN_RESIDUAL_DN);
         // One odd cell may be a scratch; occluders are wider.
         let is_occluded = |band: usize| cells.iter().filter(|cell| cell.0 == band && cell.1 > limit).count() > 1;
         let first = (0..bands).find(|band| is_occluded(*band));

@@ -1,11 +1,11 @@
 //! A series of images, correlated with one reference that is renewed when necessary.
 
 use super::correlator::{Correlator, KeptReference};
-use crate::dic::GridPoint;
 use crate::dic::field::MedianTest;
-use crate::dic::geometry::Warp;
+use crate::dic::geometry::{GridPoint, Warp};
 use crate::dic::image::PreparedFrame;
 use crate::image::ImageView;
+use crate::numeric::quantile;
 use crate::results::{Displacement, FieldPoint, PointStatus};
 
 /// The rotation relative to the reference above which it is renewed, deg.
@@ -59,7 +59,6 @@ pub struct Series {
     /// Memory for the newest image and the warps of its subsets.
     target: PreparedFrame,
     warps: Vec<Option<Warp>>,
-    sorted: Vec<f64>,
 }
 
 impl Series {
@@ -84,7 +83,6 @@ impl Series {
             renewals: 0,
             target: PreparedFrame::default(),
             warps: Vec::new(),
-            sorted: Vec::new(),
         }
     }
 
@@ -155,12 +153,12 @@ impl Series {
     }
 
     /// Whether the reference must be renewed.
-    fn needs_renewal(&mut self) -> bool {
+    fn needs_renewal(&self) -> bool {
         let turn = |warp: &Warp| (0.5 * (warp.uy - warp.vx)).atan().abs().to_degrees();
-        let turns = self.warps.iter().flatten().map(turn);
-        let is_turned = median(turns, &mut self.sorted).is_some_and(|turn| turn > RENEW_DEG);
-        let znccs = self.incremental.iter().filter_map(|point| point.zncc.map(f64::from));
-        is_turned || median(znccs, &mut self.sorted).is_some_and(|zncc| zncc < RENEW_ZNCC)
+        let mut turns: Vec<f64> = self.warps.iter().flatten().map(turn).collect();
+        let mut znccs: Vec<f64> = self.incremental.iter().filter_map(|point| point.zncc.map(f64::from)).collect();
+        quantile(&mut turns, 0.5).is_some_and(|turn| turn > RENEW_DEG)
+            || quantile(&mut znccs, 0.5).is_some_and(|zncc| zncc < RENEW_ZNCC)
     }
 
     /// Makes the newest image the reference, with subsets at the current positions of the material.
@@ -189,14 +187,6 @@ impl Series {
 /// Returns the nearest whole pixel, if there is one.
 fn whole(place: f64) -> Option<u32> {
     (place >= 0.0 && place < f64::from(u32::MAX)).then(|| place.round() as u32)
-}
-
-/// Returns the median of some values; `sorted` is scratch memory.
-fn median(values: impl Iterator<Item = f64>, sorted: &mut Vec<f64>) -> Option<f64> {
-    sorted.clear();
-    sorted.extend(values);
-    let middle = sorted.len() / 2;
-    (!sorted.is_empty()).then(|| *sorted.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 #[cfg(test)]

@@ -5,7 +5,8 @@
 //! opposite neighbours and linear extrapolations of two in a row. Both are exact in a linear field, so a rotation of
 //! the body by some degrees raises no false alarm, not even at the border.
 
-use crate::dic::GridPoint;
+use crate::dic::geometry::GridPoint;
+use crate::numeric::median;
 use crate::results::{FieldPoint, PointStatus};
 
 /// The tolerated difference in the absence of any scatter, px.
@@ -128,16 +129,9 @@ fn exceeds_scatter(own: f32, predictions: &mut [f32]) -> bool {
     if predictions.iter().all(|prediction| (own - prediction).abs() <= THRESHOLD * FLOOR_PX) {
         return false;
     }
-    let center = median(predictions);
+    let Some(center) = median(predictions) else { return false };
     predictions.iter_mut().for_each(|value| *value = (*value - center).abs());
-    (own - center).abs() > THRESHOLD * (median(predictions) + FLOOR_PX)
-}
-
-/// Returns the median; sorts the values.
-fn median(values: &mut [f32]) -> f32 {
-    values.sort_unstable_by(f32::total_cmp);
-    let middle = values.len() / 2;
-    if values.len() % 2 == 1 { values[middle] } else { 0.5 * (values[middle - 1] + values[middle]) }
+    median(predictions).is_some_and(|scatter| (own - center).abs() > THRESHOLD * (scatter + FLOOR_PX))
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Robust fit of a rigid motion to a displacement field.
 
 use crate::dic::geometry::{PlanarMotion, Point};
+use crate::numeric::quantile;
 use crate::results::{FieldPoint, PointStatus};
 
 /// The motion of a rigid body between two frames.
@@ -229,8 +230,7 @@ fn first_guess(vectors: &[Vector]) -> Option<RigidTransform> {
         if distances.iter().filter(|distance| **distance < smallest).count() <= middle {
             continue;
         }
-        let (_, median, _) = distances.select_nth_unstable_by(middle, f64::total_cmp);
-        best = Some((*median, turn));
+        best = quantile(&mut distances, 0.5).map(|median| (median, turn));
     }
     best.map(|(_, turn)| turn)
 }
@@ -238,8 +238,7 @@ fn first_guess(vectors: &[Vector]) -> Option<RigidTransform> {
 /// Returns the standard deviation of one residual component, from the median distance.
 fn robust_scatter(turn: &RigidTransform, vectors: &[Vector]) -> f64 {
     let mut distances: Vec<f64> = vectors.iter().map(|vector| turn.squared_distance(vector)).collect();
-    let middle = distances.len() / 2;
-    let (_, median, _) = distances.select_nth_unstable_by(middle, f64::total_cmp);
+    let median = quantile(&mut distances, 0.5).unwrap_or(0.0);
     // The median length of a Gaussian vector is 1.1774 standard deviations of a component.
     (median.sqrt() / 1.1774).max(MIN_SCATTER_PX)
 }

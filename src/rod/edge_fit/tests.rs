@@ -32,7 +32,7 @@ fn picture(scene: &Scene) -> Image {
     let (mut image, mut noise) = (Image::new(40, 40), Noise(scene.seed));
     for y in 0..40 {
         for x in 0..40 {
-            let (p, _) = normal((y as f64 - scene.at - scene.slope * (x as f64 - 20.0)) / scene.blur);
+            let (p, _) = normal_f64((y as f64 - scene.at - scene.slope * (x as f64 - 20.0)) / scene.blur);
             let level = scene.dark + (scene.light - scene.dark) * p + scene.noise * noise.next();
             image.data_mut()[y * 40 + x] = level as f32;
         }

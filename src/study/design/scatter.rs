@@ -5,6 +5,7 @@ use super::pose_noise::Noise;
 use super::rig::Rig;
 use crate::config::BodyKind;
 use crate::failure::Failure;
+use crate::numeric::quantile;
 use crate::process::Stop;
 use crate::results::{BodyVelocity, Impact, Phase, VelocitySample};
 use crate::synth::SimulatedFilm;
@@ -73,10 +74,9 @@ impl Errors {
     fn scatter(&self) -> Option<Scatter> {
         let mut sorted = self.0.clone();
         sorted.sort_by(f64::total_cmp);
-        let median = *sorted.get(sorted.len() / 2)?;
+        let median = quantile(&mut sorted, 0.5)?;
         let mut apart: Vec<f64> = sorted.iter().map(|error| (error - median).abs()).collect();
-        apart.sort_by(f64::total_cmp);
-        let most = OUTLIER_SIGMAS * apart[((apart.len() - 1) as f64 * ONE_SIGMA).round() as usize];
+        let most = OUTLIER_SIGMAS * quantile(&mut apart, ONE_SIGMA)?;
         sorted.retain(|error| (error - median).abs() <= most);
         let count = sorted.len() as f64;
         let mean = sorted.iter().sum::<f64>() / count;

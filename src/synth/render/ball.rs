@@ -1,13 +1,12 @@
 //! Rendering of the ball over a static image.
 
-use super::blurred_edge::{
-    BlurredDisc, EdgedDisc, REACH_SIGMA, bivariate_cdf, gauss_legendre, normal_cdf, total_sigma_px,
-};
+use super::blurred_edge::{BlurredDisc, EdgedDisc, REACH_SIGMA, bivariate_cdf, gauss_legendre, total_sigma_px};
 use super::half_plane::HalfPlane;
 use super::occluder::{Axes, DiscOutline, Occluder, coverage, disc_chord, visible_chords};
 use super::patch::{Canvas, Patch, splat};
 use super::speckle_pattern::{Line, Pattern, Speckle};
 use super::speckled_sphere::SpeckledSphere;
+use crate::numeric::normal_cdf;
 use crate::synth::scenario::{LightSetup, Scenario};
 use crate::synth::trajectory::Pose;
 use std::ops::Range;

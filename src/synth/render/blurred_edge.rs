@@ -3,7 +3,8 @@
 //! The lens is a Gaussian of standard deviation `blur_px`, the pixel a square of side 1. Together they are close to one
 //! Gaussian whose variance is the sum of both (that of the square is 1/12).
 
-use std::f64::consts::{PI, SQRT_2, TAU};
+use crate::numeric::normal_cdf;
+use std::f64::consts::{PI, TAU};
 
 /// Returns the standard deviation of lens and pixel together, px.
 pub(crate) fn total_sigma_px(blur_px: f64) -> f64 {
@@ -12,17 +13,6 @@ pub(crate) fn total_sigma_px(blur_px: f64) -> f64 {
 
 /// The distance from an edge beyond which its blur is neglected, in standard deviations.
 pub(crate) const REACH_SIGMA: f64 = 4.2;
-
-/// Integral of the normal density up to `x`; error below 1e-7.
-///
-/// M. Abramowitz and I. A. Stegun, Handbook of Mathematical Functions, 7.1.26.
-pub(crate) fn normal_cdf(x: f64) -> f64 {
-    const COEFFICIENTS: [f64; 5] = [1.061_405_429, -1.453_152_027, 1.421_413_741, -0.284_496_736, 0.254_829_592];
-    let z = x.abs() / SQRT_2;
-    let t = 1.0 / (1.0 + 0.327_591_1 * z);
-    let tail = 0.5 * COEFFICIENTS.iter().fold(0.0, |sum, c| sum * t + c) * t * (-z * z).exp();
-    if x >= 0.0 { 1.0 - tail } else { tail }
-}
 
 /// Returns nodes and weights of the Gauss-Legendre rule of `N` points on -1 to 1.
 pub(crate) fn gauss_legendre<const N: usize>() -> [(f64, f64); N] {

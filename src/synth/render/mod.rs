@@ -12,7 +12,7 @@ mod spherical_cap;
 mod texture;
 
 pub(in crate::synth) use ball::{Ball, EDGE_SIGMA, Moment, Surface};
-pub(in crate::synth) use blurred_edge::{normal_cdf, total_sigma_px};
+pub(in crate::synth) use blurred_edge::total_sigma_px;
 pub(in crate::synth) use half_plane::HalfPlane;
 pub(in crate::synth) use occluder::{DiscOutline, Occluder, visible_fraction};
 pub(in crate::synth) use patch::Patch;

@@ -1,7 +1,8 @@
 //! Occluders of a ball, and the visible parts of its speckles.
 
-use super::blurred_edge::{gauss_legendre, normal_cdf};
+use super::blurred_edge::gauss_legendre;
 use super::half_plane::HalfPlane;
+use crate::numeric::normal_cdf;
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::sync::LazyLock;
 

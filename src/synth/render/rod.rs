@@ -1,9 +1,10 @@
 //! Rendering of an upright rod with its tapes: strips and speckles in closed form.
 
 use super::ball::Moment;
-use super::blurred_edge::{REACH_SIGMA, normal_cdf, total_sigma_px};
+use super::blurred_edge::{REACH_SIGMA, total_sigma_px};
 use super::patch::{Canvas, Patch, splat};
 use super::speckle_pattern::{Field, Pattern};
+use crate::numeric::normal_cdf;
 use crate::synth::scenario::{RodSetup, Scenario};
 use std::ops::Range;
 

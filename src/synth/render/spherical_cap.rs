@@ -3,8 +3,9 @@
 //! The spot is a spherical cap. At the centre of the ball it appears as a disc, elsewhere as an ellipse that is
 //! narrower along the radius. If it crosses the rim, the front part is visible.
 
-use super::blurred_edge::{REACH_SIGMA, normal_cdf};
+use super::blurred_edge::REACH_SIGMA;
 use super::occluder::{Chord, chords};
+use crate::numeric::normal_cdf;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// The size of a cap.

@@ -2,12 +2,13 @@
 //! over each pixel.
 
 use crate::numeric::Stream;
+use crate::numeric::normal_cdf;
 use crate::synth::orientation::Orientation;
 use crate::synth::render::DiscOutline;
 use crate::synth::render::SpeckledSphere;
+use crate::synth::render::total_sigma_px;
 use crate::synth::render::{Ball, HalfPlane, Moment, Surface};
 use crate::synth::render::{Field, Pattern};
-use crate::synth::render::{normal_cdf, total_sigma_px};
 use crate::synth::scenario::{BodySetup, PatternSetup, ScaleSetup, Scenario, Shape};
 use crate::synth::trajectory::Pose;
 
