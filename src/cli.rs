@@ -201,7 +201,7 @@ pub fn run(command: Command, stop: &Stop) -> Result<Outcome, Failure> {
         }
         Command::Recover(options) => Ok(Outcome::of_losses(recover::run(&options)?.skipped.len() as u64)),
         Command::Import(options) => {
-            import::run(&options)?.warnings.iter().for_each(|warning| log::warn!("{warning}"));
+            import::run(&options)?;
             Ok(Outcome::Clean)
         }
         Command::Simulate(options) => simulate::run(&options),

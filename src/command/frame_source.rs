@@ -132,9 +132,7 @@ impl Film {
             );
         };
         let footage = import::open(inputs, fps)?;
-        for warning in &footage.warnings {
-            log::warn!("{warning}");
-        }
+        report_footage(&footage);
         let format = StreamFormat {
             width_px: footage.width_px,
             height_px: footage.height_px,
@@ -157,6 +155,12 @@ impl Film {
             frames: Box::new(frames.map(|frame| Ok(frame?))),
         })
     }
+}
+
+/// Prints what the file states about rate, gaps and geometry, and warnings.
+pub(super) fn report_footage(footage: &import::Footage) {
+    eprintln!("{}", footage.summary());
+    footage.warnings.iter().for_each(|warning| log::warn!("{warning}"));
 }
 
 /// One of the recordings that form a film.

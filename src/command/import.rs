@@ -1,5 +1,6 @@
 //! `ricochet import`: converts footage of other programs or cameras into a recording.
 
+use super::frame_source::report_footage;
 use crate::failure::Failure;
 use crate::image::Frame;
 use crate::import;
@@ -39,7 +40,9 @@ pub struct Imported {
 /// When a file cannot be read or written. An unfinished recording remains as a part file.
 pub fn run(options: &ImportOptions) -> Result<Imported, Failure> {
     let footage = import::open(&options.inputs, options.fps)?;
+    report_footage(&footage);
     let mut metadata = footage.description.clone();
+    metadata.insert("frame_rate_source".into(), footage.provenance.rate.to_string());
     metadata.insert("version".into(), env!("CARGO_PKG_VERSION").into());
     metadata.insert("frame_rate_hz".into(), footage.frame_rate_hz.to_string());
     let names = options.inputs.first().and_then(|path| path.file_name());

@@ -2,7 +2,9 @@
 //!
 //! Layout: "A simple file format for NumPy arrays" (NumPy Enhancement Proposal 1).
 
-use super::{Footage, ImportError, Shape, frame_rate, open_file};
+use super::footage::{Footage, Shape};
+use super::timeline::{Rate, Timeline};
+use super::{ImportError, open_file};
 use crate::image::PixelFormat;
 use std::fs::File;
 use std::os::unix::fs::FileExt;
@@ -26,7 +28,7 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
         let rest = file_bytes - start;
         return Err(invalid(format!("{rest} bytes after the header are not {count} frames of {bytes} bytes")));
     }
-    let frame_rate_hz = frame_rate(path, fps, None)?;
+    let rate = Rate::known(path, fps, None)?;
     let path = path.to_path_buf();
     let frames = (0..count).map(move |number| {
         let mut pixels = vec![0; bytes as usize];
@@ -35,9 +37,9 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
         if array.is_big_endian {
             pixels.chunks_exact_mut(2).for_each(<[u8]>::reverse);
         }
-        Ok((number, pixels))
+        Ok(pixels)
     });
-    Ok(Footage::new(shape, frame_rate_hz, count, frames))
+    Ok(Footage::new(shape, Timeline::consecutive(rate), count, frames))
 }
 
 /// Returns the text of the header and the offset of the pixels.

@@ -3,7 +3,9 @@
 //! Layout: "Cine File Format", Vision Research: a file header, a Windows BITMAPINFOHEADER, the camera's set-up, and a
 //! table with the offsets of the images.
 
-use super::{Footage, ImportError, Shape, frame_rate, open_file};
+use super::footage::{Footage, Shape};
+use super::timeline::{Rate, Timeline};
+use super::{ImportError, open_file};
 use crate::image::PixelFormat;
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -69,17 +71,15 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
     let setup = cine.setup(u64::from(u32_at(&header, 28)))?;
     let bitmap = cine.read(u64::from(u32_at(&header, 24)), BITMAP_HEADER_BYTES)?;
     let shape = cine.layout(&bitmap, &setup)?;
-    let frame_rate_hz = frame_rate(path, fps, setup_rate(&setup))?;
+    let rate = Rate::known(path, fps, setup_rate(&setup))?;
     // The fraction of the trigger's time has units of 2^-32 s.
     let trigger_ns =
         u64::from(u32_at(&header, 40)) * 1_000_000_000 + ((u64::from(u32_at(&header, 36)) * 1_000_000_000) >> 32);
-    let first_ns = (f64::from(first_image) * 1e9 / frame_rate_hz).round() as i64;
-    let frames = (0..u64::from(count)).map(move |number| Ok((number, cine.image(number)?)));
-    Ok(Footage {
-        description: description(&setup, first_image),
-        first_ns: trigger_ns.saturating_add_signed(first_ns),
-        ..Footage::new(shape, frame_rate_hz, count.into(), frames)
-    })
+    let first_ns = (f64::from(first_image) * 1e9 / rate.hz).round() as i64;
+    let frames = (0..u64::from(count)).map(move |number| cine.image(number));
+    let timeline = Timeline { first_ns: trigger_ns.saturating_add_signed(first_ns), ..Timeline::consecutive(rate) };
+    let description = description(&setup, first_image);
+    Ok(Footage { description, ..Footage::new(shape, timeline, count.into(), frames) })
 }
 
 impl Cine {
@@ -198,11 +198,11 @@ fn linear_levels() -> Vec<u16> {
     (0..1024).map(|code| level(code).round() as u16).collect()
 }
 
-fn setup_rate(setup: &[u8]) -> Option<f64> {
+fn setup_rate(setup: &[u8]) -> Option<Rate> {
     match setup.len() >= SETUP_FRAME_RATE + 4 {
-        true => Some(f64::from(u32_at(setup, SETUP_FRAME_RATE))),
+        true => Rate::of_header(f64::from(u32_at(setup, SETUP_FRAME_RATE)), "FrameRate"),
         // Old files have only the 16-bit rate at the beginning.
-        false => Some(f64::from(u16_at(setup, 0))),
+        false => Rate::of_header(f64::from(u16_at(setup, 0)), "FrameRate16"),
     }
 }
 

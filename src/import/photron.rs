@@ -1,6 +1,8 @@
 //! Photron recordings: a CIH or CIHX header next to an MRAW file of pixels.
 
-use super::{Footage, ImportError, Shape, extension, frame_rate, open_file};
+use super::footage::{Footage, Shape};
+use super::timeline::{Rate, Timeline};
+use super::{ImportError, extension, open_file};
 use crate::image::PixelFormat;
 use std::collections::BTreeMap;
 use std::fs;
@@ -58,15 +60,15 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
             header.skip_frames
         ));
     }
-    let frame_rate_hz = frame_rate(&header_path, fps, Some(header.frame_rate_hz))?;
+    let rate = Rate::known(&header_path, fps, Rate::of_header(header.frame_rate_hz, "record rate"))?;
     let frames = (0..count).map(move |number| {
         let mut stored = vec![0; stored_bytes as usize];
         file.read_exact_at(&mut stored, number * stored_bytes)
             .map_err(|error| ImportError::io("read", &pixels_path, error))?;
-        Ok((number, unpack(&header, stored)))
+        Ok(unpack(&header, stored))
     });
     let description = description(&text);
-    Ok(Footage { description, warnings, ..Footage::new(shape, frame_rate_hz, count, frames) })
+    Ok(Footage { description, warnings, ..Footage::new(shape, Timeline::consecutive(rate), count, frames) })
 }
 
 /// Finds the header and the pixels, given either of them.

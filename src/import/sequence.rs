@@ -1,8 +1,10 @@
 //! Sequences of still images: PNG, TIFF, BMP and PGM, 8 and 16 bit, or the pages of one TIFF file.
 
+use super::footage::Footage;
 use super::pages::Stack;
 use super::still::Still;
-use super::{Footage, ImportError, extension, frame_rate, memory_limit_bytes, open_file};
+use super::timeline::{Rate, Timeline};
+use super::{ImportError, extension, memory_limit_bytes, open_file};
 use image::{ImageReader, Limits};
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
@@ -10,38 +12,38 @@ use std::path::{Path, PathBuf};
 /// Maximum number of gaps listed one by one.
 const GAPS_MAX: usize = 10;
 
-/// The images of a sequence, each with its number and the file it is in.
-type Stills = Box<dyn Iterator<Item = (u64, PathBuf, Result<Still, ImportError>)> + Send>;
+/// The images of a sequence, each with the file it is in.
+type Stills = Box<dyn Iterator<Item = (PathBuf, Result<Still, ImportError>)> + Send>;
 
 pub(super) fn open(inputs: &[PathBuf], fps: Option<f64>) -> Result<Footage, ImportError> {
     let first_path = inputs.first().ok_or(ImportError::Nothing)?;
-    let frame_rate_hz = frame_rate(first_path, fps, None)?;
+    let rate = Rate::known(first_path, fps, None)?;
     let mut warnings = Vec::new();
-    let (count, mut stills): (u64, Stills) = match (stack(first_path)?, inputs) {
+    let (timeline, count, mut stills): (Timeline, u64, Stills) = match (stack(first_path)?, inputs) {
         (Some(stack), [path]) if stack.pages() > 1 => {
             let path = path.clone();
-            (stack.pages(), Box::new((0..).zip(stack).map(move |(number, still)| (number, path.clone(), still))))
+            (Timeline::consecutive(rate), stack.pages(), Box::new(stack.map(move |still| (path.clone(), still))))
         }
         _ => {
             let inputs = in_numeric_order(inputs, &mut warnings);
             let numbers = sequence_numbers(&inputs, &mut warnings);
-            let read = |(number, path): (u64, PathBuf)| (number, path.clone(), read(&path));
-            (inputs.len() as u64, Box::new(numbers.into_iter().zip(inputs).map(read)))
+            let timeline = Timeline::numbered(rate, numbers);
+            let read = |path: PathBuf| (path.clone(), read(&path));
+            (timeline, inputs.len() as u64, Box::new(inputs.into_iter().map(read)))
         }
     };
-    let (first_number, first_path, first) = stills.next().ok_or(ImportError::Nothing)?;
+    let (first_path, first) = stills.next().ok_or(ImportError::Nothing)?;
     let first = first?;
     let shape = first.shape;
-    let frames =
-        std::iter::once((first_number, first_path, Ok(first))).chain(stills).map(move |(number, path, still)| {
-            let still = still?;
-            if still.shape != shape {
-                let reason = format!("the image is {}, but the first one is {shape}", still.shape);
-                return Err(ImportError::invalid(&path, reason));
-            }
-            Ok((number, still.bytes))
-        });
-    Ok(Footage { warnings, ..Footage::new(shape, frame_rate_hz, count, frames) })
+    let frames = std::iter::once((first_path, Ok(first))).chain(stills).map(move |(path, still)| {
+        let still = still?;
+        if still.shape != shape {
+            let reason = format!("the image is {}, but the first one is {shape}", still.shape);
+            return Err(ImportError::invalid(&path, reason));
+        }
+        Ok(still.bytes)
+    });
+    Ok(Footage { warnings, ..Footage::new(shape, timeline, count, frames) })
 }
 
 /// Sorts images by the numbers in their names where a shell listed numbers of unequal length: 1, 10, 2.

@@ -1,6 +1,7 @@
 //! A grey image out of a file of still images.
 
-use super::{ImportError, Shape};
+use super::ImportError;
+use super::footage::Shape;
 use crate::image::grey_pixels;
 use image::DynamicImage;
 use std::path::Path;

@@ -1,6 +1,8 @@
 //! Films of any kind, decoded by an installed ffmpeg.
 
-use super::{Footage, ImportError, Numbered, Shape, frame_rate, memory_limit_bytes, open_file};
+use super::footage::{Footage, Pixels, Shape};
+use super::timeline::{Rate, Timeline};
+use super::{ImportError, RateSource, memory_limit_bytes, open_file};
 use crate::image::PixelFormat;
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -22,11 +24,13 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
     if bytes > memory_limit_bytes(file_bytes) {
         return Err(ImportError::invalid(path, format!("frames of {bytes} bytes in a file of {file_bytes}")));
     }
-    let frame_rate_hz = frame_rate(path, fps, stream.rate_hz())?;
+    let of_file = stream.rate_hz().map(|hz| Rate { hz, source: RateSource::Playback });
+    let rate = Rate::known(path, fps, of_file)?;
     let mut warnings = Vec::new();
     if fps.is_none() {
         warnings.push(format!(
-            "the file plays at {frame_rate_hz} frames/s; if it was filmed at another rate, pass that as --fps"
+            "the file plays at {} frames/s; if it was filmed at another rate, pass that as --fps",
+            rate.hz
         ));
     }
     if !pixels.starts_with("gray") {
@@ -35,7 +39,7 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
     let decoder = Decoder::start(path, format, bytes)?;
     let count = stream.number("nb_read_packets", path)?;
     let description = BTreeMap::from([("codec".to_owned(), stream.entry("codec_name").to_owned())]);
-    Ok(Footage { description, warnings, ..Footage::new(shape, frame_rate_hz, count, decoder) })
+    Ok(Footage { description, warnings, ..Footage::new(shape, Timeline::consecutive(rate), count, decoder) })
 }
 
 /// The properties of the first video stream of a file, as ffprobe prints them.
@@ -143,13 +147,12 @@ impl Decoder {
 }
 
 impl Iterator for Decoder {
-    type Item = Numbered;
+    type Item = Pixels;
 
     fn next(&mut self) -> Option<Self::Item> {
         let frame = self.read().transpose()?;
-        let number = self.number;
         self.number += 1;
-        Some(frame.map(|pixels| (number, pixels)))
+        Some(frame)
     }
 }
 

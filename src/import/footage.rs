@@ -1,0 +1,162 @@
+//! The frames of a file, with the number and the time of each.
+
+use super::{ImportError, Provenance, RateSource, timeline::Timeline};
+use crate::image::{FrameMeta, PixelFormat};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Maximum size of a frame, bytes.
+pub(super) const FRAME_BYTES: u64 = 1 << 30;
+
+/// Frames of a file, or of a sequence of files.
+pub struct Footage {
+    /// Pixels per row.
+    pub width_px: u32,
+    /// Rows.
+    pub height_px: u32,
+    /// Pixel layout.
+    pub format: PixelFormat,
+    /// Nominal rate of the scene, frames per second.
+    pub frame_rate_hz: f64,
+    /// Number of stored frames.
+    pub count: u64,
+    /// Where rate, times, orientation and grey levels come from.
+    pub provenance: Provenance,
+    /// Properties that the file states: camera, exposure, ...
+    pub description: BTreeMap<String, String>,
+    /// Warnings for the user: missing frames, contradicting settings.
+    pub warnings: Vec<String>,
+    timeline: Timeline,
+    frames: Box<dyn Iterator<Item = Pixels> + Send>,
+    /// Index of the next stored frame.
+    next: u64,
+}
+
+/// The packed little-endian pixels of the next stored frame.
+pub(super) type Pixels = Result<Vec<u8>, ImportError>;
+
+/// Size and pixel layout of a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Shape {
+    pub(super) width_px: u32,
+    pub(super) height_px: u32,
+    pub(super) format: PixelFormat,
+}
+
+impl Shape {
+    /// Checks the shape of the frames of `path`.
+    ///
+    /// # Errors
+    ///
+    /// [`ImportError::Invalid`] for a frame without pixels, or of more than [`FRAME_BYTES`].
+    pub(super) fn new(path: &Path, width_px: u64, height_px: u64, format: PixelFormat) -> Result<Self, ImportError> {
+        let bytes = width_px.checked_mul(height_px).and_then(|n| n.checked_mul(format.bytes_per_pixel() as u64));
+        match bytes {
+            // Sizes within the limit fit.
+            Some(1..=FRAME_BYTES) => Ok(Self { width_px: width_px as u32, height_px: height_px as u32, format }),
+            _ => {
+                let reason = format!("frames of {width_px}x{height_px} pixels; 1 byte to 1 GiB are supported");
+                Err(ImportError::invalid(path, reason))
+            }
+        }
+    }
+
+    /// The size of a packed frame, bytes.
+    pub(super) fn bytes(self) -> u64 {
+        u64::from(self.width_px) * u64::from(self.height_px) * self.format.bytes_per_pixel() as u64
+    }
+}
+
+impl std::fmt::Display for Shape {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(formatter, "{}x{} {}", self.width_px, self.height_px, self.format.as_str())
+    }
+}
+
+impl Footage {
+    /// Collects `count` frames and their times. Properties, warnings and the rest of the provenance are added later.
+    pub(super) fn new(
+        shape: Shape,
+        timeline: Timeline,
+        count: u64,
+        frames: impl Iterator<Item = Pixels> + Send + 'static,
+    ) -> Self {
+        let Shape { width_px, height_px, format } = shape;
+        let provenance = Provenance::new(timeline.source.clone(), timeline.gaps(), format);
+        let frame_rate_hz = timeline.rate_hz;
+        let (description, warnings, frames) = (BTreeMap::new(), Vec::new(), Box::new(frames));
+        Self {
+            width_px,
+            height_px,
+            format,
+            frame_rate_hz,
+            count,
+            provenance,
+            description,
+            warnings,
+            timeline,
+            frames,
+            next: 0,
+        }
+    }
+
+    /// Describes in one line what is known about the film: rate and its source, frames, gaps, orientation, pixel shape,
+    /// grey levels.
+    pub fn summary(&self) -> String {
+        let frames = if self.count == 1 { "frame" } else { "frames" };
+        let size = format!("{}x{}", self.width_px, self.height_px);
+        format!("{} {frames} of {size}, {:.6} frames/s {}", self.count, Rate(self.frame_rate_hz), self.provenance)
+    }
+}
+
+/// A rate that is printed with the digits that it needs.
+struct Rate(f64);
+
+impl std::fmt::Display for Rate {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let places = formatter.precision().unwrap_or(6);
+        let text = format!("{:.places$}", self.0);
+        formatter.write_str(text.trim_end_matches('0').trim_end_matches('.'))
+    }
+}
+
+impl std::fmt::Debug for Footage {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter
+            .debug_struct("Footage")
+            .field("width_px", &self.width_px)
+            .field("height_px", &self.height_px)
+            .field("format", &self.format)
+            .field("frame_rate_hz", &self.frame_rate_hz)
+            .field("count", &self.count)
+            .field("provenance", &self.provenance)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Iterator for Footage {
+    type Item = Result<(FrameMeta, Vec<u8>), ImportError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let pixels = self.frames.next()?;
+        let moment = self.timeline.moment(self.next);
+        self.next += 1;
+        let meta = FrameMeta {
+            sequence: moment.number,
+            stamp_ns: moment.stamp_ns,
+            width_px: self.width_px,
+            height_px: self.height_px,
+            stride_bytes: self.width_px * self.format.bytes_per_pixel() as u32,
+            format: self.format,
+            ..FrameMeta::default()
+        };
+        Some(pixels.map(|pixels| (meta, pixels)))
+    }
+}
+
+impl Footage {
+    /// Whether the rate is that of playback, which a film in slow motion does not share with the scene.
+    pub fn is_rate_of_playback(&self) -> bool {
+        self.provenance.rate == RateSource::Playback
+    }
+}

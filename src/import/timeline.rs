@@ -1,0 +1,243 @@
+//! The number and the time of each stored frame.
+//!
+//! Where a file stores the time of each frame, these times decide: a gap between them is a number of missing frames, and
+//! a rate of the header that they contradict is named in a warning and not used. Where it stores none, frames follow each
+//! other at the rate of the header or of the user.
+
+use super::{ImportError, RateSource};
+use std::path::Path;
+
+/// Relative difference of two rates that contradict each other.
+const CONTRADICTION: f64 = 0.01;
+/// Distance of a frame's time from the grid of a constant rate, in periods, at which it is off the grid: half way to
+/// where it might count as its neighbour.
+const OFF_GRID: f64 = 0.25;
+/// Share of frames off the grid above which there is no grid, and no number of missing frames.
+const IRREGULAR: f64 = 0.1;
+
+/// A frame rate and its source.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Rate {
+    pub(super) hz: f64,
+    pub(super) source: RateSource,
+}
+
+impl Rate {
+    /// The rate that a field of the file states; `None` when it is no rate.
+    pub(super) fn of_header(hz: f64, field: &str) -> Option<Self> {
+        let is_rate = hz.is_finite() && hz > 0.0;
+        is_rate.then(|| Self { hz, source: RateSource::Header(field.to_owned()) })
+    }
+
+    /// Returns the rate of the user, or else that of the file.
+    ///
+    /// # Errors
+    ///
+    /// [`ImportError::FrameRate`] when neither states one.
+    pub(super) fn known(path: &Path, fps: Option<f64>, of_file: Option<Self>) -> Result<Self, ImportError> {
+        fps.map(|hz| Self { hz, source: RateSource::Option }).or(of_file).ok_or_else(|| ImportError::FrameRate {
+            reason: format!("{} does not record it; pass --fps", path.display()),
+        })
+    }
+}
+
+/// Frames that are missing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) struct Gaps {
+    /// Number of missing frames.
+    pub(super) missing: u64,
+    /// Number of places.
+    pub(super) places: u64,
+}
+
+/// A frame's number, with missing ones counted, and its time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Moment {
+    pub(super) number: u64,
+    /// ns since the Unix epoch, or since the first frame where the file has no date.
+    pub(super) stamp_ns: u64,
+}
+
+/// The number and the time of each stored frame.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Timeline {
+    /// Nominal rate, frames per second.
+    pub(super) rate_hz: f64,
+    /// Source of the rate.
+    pub(super) source: RateSource,
+    /// Time of frame 0, ns.
+    pub(super) first_ns: u64,
+    slots: Slots,
+}
+
+/// How frames are numbered and timed.
+#[derive(Debug, Clone, PartialEq)]
+enum Slots {
+    /// One after the other at a constant rate.
+    Consecutive,
+    /// At a constant rate, with these numbers.
+    Numbered(Vec<u64>),
+    /// With these numbers and times since the first, ns.
+    Timed(Vec<(u64, u64)>),
+}
+
+impl Timeline {
+    /// Frames that follow each other without gaps.
+    pub(super) fn consecutive(rate: Rate) -> Self {
+        Self { rate_hz: rate.hz, source: rate.source, first_ns: 0, slots: Slots::Consecutive }
+    }
+
+    /// Frames with rising numbers at a constant rate.
+    pub(super) fn numbered(rate: Rate, numbers: Vec<u64>) -> Self {
+        Self { slots: Slots::Numbered(numbers), ..Self::consecutive(rate) }
+    }
+
+    /// Returns the number and the time of the stored frame `index`. Frames beyond the last known one follow it.
+    pub(super) fn moment(&self, index: u64) -> Moment {
+        let period_ns = 1e9 / self.rate_hz;
+        let beyond = |length: usize| index.saturating_sub(length as u64 - 1);
+        let at = |slots: usize| (index as usize).min(slots - 1);
+        let (number, since_ns) = match &self.slots {
+            Slots::Numbered(numbers) if !numbers.is_empty() => {
+                let number = numbers[at(numbers.len())] + beyond(numbers.len());
+                (number, number as f64 * period_ns)
+            }
+            Slots::Timed(slots) if !slots.is_empty() => {
+                let (number, since_ns) = slots[at(slots.len())];
+                (number + beyond(slots.len()), since_ns as f64 + beyond(slots.len()) as f64 * period_ns)
+            }
+            _ => (index, index as f64 * period_ns),
+        };
+        Moment { number, stamp_ns: self.first_ns.saturating_add(since_ns.round() as u64) }
+    }
+
+    /// Counts the missing frames.
+    pub(super) fn gaps(&self) -> Gaps {
+        let numbers: Vec<u64> = match &self.slots {
+            Slots::Consecutive => return Gaps::default(),
+            Slots::Numbered(numbers) => numbers.clone(),
+            Slots::Timed(slots) => slots.iter().map(|(number, _)| *number).collect(),
+        };
+        let missing = numbers.windows(2).map(|pair| pair[1].saturating_sub(pair[0]).saturating_sub(1));
+        missing
+            .filter(|missing| *missing > 0)
+            .fold(Gaps::default(), |gaps, missing| Gaps { missing: gaps.missing + missing, places: gaps.places + 1 })
+    }
+}
+
+/// The times that a file stores with its frames.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct FrameTimes {
+    /// Time of each stored frame, ns, in the order of the frames.
+    pub(super) times_ns: Vec<i64>,
+    /// Resolution of the times, ns.
+    pub(super) resolution_ns: f64,
+}
+
+/// The grid of a constant rate that the times of frames lie on.
+struct Grid {
+    period_ns: f64,
+    /// Time of number 0, ns after the first frame.
+    start_ns: f64,
+    /// Number of each frame; rising.
+    numbers: Vec<u64>,
+}
+
+impl FrameTimes {
+    /// Numbers the frames by their times, with missing ones counted.
+    ///
+    /// `header` is the rate that the file states elsewhere, `fps` that of the user, which stretches the times: a film in
+    /// slow motion stores the times of playback. Returns the timeline and warnings; `None` where the times do not rise,
+    /// or are too coarse to tell frames apart.
+    pub(super) fn timeline(&self, header: Option<Rate>, fps: Option<f64>) -> Option<(Timeline, Vec<String>)> {
+        let grid = self.grid()?;
+        let mut warnings = Vec::new();
+        let header = header.filter(|header| self.agrees(&grid, header, &mut warnings));
+        let rate_of_times = Rate { hz: 1e9 / grid.period_ns, source: RateSource::FrameTimes };
+        // A rate that fits the times as well as their resolution can show is exact where theirs is rounded.
+        let rate = header.filter(|header| self.fits(&grid, header.hz)).unwrap_or(rate_of_times);
+        let stretch = fps.map_or(1.0, |fps| rate.hz / fps);
+        let rate = fps.map_or(rate, |hz| Rate { hz, source: RateSource::Option });
+        Some((self.placed(grid, rate, stretch, &mut warnings), warnings))
+    }
+
+    /// Finds the grid from the median interval, and refines it by least squares.
+    fn grid(&self) -> Option<Grid> {
+        let times = &self.times_ns;
+        let steps: Vec<i64> = times.windows(2).map(|pair| pair[1].saturating_sub(pair[0])).collect();
+        let mut sorted = steps.clone();
+        sorted.sort_unstable();
+        let median_ns = *sorted.get(sorted.len() / 2)? as f64;
+        if sorted.first().is_some_and(|least| *least <= 0) || median_ns < 2.0 * self.resolution_ns {
+            return None;
+        }
+        let mut numbers = vec![0];
+        for step in steps {
+            let frames = (step as f64 / median_ns).round().max(1.0) as u64;
+            numbers.push(numbers.last()? + frames);
+        }
+        let (period_ns, start_ns) = line(&numbers, &self.since_first_ns())?;
+        Some(Grid { period_ns, start_ns, numbers })
+    }
+
+    fn since_first_ns(&self) -> Vec<f64> {
+        let first = self.times_ns.first().copied().unwrap_or_default();
+        self.times_ns.iter().map(|time| time.saturating_sub(first) as f64).collect()
+    }
+
+    /// Whether a stated rate agrees with the times; a contradiction is named.
+    fn agrees(&self, grid: &Grid, header: &Rate, warnings: &mut Vec<String>) -> bool {
+        let hz = 1e9 / grid.period_ns;
+        let agrees = (header.hz / hz - 1.0).abs() < CONTRADICTION;
+        if !agrees {
+            let RateSource::Header(field) = &header.source else { return false };
+            warnings.push(format!(
+                "{field} says {} frames/s, but the frames are {:.3} us apart: {hz:.3} frames/s by their own times is used",
+                header.hz,
+                grid.period_ns / 1e3,
+            ));
+        }
+        agrees
+    }
+
+    /// Whether a rate places every frame of the grid within the resolution of the times.
+    fn fits(&self, grid: &Grid, hz: f64) -> bool {
+        let last = grid.numbers.last().copied().unwrap_or_default() as f64;
+        (last * (1e9 / hz - grid.period_ns)).abs() <= self.resolution_ns.max(1.0)
+    }
+
+    fn placed(&self, grid: Grid, rate: Rate, stretch: f64, warnings: &mut Vec<String>) -> Timeline {
+        let times = self.since_first_ns();
+        let off_ns = |index: usize| times[index] - grid.start_ns - grid.numbers[index] as f64 * grid.period_ns;
+        let worst_ns = (0..times.len()).map(|index| off_ns(index).abs()).fold(0.0, f64::max);
+        let off_grid = (0..times.len()).filter(|index| off_ns(*index).abs() > OFF_GRID * grid.period_ns).count();
+        let consecutive = Timeline::consecutive(rate.clone());
+        if worst_ns <= self.resolution_ns.max(1.0) {
+            return match grid.numbers.last().is_some_and(|last| *last + 1 == times.len() as u64) {
+                true => consecutive,
+                false => Timeline::numbered(rate, grid.numbers),
+            };
+        }
+        let is_irregular = off_grid as f64 > IRREGULAR * times.len() as f64;
+        if off_grid > 0 {
+            let all = times.len();
+            warnings.push(format!(
+                "the rate varies: {off_grid} of {all} frames lie off a constant rate; each keeps its own time"
+            ));
+        }
+        let number = |index: usize| if is_irregular { index as u64 } else { grid.numbers[index] };
+        let slots = times.iter().enumerate().map(|(index, time)| (number(index), (time * stretch).round() as u64));
+        Timeline { slots: Slots::Timed(slots.collect()), ..consecutive }
+    }
+}
+
+/// Fits a line through times over numbers by least squares; returns its slope and its value at 0.
+fn line(numbers: &[u64], times: &[f64]) -> Option<(f64, f64)> {
+    let count = numbers.len() as f64;
+    let mean_number = numbers.iter().map(|number| *number as f64).sum::<f64>() / count;
+    let mean_time = times.iter().sum::<f64>() / count;
+    let offsets = || numbers.iter().map(|number| *number as f64 - mean_number);
+    let spread: f64 = offsets().map(|offset| offset * offset).sum();
+    let slope = offsets().zip(times).map(|(offset, time)| offset * (time - mean_time)).sum::<f64>() / spread;
+    (slope.is_finite() && slope > 0.0).then_some((slope, mean_time - slope * mean_number))
+}
