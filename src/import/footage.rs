@@ -1,6 +1,6 @@
 //! The frames of a file, with the number and the time of each.
 
-use super::{ImportError, Provenance, RateSource, timeline::Timeline};
+use super::{ImportError, Orientation, Provenance, RateSource, square, timeline::Timeline};
 use crate::image::{FrameMeta, PixelFormat};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -26,10 +26,10 @@ pub struct Footage {
     pub description: BTreeMap<String, String>,
     /// Warnings for the user: missing frames, contradicting settings.
     pub warnings: Vec<String>,
-    timeline: Timeline,
-    frames: Box<dyn Iterator<Item = Pixels> + Send>,
+    pub(super) timeline: Timeline,
+    pub(super) frames: Box<dyn Iterator<Item = Pixels> + Send>,
     /// Index of the next stored frame.
-    next: u64,
+    pub(super) next: u64,
 }
 
 /// The packed little-endian pixels of the next stored frame.
@@ -98,6 +98,40 @@ impl Footage {
             frames,
             next: 0,
         }
+    }
+
+    fn shape(&self) -> Shape {
+        Shape { width_px: self.width_px, height_px: self.height_px, format: self.format }
+    }
+
+    /// Replaces every frame by `change` of it, which has the shape `shape`.
+    pub(super) fn changed(self, shape: Shape, change: impl Fn(Vec<u8>) -> Vec<u8> + Send + 'static) -> Self {
+        let frames = Box::new(self.frames.map(move |pixels| pixels.map(&change)));
+        let Shape { width_px, height_px, format } = shape;
+        Self { width_px, height_px, format, frames, ..self }
+    }
+
+    /// Turns and mirrors every frame from the stored to the displayed image.
+    pub(super) fn oriented(mut self, orientation: Orientation) -> Self {
+        self.provenance.orientation = orientation;
+        let stored = self.shape();
+        match orientation == Orientation::AS_STORED {
+            true => self,
+            false => self.changed(orientation.shape(stored), move |pixels| orientation.apply(stored, pixels)),
+        }
+    }
+
+    /// Resamples frames whose pixels are `aspect` times as wide as high.
+    pub(super) fn with_square_pixels(mut self, aspect: f64) -> Self {
+        let stored = self.shape();
+        let Some(shape) = square::shape(stored, aspect) else {
+            if !square::RANGE.contains(&aspect) {
+                self.warnings.push(format!("pixels of {aspect} : 1 are no shape of a pixel; square ones are assumed"));
+            }
+            return self;
+        };
+        self.provenance.pixel_aspect = aspect;
+        self.changed(shape, move |pixels| square::resample(stored, shape, pixels))
     }
 
     /// Describes in one line what is known about the film: rate and its source, frames, gaps, orientation, pixel shape,

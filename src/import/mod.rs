@@ -7,6 +7,7 @@
 
 mod error;
 mod footage;
+mod grey;
 mod numpy;
 mod orientation;
 mod pages;
@@ -14,6 +15,7 @@ mod phantom;
 mod photron;
 mod provenance;
 mod sequence;
+mod square;
 mod still;
 mod timeline;
 mod video;

@@ -43,6 +43,25 @@ impl Orientation {
         })
     }
 
+    /// Returns the symmetry that is this one, followed by `next`.
+    pub(super) fn then(self, next: Self) -> Self {
+        // A transposition exchanges the axes that were mirrored before it.
+        let (mirrored, flipped) = match next.is_transposed {
+            true => (self.is_flipped, self.is_mirrored),
+            false => (self.is_mirrored, self.is_flipped),
+        };
+        Self {
+            is_transposed: self.is_transposed != next.is_transposed,
+            is_mirrored: mirrored != next.is_mirrored,
+            is_flipped: flipped != next.is_flipped,
+        }
+    }
+
+    /// Returns the width of a displayed pixel over its height, from that of a stored one.
+    pub(super) fn aspect(self, stored: f64) -> f64 {
+        if self.is_transposed { stored.recip() } else { stored }
+    }
+
     /// Returns the shape of the displayed image.
     pub(super) fn shape(self, stored: Shape) -> Shape {
         match self.is_transposed {
@@ -106,6 +125,21 @@ mod tests {
         assert_eq!(shown(7), [6, 3, 5, 2, 4, 1]);
         assert_eq!(shown(8), [3, 6, 2, 5, 1, 4]);
         assert_eq!(Orientation::of_tag(9), None);
+    }
+
+    /// Two symmetries in a row are the one that [`Orientation::then`] returns.
+    #[test]
+    fn symmetries_combine() {
+        let stored = Shape { width_px: 3, height_px: 2, format: PixelFormat::Mono8 };
+        let all: Vec<Orientation> = (1..=8).map(|tag| Orientation::of_tag(tag).unwrap()).collect();
+        for first in &all {
+            for next in &all {
+                let turned = next.apply(first.shape(stored), first.apply(stored, vec![1, 2, 3, 4, 5, 6]));
+                let both = first.then(*next);
+                assert_eq!(both.apply(stored, vec![1, 2, 3, 4, 5, 6]), turned, "{first}, then {next}");
+                assert_eq!(both.shape(stored), next.shape(first.shape(stored)));
+            }
+        }
     }
 
     /// Words of two bytes keep their order.

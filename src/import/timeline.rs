@@ -5,6 +5,7 @@
 //! other at the rate of the header or of the user.
 
 use super::{ImportError, RateSource};
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 /// Relative difference of two rates that contradict each other.
@@ -14,6 +15,10 @@ const CONTRADICTION: f64 = 0.01;
 const OFF_GRID: f64 = 0.25;
 /// Share of frames off the grid above which there is no grid, and no number of missing frames.
 const IRREGULAR: f64 = 0.1;
+/// Number of equal long intervals in a row that is another rate, and no gaps.
+const RATE_CHANGE: usize = 4;
+/// Rates of a header that can be meant, frames per second: others are damaged or empty fields.
+const RATES_HZ: RangeInclusive<f64> = 1e-3..=1e12;
 
 /// A frame rate and its source.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,8 +30,7 @@ pub(super) struct Rate {
 impl Rate {
     /// The rate that a field of the file states; `None` when it is no rate.
     pub(super) fn of_header(hz: f64, field: &str) -> Option<Self> {
-        let is_rate = hz.is_finite() && hz > 0.0;
-        is_rate.then(|| Self { hz, source: RateSource::Header(field.to_owned()) })
+        RATES_HZ.contains(&hz).then(|| Self { hz, source: RateSource::Header(field.to_owned()) })
     }
 
     /// Returns the rate of the user, or else that of the file.
@@ -92,6 +96,11 @@ impl Timeline {
         Self { slots: Slots::Numbered(numbers), ..Self::consecutive(rate) }
     }
 
+    /// The same frames, with frame 0 at a known time, ns since the Unix epoch.
+    pub(super) fn starting_at(self, first_ns: i64) -> Self {
+        Self { first_ns: first_ns.max(0) as u64, ..self }
+    }
+
     /// Returns the number and the time of the stored frame `index`. Frames beyond the last known one follow it.
     pub(super) fn moment(&self, index: u64) -> Moment {
         let period_ns = 1e9 / self.rate_hz;
@@ -143,6 +152,14 @@ struct Grid {
     numbers: Vec<u64>,
 }
 
+impl Grid {
+    /// Whether frames follow each other in several equal steps of more than one period: gaps are not that regular.
+    fn changes_rate(&self) -> bool {
+        let steps: Vec<u64> = self.numbers.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        steps.windows(RATE_CHANGE).any(|run| run[0] > 1 && run.iter().all(|step| *step == run[0]))
+    }
+}
+
 impl FrameTimes {
     /// Numbers the frames by their times, with missing ones counted.
     ///
@@ -161,16 +178,35 @@ impl FrameTimes {
         Some((self.placed(grid, rate, stretch, &mut warnings), warnings))
     }
 
-    /// Finds the grid from the median interval, and refines it by least squares.
-    fn grid(&self) -> Option<Grid> {
-        let times = &self.times_ns;
-        let steps: Vec<i64> = times.windows(2).map(|pair| pair[1].saturating_sub(pair[0])).collect();
-        let mut sorted = steps.clone();
+    /// Times every frame by itself, with consecutive numbers: the rate is known to change.
+    ///
+    /// `fps` is the rate of the user at the median interval. `None` where the times do not rise.
+    pub(super) fn irregular(&self, fps: Option<f64>) -> Option<(Timeline, Vec<String>)> {
+        let median_hz = 1e9 / self.median_ns()?;
+        let source = fps.map_or(RateSource::FrameTimes, |_| RateSource::Option);
+        let rate = Rate { hz: fps.unwrap_or(median_hz), source };
+        let stretch = median_hz / rate.hz;
+        let slots = self.since_first_ns().into_iter().enumerate();
+        let slots = slots.map(|(index, time)| (index as u64, (time * stretch).round() as u64)).collect();
+        Some((Timeline { slots: Slots::Timed(slots), ..Timeline::consecutive(rate) }, Vec::new()))
+    }
+
+    fn steps(&self) -> Vec<i64> {
+        self.times_ns.windows(2).map(|pair| pair[1].saturating_sub(pair[0])).collect()
+    }
+
+    /// The median interval, ns; `None` where the times do not rise, or are too coarse to tell frames apart.
+    fn median_ns(&self) -> Option<f64> {
+        let mut sorted = self.steps();
         sorted.sort_unstable();
         let median_ns = *sorted.get(sorted.len() / 2)? as f64;
-        if sorted.first().is_some_and(|least| *least <= 0) || median_ns < 2.0 * self.resolution_ns {
-            return None;
-        }
+        let is_rising = sorted.first().is_none_or(|least| *least > 0);
+        (is_rising && median_ns >= 2.0 * self.resolution_ns).then_some(median_ns)
+    }
+
+    /// Finds the grid from the median interval, and refines it by least squares.
+    fn grid(&self) -> Option<Grid> {
+        let (median_ns, steps) = (self.median_ns()?, self.steps());
         let mut numbers = vec![0];
         for step in steps {
             let frames = (step as f64 / median_ns).round().max(1.0) as u64;
@@ -212,14 +248,14 @@ impl FrameTimes {
         let worst_ns = (0..times.len()).map(|index| off_ns(index).abs()).fold(0.0, f64::max);
         let off_grid = (0..times.len()).filter(|index| off_ns(*index).abs() > OFF_GRID * grid.period_ns).count();
         let consecutive = Timeline::consecutive(rate.clone());
-        if worst_ns <= self.resolution_ns.max(1.0) {
+        if worst_ns <= self.resolution_ns.max(1.0) && !grid.changes_rate() {
             return match grid.numbers.last().is_some_and(|last| *last + 1 == times.len() as u64) {
                 true => consecutive,
                 false => Timeline::numbered(rate, grid.numbers),
             };
         }
-        let is_irregular = off_grid as f64 > IRREGULAR * times.len() as f64;
-        if off_grid > 0 {
+        let is_irregular = off_grid as f64 > IRREGULAR * times.len() as f64 || grid.changes_rate();
+        if off_grid > 0 || grid.changes_rate() {
             let all = times.len();
             warnings.push(format!(
                 "the rate varies: {off_grid} of {all} frames lie off a constant rate; each keeps its own time"
