@@ -1,6 +1,6 @@
 //! The frames of a file, with the number and the time of each.
 
-use super::{ImportError, Orientation, Provenance, RateSource, square, timeline::Timeline};
+use super::{ImportError, Orientation, Provenance, RateSource, levels, square, timeline::Timeline};
 use crate::image::{FrameMeta, PixelFormat};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -119,6 +119,35 @@ impl Footage {
             true => self,
             false => self.changed(orientation.shape(stored), move |pixels| orientation.apply(stored, pixels)),
         }
+    }
+
+    /// Moves grey levels in the upper bits of 16-bit words to the lower end, so that the highest one is full scale.
+    ///
+    /// The first frame decides how many bits are in use. `path` is named when a later one uses more.
+    pub(super) fn with_bits_of_first(mut self, path: &Path) -> Result<Self, ImportError> {
+        if self.format != PixelFormat::Mono16 || self.provenance.bits != 16 {
+            return Ok(self);
+        }
+        let Some(first) = self.frames.next() else { return Ok(self) };
+        let first = first?;
+        let unused_bits = levels::unused_low_bits(&first);
+        let frames = std::iter::once(Ok(first)).chain(self.frames);
+        if unused_bits == 0 {
+            self.frames = Box::new(frames);
+            return Ok(self);
+        }
+        let bits = 16 - unused_bits;
+        self.warnings.push(format!("the lower {unused_bits} of 16 bits are empty: levels of {bits} bits are measured"));
+        (self.format, self.provenance.bits) = (levels::format(bits), bits);
+        let path = path.to_path_buf();
+        self.frames = Box::new(frames.map(move |pixels| {
+            let pixels = levels::shifted_down(pixels?, unused_bits);
+            pixels.ok_or_else(|| {
+                let reason = format!("a frame uses the lower {unused_bits} bits, which are empty in the first one");
+                ImportError::invalid(&path, reason)
+            })
+        }));
+        Ok(self)
     }
 
     /// Resamples frames whose pixels are `aspect` times as wide as high.

@@ -8,6 +8,7 @@
 mod error;
 mod footage;
 mod grey;
+mod levels;
 mod numpy;
 mod orientation;
 mod pages;
@@ -24,20 +25,20 @@ pub use error::ImportError;
 pub use footage::Footage;
 pub use orientation::Orientation;
 pub use provenance::{Provenance, RateSource};
+pub use sequence::Order;
 
 use footage::FRAME_BYTES;
+use sequence::list::{is_collection, is_image};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
 /// Memory that a frame may take on top of twice the size of its file, bytes.
 const SPARE_BYTES: u64 = 64 << 20;
 
-/// Whether [`open`] can read a file with this ending.
+/// Whether [`open`] can read a file with this ending, a folder, or a pattern with wildcards.
 pub fn is_importable(path: &Path) -> bool {
-    matches!(
-        extension(path).as_str(),
-        "png" | "tif" | "tiff" | "bmp" | "pgm" | "cih" | "cihx" | "mraw" | "cine" | "npy"
-    ) || is_film(path)
+    let is_recording = matches!(extension(path).as_str(), "cih" | "cihx" | "mraw" | "cine" | "npy" | "npz");
+    is_recording || is_film(path) || is_image(path) || is_collection(path)
 }
 
 /// Whether the ending is that of a film, which ffmpeg reads.
@@ -54,19 +55,37 @@ fn is_film(path: &Path) -> bool {
 ///
 /// [`ImportError`] with the file and its problem, or when the frame rate is missing.
 pub fn open(inputs: &[PathBuf], fps: Option<f64>) -> Result<Footage, ImportError> {
+    open_in_order(inputs, fps, Order::Forward)
+}
+
+/// Opens footage as [`open`] does, with the images of a sequence in this order.
+///
+/// # Errors
+///
+/// As [`open`], or when `order` reverses something else than a sequence of images.
+pub fn open_in_order(inputs: &[PathBuf], fps: Option<f64>, order: Order) -> Result<Footage, ImportError> {
     if let Some(fps) = fps.filter(|fps| !(fps.is_finite() && *fps > 0.0)) {
         return Err(ImportError::FrameRate { reason: format!("--fps {fps} is not a positive number") });
     }
     let first = inputs.first().ok_or(ImportError::Nothing)?;
+    if is_image(first) || is_collection(first) {
+        return sequence::open(inputs, fps, order);
+    }
+    if order == Order::Reversed {
+        return Err(ImportError::invalid(first, "only the images of a sequence can be reversed"));
+    }
     match (extension(first).as_str(), inputs.len()) {
         ("cine", 1) => phantom::open(first, fps),
         ("npy", 1) => numpy::open(first, fps),
+        ("npz", _) => {
+            Err(ImportError::invalid(first, "an archive of arrays; save one of them with numpy.save as .npy"))
+        }
         ("cihx" | "cih" | "mraw", 1) => photron::open(first, fps),
         (_, 1) if is_film(first) => video::open(first, fps),
-        ("cine" | "cihx" | "cih" | "mraw" | "npy" | "avi" | "mp4" | "m4v" | "mov" | "mkv", _) => {
+        (other, 1) => Err(ImportError::invalid(first, format!("files that end in {other:?} are not supported"))),
+        _ if is_importable(first) => {
             Err(ImportError::invalid(first, "the file is a whole recording; pass one at a time"))
         }
-        ("png" | "tif" | "tiff" | "bmp" | "pgm", _) => sequence::open(inputs, fps),
         (other, _) => Err(ImportError::invalid(first, format!("files that end in {other:?} are not supported"))),
     }
 }

@@ -1,29 +1,91 @@
 //! A grey image out of a file of still images.
 
-use super::ImportError;
 use super::footage::Shape;
-use crate::image::grey_pixels;
+use super::{ImportError, Orientation, grey, square};
+use crate::image::{PixelFormat, grey_pixels};
 use image::DynamicImage;
 use std::path::Path;
 
-/// A grey image.
+/// A grey image as it is displayed.
 pub(super) struct Still {
     pub(super) shape: Shape,
     /// Packed little-endian pixels.
     pub(super) bytes: Vec<u8>,
+    /// How it was made of the stored image.
+    pub(super) look: Look,
+}
+
+/// What a file states about the display of an image.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Look {
+    pub(super) orientation: Orientation,
+    /// Width of a stored pixel over its height.
+    pub(super) pixel_aspect: f64,
+    /// Significant bits of a grey level.
+    pub(super) bits: u32,
+    /// The rule that makes grey levels of colours; empty for a grey image.
+    pub(super) grey_rule: &'static str,
+    /// Whether the compression changes grey levels.
+    pub(super) is_lossy: bool,
+}
+
+impl Default for Look {
+    fn default() -> Self {
+        Self { orientation: Orientation::AS_STORED, pixel_aspect: 1.0, bits: 8, grey_rule: "", is_lossy: false }
+    }
 }
 
 impl Still {
-    /// Takes a decoded image of the file `path`. `None` stands for an image in another format.
+    /// Turns a stored image of the file `path` to the displayed one, with square pixels.
+    pub(super) fn new(path: &Path, stored: Shape, bytes: Vec<u8>, look: Look) -> Result<Self, ImportError> {
+        if bytes.len() as u64 != stored.bytes() {
+            let reason = format!("{} bytes are decoded, expected {}", bytes.len(), stored.bytes());
+            return Err(ImportError::invalid(path, reason));
+        }
+        let (shape, bytes) = (look.orientation.shape(stored), look.orientation.apply(stored, bytes));
+        let square = square::shape(shape, look.orientation.aspect(look.pixel_aspect));
+        let bytes = match square {
+            Some(square) => square::resample(shape, square, bytes),
+            None => bytes,
+        };
+        let pixel_aspect = if square.is_some() { look.pixel_aspect } else { 1.0 };
+        Ok(Self { shape: square.unwrap_or(shape), bytes, look: Look { pixel_aspect, ..look } })
+    }
+
+    /// Takes a decoded image of the file `path`. Colours become their luma.
     ///
     /// # Errors
     ///
-    /// [`ImportError::Invalid`] for an image that is not grey.
-    pub(super) fn new(path: &Path, picture: Option<DynamicImage>) -> Result<Self, ImportError> {
-        let size = picture.as_ref().map(|picture| (picture.width(), picture.height())).unwrap_or_default();
-        let (format, bytes) = picture
-            .and_then(grey_pixels)
-            .ok_or_else(|| ImportError::invalid(path, "not a grey image of 8 or 16 bit"))?;
-        Ok(Self { shape: Shape::new(path, size.0.into(), size.1.into(), format)?, bytes })
+    /// [`ImportError::Invalid`] for an image of floating-point numbers.
+    pub(super) fn of_picture(path: &Path, picture: DynamicImage, look: Look) -> Result<Self, ImportError> {
+        let (width_px, height_px) = (u64::from(picture.width()), u64::from(picture.height()));
+        let (format, bytes, grey_rule) = grey_of(picture).ok_or_else(|| {
+            ImportError::invalid(path, "floating-point numbers; save it in grey or RGB with 8 or 16 bits")
+        })?;
+        let shape = Shape::new(path, width_px, height_px, format)?;
+        Self::new(path, shape, bytes, Look { bits: format.bits(), grey_rule, ..look })
+    }
+}
+
+/// Returns the layout, the grey levels and their rule; transparency is left out.
+fn grey_of(picture: DynamicImage) -> Option<(PixelFormat, Vec<u8>, &'static str)> {
+    let picture = match picture {
+        DynamicImage::ImageLumaA8(_) => DynamicImage::ImageLuma8(picture.into_luma8()),
+        DynamicImage::ImageLumaA16(_) => DynamicImage::ImageLuma16(picture.into_luma16()),
+        DynamicImage::ImageRgba8(_) => DynamicImage::ImageRgb8(picture.into_rgb8()),
+        DynamicImage::ImageRgba16(_) => DynamicImage::ImageRgb16(picture.into_rgb16()),
+        picture => picture,
+    };
+    match picture {
+        DynamicImage::ImageRgb16(picture) => {
+            let words: Vec<u8> = picture.into_raw().into_iter().flat_map(u16::to_le_bytes).collect();
+            Some((PixelFormat::Mono16, grey::luma(PixelFormat::Mono16, &words), grey::LUMA))
+        }
+        DynamicImage::ImageRgb8(picture) => {
+            let is_grey = picture.pixels().all(|pixel| pixel.0[0] == pixel.0[1] && pixel.0[1] == pixel.0[2]);
+            let rule = if is_grey { "" } else { grey::LUMA };
+            Some((PixelFormat::Mono8, grey::luma(PixelFormat::Mono8, &picture.into_raw()), rule))
+        }
+        grey => grey_pixels(grey).map(|(format, bytes)| (format, bytes, "")),
     }
 }

@@ -161,6 +161,19 @@ impl Grid {
 }
 
 impl FrameTimes {
+    /// The times in another order of the frames.
+    pub(super) fn taken(&self, order: &[usize]) -> Self {
+        Self { times_ns: order.iter().map(|index| self.times_ns[*index]).collect(), ..self.clone() }
+    }
+
+    /// The times of the frames played backwards.
+    pub(super) fn reversed(self) -> Self {
+        let last = self.times_ns.last().copied().unwrap_or_default();
+        let first = self.times_ns.first().copied().unwrap_or_default();
+        let times_ns = self.times_ns.iter().rev().map(|time| first.saturating_add(last.saturating_sub(*time)));
+        Self { times_ns: times_ns.collect(), ..self }
+    }
+
     /// Numbers the frames by their times, with missing ones counted.
     ///
     /// `header` is the rate that the file states elsewhere, `fps` that of the user, which stretches the times: a film in
@@ -174,6 +187,9 @@ impl FrameTimes {
         // A rate that fits the times as well as their resolution can show is exact where theirs is rounded.
         let rate = header.filter(|header| self.fits(&grid, header.hz)).unwrap_or(rate_of_times);
         let stretch = fps.map_or(1.0, |fps| rate.hz / fps);
+        warnings.extend(fps.filter(|fps| (fps / rate.hz - 1.0).abs() > CONTRADICTION).map(|fps| {
+            format!("by their own times the frames come at {:.6} frames/s; --fps {fps} stretches these times", rate.hz)
+        }));
         let rate = fps.map_or(rate, |hz| Rate { hz, source: RateSource::Option });
         Some((self.placed(grid, rate, stretch, &mut warnings), warnings))
     }

@@ -69,8 +69,8 @@ fn missing_stills_are_reported_and_keep_their_time() {
     };
     assert_eq!(numbered(&[7, 8, 9, 12, 13]), (vec![0, 1, 2, 5, 6], 1));
     assert_eq!(numbered(&[0, 5, 10, 20]), (vec![0, 1, 2, 4], 1));
-    assert_eq!(numbered(&[3, 2, 1]), (vec![0, 1, 2], 0), "the order given is the order");
-    assert_eq!(numbered(&[1, 3, 6]), (vec![0, 1, 2], 1), "no common step");
+    assert_eq!(numbered(&[3, 2, 1]), (vec![0, 1, 2], 1), "the order given is the order");
+    assert_eq!(numbered(&[1, 3, 6]), (vec![0, 2, 5], 3), "a step of one frame, with two gaps");
 }
 
 #[test]
@@ -105,7 +105,8 @@ fn inputs_that_cannot_be_measured_are_refused() {
     let unequal = tiff(Kind::Little, &[page_of(4, 4, 0), page_of(5, 4, 1)]);
     fs::write(at("unequal.tif"), unequal).unwrap();
     assert!(refusal(&[at("unequal.tif")], Some(1.0)).contains("5x4"));
-    assert!(refusal(&[at("colour.png")], Some(1.0)).contains("grey"));
+    let colour = import::open(&[at("colour.png")], Some(1.0)).unwrap();
+    assert!(colour.summary().contains("grey from colour by ITU-R BT.601"), "{}", colour.summary());
     assert!(refusal(&[at("small.png"), at("large.png")], Some(1.0)).contains("large.png"));
     assert!(refusal(&[at("text.png")], Some(1.0)).contains("text.png"));
     assert!(refusal(&[at("missing.png")], Some(1.0)).contains("missing.png"));

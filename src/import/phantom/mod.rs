@@ -130,7 +130,9 @@ impl Cine {
     /// Computes the times of the images from a rate profile, ns.
     fn times_of(&self, profile: &times::Profile, rate: &Rate) -> Vec<i64> {
         let numbers = (0..self.count).map(|index| i64::from(self.first_image) + i64::from(index));
-        numbers.map(|number| (self.trigger_ns as i64).saturating_add(profile.since_trigger_ns(number, rate.hz) as i64)).collect()
+        numbers
+            .map(|number| (self.trigger_ns as i64).saturating_add(profile.since_trigger_ns(number, rate.hz) as i64))
+            .collect()
     }
 
     fn invalid(&self, reason: impl Into<String>) -> ImportError {

@@ -95,7 +95,8 @@ impl Layout {
         let highest = self.image(cine, 0)?.chunks_exact(2).map(|pair| u16_at(pair, 0)).max().unwrap_or(0);
         if u32::from(highest) >> self.bits > 0 {
             let bits = self.bits;
-            warnings.push(format!("RealBPP says {bits} bits, but a level of {highest} is stored: all 16 bits are used"));
+            warnings
+                .push(format!("RealBPP says {bits} bits, but a level of {highest} is stored: all 16 bits are used"));
             (self.bits, self.shape.format) = (16, PixelFormat::Mono16);
         }
         Ok(())

@@ -136,8 +136,7 @@ impl Setup {
             let angle = self.u32(ROTATE).unwrap_or(0) as i32;
             warnings.push(format!("the file asks for a rotation by {angle} deg, which is not applied"));
         }
-        let is_quarter =
-            matches!(self.rotation(), Some(turn) if turn == Orientation::TURNED_90_CCW || turn == Orientation::TURNED_90_CW);
+        let is_quarter = matches!(self.rotation(), Some(turn) if turn == Orientation::TURNED_90_CCW || turn == Orientation::TURNED_90_CW);
         if is_quarter && self.is_set(FLIP_H) != self.is_set(FLIP_V) {
             warnings.push("the file asks for a flip and a rotation; the flip is applied first".into());
         }

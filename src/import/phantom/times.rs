@@ -74,7 +74,8 @@ fn image_times(values: &[u8]) -> Vec<i64> {
 
 fn extremes_us(values: &[u8]) -> [f64; 2] {
     let exposures = values.chunks_exact(4).map(|value| f64::from(u32_at(value, 0)) / 2_f64.powi(32) * 1e6);
-    exposures.fold([f64::INFINITY, 0.0], |[shortest, longest], exposure| [exposure.min(shortest), exposure.max(longest)])
+    exposures
+        .fold([f64::INFINITY, 0.0], |[shortest, longest], exposure| [exposure.min(shortest), exposure.max(longest)])
 }
 
 /// A rate that changes at given images: their numbers, counted from the trigger, and the rates from there on, Hz.

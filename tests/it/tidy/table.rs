@@ -144,7 +144,7 @@ pub const ROOMS: &[Room] = &[
     ),
     pure("plot", &["results", "image"], &["image", "maud"]),
     open("report", &["results", "image", "numeric", "recording", "plot"], &["base64", "image", "maud"]),
-    open("import", &["failure", "image"], &["image", "thiserror", "tiff"]),
+    open("import", &["failure", "image"], &["glob", "image", "thiserror", "tiff"]),
     open(
         "camera",
         &["failure", "results", "image", "synth", "config", "message", "recording"],
@@ -222,6 +222,7 @@ pub const OUTSIDE: &[&str] = &[
     "csv",
     "env_logger",
     "foxglove",
+    "glob",
     "iceoryx2",
     "image",
     "indicatif",

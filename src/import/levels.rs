@@ -1,0 +1,34 @@
+//! The bits that grey levels use in 16-bit words.
+
+use crate::image::PixelFormat;
+
+/// Least number of different levels that show which bits are in use.
+const LEVELS_MIN: usize = 32;
+/// Bits that a camera uses at least.
+const BITS_MIN: u32 = 8;
+
+/// Counts the bits at the lower end that no pixel uses; 0 for an image of too few levels to know.
+pub(super) fn unused_low_bits(pixels: &[u8]) -> u32 {
+    let words = || pixels.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]]));
+    let unused_bits = words().fold(0, |used, word| used | word).trailing_zeros();
+    let mut levels: Vec<u16> = words().collect();
+    levels.sort_unstable();
+    levels.dedup();
+    if unused_bits <= 16 - BITS_MIN && levels.len() >= LEVELS_MIN { unused_bits } else { 0 }
+}
+
+/// The pixel format with so many bits.
+pub(super) fn format(bits: u32) -> PixelFormat {
+    match bits {
+        10 => PixelFormat::Mono10,
+        12 => PixelFormat::Mono12,
+        _ => PixelFormat::Mono16,
+    }
+}
+
+/// Moves levels down by empty bits; `None` when a pixel uses them.
+pub(super) fn shifted_down(pixels: Vec<u8>, unused_bits: u32) -> Option<Vec<u8>> {
+    let words = || pixels.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]]));
+    let is_empty = words().all(|word| word >> unused_bits << unused_bits == word);
+    is_empty.then(|| words().flat_map(|word| (word >> unused_bits).to_le_bytes()).collect())
+}

@@ -1,0 +1,197 @@
+//! TIFF files of one or several pages: each page is a frame.
+
+mod description;
+mod first_directory;
+mod page;
+
+use super::footage::Shape;
+use super::still::{Look, Still};
+use super::timeline::{FrameTimes, Rate};
+use super::{ImportError, memory_limit_bytes, open_file};
+use description::Description;
+use page::Page;
+use std::fs::File;
+use std::io::BufReader;
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+use tiff::decoder::{Decoder, Limits};
+use tiff::tags::Tag;
+use tiff::{TiffError, TiffFormatError};
+
+/// Maximum number of pages.
+const PAGES_MAX: u64 = 1 << 20;
+
+/// The pages of a TIFF file, read one after the other.
+pub(super) struct Stack {
+    path: PathBuf,
+    decoder: Decoder<BufReader<File>>,
+    description: Description,
+    /// Number of directories.
+    directories: u64,
+    /// The images behind the one of the first directory, which have none of their own.
+    behind: Option<Behind>,
+    /// Maximum number of pixels of a page.
+    pixels_max: u64,
+    /// The number of the next page.
+    next: u64,
+}
+
+/// Images that follow the first one without gaps.
+struct Behind {
+    file: File,
+    page: Page,
+    look: Look,
+    /// Offset of the first image, bytes.
+    start: u64,
+    count: u64,
+}
+
+impl Stack {
+    /// Opens a file; `None` when it is no TIFF.
+    ///
+    /// # Errors
+    ///
+    /// [`ImportError::Invalid`] when the file ends within the directory of a page, its directories form a cycle, or more
+    /// images are announced than are there.
+    pub(super) fn open(path: &Path) -> Result<Option<Self>, ImportError> {
+        let (file, file_bytes) = open_file(path)?;
+        let mut directories = 0;
+        let mut decoder = match Self::walk(file, file_bytes, &mut directories) {
+            Err(TiffError::FormatError(
+                TiffFormatError::TiffSignatureNotFound | TiffFormatError::TiffSignatureInvalid,
+            )) => return Ok(None),
+            walked => walked.map_err(|error| invalid(path, directories, &error))?,
+        };
+        let pixels_max = memory_limit_bytes(file_bytes) / 2;
+        let text = decoder.find_tag(Tag::ImageDescription).ok().flatten().and_then(|tag| tag.into_string().ok());
+        let description = Description::parse(&text.unwrap_or_default());
+        description.check().map_err(|reason| ImportError::invalid(path, reason))?;
+        let path = path.to_path_buf();
+        let mut stack = Self { path, decoder, description, directories, behind: None, pixels_max, next: 0 };
+        if directories == 1 {
+            stack.behind = stack.find_behind(file_bytes)?;
+        }
+        Ok(Some(stack))
+    }
+
+    /// Counts the pages and returns to the first.
+    fn walk(file: File, file_bytes: u64, pages: &mut u64) -> Result<Decoder<BufReader<File>>, TiffError> {
+        // The decoded page and its compressed strips are in memory at the same time.
+        let bytes = memory_limit_bytes(file_bytes) as usize / 2;
+        let mut limits = Limits::default();
+        (limits.decoding_buffer_size, limits.intermediate_buffer_size) = (bytes, bytes);
+        limits.ifd_value_size = limits.ifd_value_size.min(file_bytes as usize);
+        let mut reader = BufReader::new(file);
+        first_directory::check(&mut reader, file_bytes)?;
+        let mut decoder = Decoder::new(reader)?.with_limits(limits);
+        *pages = 1;
+        while decoder.more_images() {
+            decoder.next_image()?;
+            *pages += 1;
+            if *pages > PAGES_MAX {
+                return Err(TiffError::LimitsExceeded);
+            }
+        }
+        decoder.seek_to_image(0)?;
+        Ok(decoder)
+    }
+
+    /// Finds the images that a program announces in the only directory and writes behind its image, without directories
+    /// of their own.
+    fn find_behind(&mut self, file_bytes: u64) -> Result<Option<Behind>, ImportError> {
+        let Some(announced) = self.description.images.filter(|images| *images > 1) else { return Ok(None) };
+        let refused = |there: u64| {
+            let cure = "save it again with a directory for each image";
+            ImportError::invalid(&self.path, format!("{announced} images are announced, {there} can be read: {cure}"))
+        };
+        let raw = Page::raw(&mut self.decoder).map_err(|error| invalid(&self.path, 0, &error))?;
+        let Some((page, start)) = raw.filter(|(page, _)| page.bytes() > 0) else { return Err(refused(1)) };
+        let look = page.look(&mut self.decoder, &self.path)?;
+        let there = file_bytes.saturating_sub(start) / page.bytes();
+        if there < 2 {
+            return Err(refused(there));
+        }
+        let (file, _) = open_file(&self.path)?;
+        Ok(Some(Behind { file, page, look, start, count: announced.min(there) }))
+    }
+
+    /// The number of pages.
+    pub(super) fn pages(&self) -> u64 {
+        self.behind.as_ref().map_or(self.directories, |behind| behind.count)
+    }
+
+    /// Names pages that are announced but missing, and bytes of the file that belong to no page.
+    pub(super) fn warnings(&self) -> Vec<String> {
+        let pages = self.pages();
+        let missing = self.description.images.filter(|announced| *announced != pages && pages > 1);
+        missing.map(|announced| format!("{announced} images are announced, the file has {pages}")).into_iter().collect()
+    }
+
+    /// The rate that the description states.
+    pub(super) fn rate(&self) -> Option<Rate> {
+        self.description.rate.clone()
+    }
+
+    /// The times that the description states for each page.
+    pub(super) fn times(&self) -> Option<FrameTimes> {
+        let times = self.description.times.as_ref()?;
+        (times.times_ns.len() as u64 == self.pages()).then(|| times.clone())
+    }
+
+    /// The date and time of the first page, as the file states it.
+    pub(super) fn date(&mut self) -> Option<String> {
+        let text = self.decoder.find_tag(Tag::DateTime).ok()??.into_string().ok()?;
+        let text = text.trim_matches(['\0', ' ']);
+        let (date, time) = text.split_once(' ')?;
+        let is_plain = text.len() == 19 && text.bytes().all(|byte| byte.is_ascii_digit() || b": ".contains(&byte));
+        is_plain.then(|| format!("{}T{time}", date.replace(':', "-")))
+    }
+
+    /// Decodes the next page.
+    fn decode(&mut self) -> Result<Still, ImportError> {
+        if let Some(behind) = &self.behind {
+            let mut stored = vec![0; behind.page.bytes() as usize];
+            let read = behind.file.read_exact_at(&mut stored, behind.start + self.next * behind.page.bytes());
+            read.map_err(|error| ImportError::io("read", &self.path, error))?;
+            let page = &behind.page;
+            let grey = page.grey(page.in_machine_order(stored)).map_err(|why| self.refused(why))?;
+            return Still::new(&self.path, page.shape(&self.path)?, grey, behind.look.clone());
+        }
+        if self.next > 0 {
+            self.decoder.next_image().map_err(|error| invalid(&self.path, self.next, &error))?;
+        }
+        let page = Page::new(&mut self.decoder).map_err(|error| invalid(&self.path, self.next, &error))?;
+        let page = page.map_err(|why| self.refused(why))?;
+        let shape: Shape = page.shape(&self.path)?;
+        // A page of one bit per pixel grows to a byte per pixel.
+        if u64::from(shape.width_px) * u64::from(shape.height_px) > self.pixels_max {
+            return Err(invalid(&self.path, self.next, &TiffError::LimitsExceeded));
+        }
+        let look = page.look(&mut self.decoder, &self.path)?;
+        let decoded = page.decode(&mut self.decoder).map_err(|error| invalid(&self.path, self.next, &error))?;
+        let grey = page.grey(decoded).map_err(|why| self.refused(why))?;
+        Still::new(&self.path, shape, grey, look)
+    }
+
+    fn refused(&self, why: String) -> ImportError {
+        ImportError::invalid(&self.path, format!("page {}: {why}", self.next))
+    }
+}
+
+impl Iterator for Stack {
+    type Item = Result<Still, ImportError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.next == self.pages() {
+            return None;
+        }
+        let decoded = self.decode();
+        self.next += 1;
+        Some(decoded)
+    }
+}
+
+/// The error for a page, which is counted from 0.
+fn invalid(path: &Path, page: u64, error: &TiffError) -> ImportError {
+    ImportError::invalid(path, format!("page {page}: {error}"))
+}

@@ -1,0 +1,259 @@
+//! The pixels of a page: stored samples to grey levels.
+
+use crate::image::PixelFormat;
+use crate::import::footage::Shape;
+use crate::import::still::Look;
+use crate::import::{ImportError, Orientation, grey, unpack_high_first};
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+use tiff::decoder::Decoder;
+use tiff::decoder::ifd::Value;
+use tiff::tags::{ByteOrder, SampleFormat, Tag};
+use tiff::{ColorType, TiffError, TiffResult};
+
+type Tiff = Decoder<BufReader<File>>;
+
+/// `Compression` without any.
+const UNCOMPRESSED: u32 = 1;
+
+/// The meaning of the samples of a pixel.
+#[derive(Debug, Clone, PartialEq)]
+enum Colors {
+    /// A grey level, followed by samples that are left out.
+    Grey,
+    /// Red, green and blue, followed by samples that are left out.
+    Rgb,
+    /// An index into a table of grey levels.
+    Palette(Vec<u16>),
+}
+
+/// The layout of a page.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Page {
+    width_px: u32,
+    height_px: u32,
+    /// Bits and number of the samples of a pixel.
+    bits: u32,
+    samples: usize,
+    colors: Colors,
+    /// Number of planes; 1 when the samples of a pixel follow each other.
+    planes: usize,
+    is_swapped: bool,
+}
+
+impl Page {
+    /// Reads the layout of the current page; the inner error is the reason why it cannot be measured.
+    pub(super) fn new(decoder: &mut Tiff) -> TiffResult<Result<Self, String>> {
+        let (width_px, height_px) = decoder.dimensions()?;
+        let color = decoder.colortype()?;
+        let layout = decoder.image_buffer_layout()?;
+        let (samples, colors) = match color {
+            ColorType::Gray(_) => (1, Colors::Grey),
+            ColorType::GrayA(_) | ColorType::Multiband { num_samples: 2, .. } => (2, Colors::Grey),
+            ColorType::RGB(_) => (3, Colors::Rgb),
+            ColorType::RGBA(_) => (4, Colors::Rgb),
+            ColorType::Palette(_) => (1, Colors::Palette(palette(decoder)?)),
+            ColorType::Multiband { num_samples, .. } => {
+                return Ok(Err(format!("{num_samples} channels per pixel; save one of them, or colours as RGB")));
+            }
+            other => return Ok(Err(format!("colours of kind {other:?}; save it in grey or as RGB"))),
+        };
+        let bits = u32::from(color.bit_depth());
+        let cure = match layout.sample_format {
+            SampleFormat::Uint | SampleFormat::Void => None,
+            SampleFormat::Int => Some("signed numbers; add 2^(bits-1) and save them as unsigned ones"),
+            _ => Some("floating-point numbers; scale them to 0 to 65535 and save them with 16 bits"),
+        };
+        let is_deep = bits > 16 || (colors != Colors::Grey && !matches!(bits, 8 | 16));
+        Ok(match cure {
+            Some(cure) => Err(cure.to_owned()),
+            None if is_deep && colors == Colors::Grey => {
+                Err(format!("{bits} bits per pixel; save it with 8 or 16 bits"))
+            }
+            None if is_deep => Err(format!("{bits} bits per colour; save it with 8 or 16 bits")),
+            None => {
+                let is_swapped = decoder.byte_order() != native();
+                Ok(Self { width_px, height_px, bits, samples, colors, planes: layout.planes.max(1), is_swapped })
+            }
+        })
+    }
+
+    /// Reads the layout of a page whose samples lie uncompressed in one piece, and the offset of that piece.
+    pub(super) fn raw(decoder: &mut Tiff) -> TiffResult<Option<(Self, u64)>> {
+        let Ok(page) = Self::new(decoder)? else { return Ok(None) };
+        let compression = decoder.find_tag_unsigned::<u32>(Tag::Compression)?.unwrap_or(UNCOMPRESSED);
+        let offsets = decoder.find_tag_unsigned_vec::<u64>(Tag::StripOffsets)?.unwrap_or_default();
+        let counts = decoder.find_tag_unsigned_vec::<u64>(Tag::StripByteCounts)?.unwrap_or_default();
+        let follow = offsets.iter().zip(&counts).map(|(offset, count)| offset.saturating_add(*count));
+        let is_one_piece = follow.zip(offsets.iter().skip(1)).all(|(end, next)| end == *next);
+        let is_raw = compression == UNCOMPRESSED && is_one_piece && page.planes == 1 && matches!(page.bits, 8 | 16);
+        Ok(offsets.first().filter(|_| is_raw).map(|start| (page, *start)))
+    }
+
+    /// Size of the stored samples, bytes, when they lie without gaps.
+    pub(super) fn bytes(&self) -> u64 {
+        let pixels = u64::from(self.width_px) * u64::from(self.height_px);
+        pixels.saturating_mul(self.samples as u64 * u64::from(self.bits / 8))
+    }
+
+    /// Shape of the grey image.
+    pub(super) fn shape(&self, path: &Path) -> Result<Shape, ImportError> {
+        let format = match self.bits {
+            ..=8 => PixelFormat::Mono8,
+            10 => PixelFormat::Mono10,
+            12 => PixelFormat::Mono12,
+            _ => PixelFormat::Mono16,
+        };
+        Shape::new(path, self.width_px.into(), self.height_px.into(), format)
+    }
+
+    /// Reads how the page is to be shown.
+    pub(super) fn look(&self, decoder: &mut Tiff, path: &Path) -> Result<Look, ImportError> {
+        let mut number = |tag: Tag| decoder.find_tag(tag).ok().flatten();
+        let tag = number(Tag::Orientation).and_then(|value| value.into_u16().ok()).unwrap_or(1);
+        let orientation = Orientation::of_tag(tag)
+            .ok_or_else(|| ImportError::invalid(path, format!("Orientation {tag}; 1 to 8 are defined")))?;
+        let (x, y) = (number(Tag::XResolution).and_then(ratio), number(Tag::YResolution).and_then(ratio));
+        let pixel_aspect = x.zip(y).map_or(1.0, |(x, y)| y / x);
+        let grey_rule = match &self.colors {
+            Colors::Grey => "",
+            Colors::Rgb | Colors::Palette(_) => grey::LUMA,
+        };
+        Ok(Look { orientation, pixel_aspect, bits: self.bits.max(8), grey_rule, ..Look::default() })
+    }
+
+    /// Decodes all samples, in the byte order of the machine.
+    pub(super) fn decode(&self, decoder: &mut Tiff) -> TiffResult<Vec<u8>> {
+        let layout = decoder.image_buffer_layout()?;
+        // The limits of the decoder hold for the buffers of its own.
+        if layout.complete_len as u64 > crate::import::FRAME_BYTES {
+            return Err(TiffError::LimitsExceeded);
+        }
+        let mut samples = vec![0; layout.complete_len];
+        decoder.read_image_bytes(&mut samples)?;
+        if self.is_swapped && (9..=15).contains(&self.bits) {
+            // The decoder takes packed samples for words and swaps their bytes.
+            let row = layout.row_stride.map_or(samples.len(), |stride| stride.get()).max(1);
+            samples.chunks_mut(row).for_each(swap_pairs);
+        }
+        Ok(samples)
+    }
+
+    /// Swaps samples that were read from the file as they are.
+    pub(super) fn in_machine_order(&self, mut samples: Vec<u8>) -> Vec<u8> {
+        if self.is_swapped && self.bits == 16 {
+            swap_pairs(&mut samples);
+        }
+        samples
+    }
+
+    /// Computes packed little-endian grey levels.
+    pub(super) fn grey(&self, samples: Vec<u8>) -> Result<Vec<u8>, String> {
+        let pixels = self.width_px as usize * self.height_px as usize;
+        let samples = self.in_whole_bytes(samples);
+        let bytes = if self.bits <= 8 { 1 } else { 2 };
+        let wanted = pixels * bytes * self.samples;
+        // A grey page that is one plane of several leaves out the others.
+        let is_short =
+            samples.len() < if self.planes > 1 && self.colors == Colors::Grey { pixels * bytes } else { wanted };
+        if is_short {
+            return Err(format!("{} bytes are decoded, expected {wanted}", samples.len()));
+        }
+        Ok(match &self.colors {
+            Colors::Grey if self.planes > 1 => samples[..pixels * bytes].to_vec(),
+            Colors::Grey => taken(&samples, bytes * self.samples, bytes),
+            Colors::Rgb => {
+                let format = if bytes == 1 { PixelFormat::Mono8 } else { PixelFormat::Mono16 };
+                let colors = match self.planes {
+                    1 => taken(&samples, bytes * self.samples, 3 * bytes),
+                    _ => interleaved(&samples, pixels * bytes, bytes),
+                };
+                grey::luma(format, &colors)
+            }
+            // The table has levels of 16 bits.
+            Colors::Palette(levels) => {
+                let index = |sample: &[u8]| match *sample {
+                    [low] => usize::from(low),
+                    _ => usize::from(u16::from_le_bytes([sample[0], sample[1]])),
+                };
+                let level = |sample: &[u8]| levels.get(index(sample)).copied().unwrap_or(0);
+                match bytes {
+                    1 => samples.chunks_exact(1).map(|sample| (level(sample) >> 8) as u8).collect(),
+                    _ => samples.chunks_exact(2).flat_map(|sample| level(sample).to_le_bytes()).collect(),
+                }
+            }
+        })
+    }
+
+    /// Spreads the samples to whole little-endian bytes. Rows of packed samples end at a byte.
+    fn in_whole_bytes(&self, samples: Vec<u8>) -> Vec<u8> {
+        let row_samples = self.width_px as usize * if self.planes > 1 { 1 } else { self.samples };
+        let row_bytes = (row_samples * self.bits as usize).div_ceil(8).max(1);
+        match self.bits {
+            8 => samples,
+            16 => {
+                let words = samples.chunks_exact(2).map(|pair| u16::from_ne_bytes([pair[0], pair[1]]));
+                words.flat_map(u16::to_le_bytes).collect()
+            }
+            bits @ ..8 => {
+                // 1 bit becomes 0 or 255, and so do 4 bits.
+                let (per_byte, highest) = (8 / bits as usize, (1_u32 << bits) - 1);
+                let level = |row: &[u8], x: usize| {
+                    let shift = 8 - bits * (x % per_byte + 1) as u32;
+                    (255 * (u32::from(row[x / per_byte]) >> shift & highest) / highest) as u8
+                };
+                let row = |row: &[u8]| (0..row_samples).map(|x| level(row, x)).collect();
+                samples.chunks_exact(row_bytes).flat_map::<Vec<u8>, _>(row).collect()
+            }
+            bits => {
+                let row = |row: &[u8]| {
+                    let mut words = unpack_high_first(row, bits);
+                    words.truncate(2 * row_samples);
+                    words
+                };
+                samples.chunks_exact(row_bytes).flat_map(row).collect()
+            }
+        }
+    }
+}
+
+/// Keeps the first `kept` bytes of every `every`.
+fn taken(samples: &[u8], every: usize, kept: usize) -> Vec<u8> {
+    match every == kept {
+        true => samples.to_vec(),
+        false => samples.chunks_exact(every).flat_map(|pixel| &pixel[..kept]).copied().collect(),
+    }
+}
+
+/// Puts the samples of the first three planes next to each other.
+fn interleaved(planes: &[u8], plane_bytes: usize, bytes: usize) -> Vec<u8> {
+    let mut colors = Vec::with_capacity(3 * plane_bytes);
+    for at in (0..plane_bytes).step_by(bytes) {
+        (0..3).for_each(|plane| colors.extend_from_slice(&planes[plane * plane_bytes + at..][..bytes]));
+    }
+    colors
+}
+
+fn swap_pairs(bytes: &mut [u8]) {
+    bytes.chunks_exact_mut(2).for_each(<[u8]>::reverse);
+}
+
+/// Reads the table of colours of a palette as grey levels of 16 bits.
+fn palette(decoder: &mut Tiff) -> TiffResult<Vec<u16>> {
+    let table = decoder.find_tag_unsigned_vec::<u16>(Tag::ColorMap)?.unwrap_or_default();
+    let colors = table.len() / 3;
+    let color = |index: usize| [table[index], table[colors + index], table[2 * colors + index]];
+    let words: Vec<u8> = (0..colors).flat_map(color).flat_map(u16::to_le_bytes).collect();
+    let levels = grey::luma(PixelFormat::Mono16, &words);
+    Ok(levels.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]])).collect())
+}
+
+fn ratio(value: Value) -> Option<f64> {
+    let Value::Rational(numerator, denominator) = value else { return None };
+    (numerator > 0 && denominator > 0).then(|| f64::from(numerator) / f64::from(denominator))
+}
+
+fn native() -> ByteOrder {
+    if cfg!(target_endian = "big") { ByteOrder::BigEndian } else { ByteOrder::LittleEndian }
+}

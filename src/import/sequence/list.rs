@@ -1,0 +1,102 @@
+//! The files of a sequence: as they are given, in a folder, or by a pattern with wildcards.
+
+use super::super::{ImportError, extension};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Maximum number of images of a folder or a pattern.
+const FILES_MAX: usize = 1 << 20;
+
+/// Files, and who put them in order.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Listed {
+    pub(super) paths: Vec<PathBuf>,
+    pub(super) by: Lister,
+}
+
+/// The source of an order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Lister {
+    /// The user, or the user's shell.
+    User,
+    /// A folder or a pattern, which has none.
+    Disk,
+}
+
+impl Listed {
+    /// Replaces a folder, or a pattern with wildcards, by the images in it.
+    ///
+    /// # Errors
+    ///
+    /// [`ImportError::Invalid`] for a folder with no images or several kinds of them.
+    pub(super) fn expand(inputs: &[PathBuf]) -> Result<Self, ImportError> {
+        let [input] = inputs else {
+            return match inputs.iter().find(|input| is_collection(input)) {
+                Some(input) => {
+                    Err(ImportError::invalid(input, "a folder or a pattern is a whole sequence; pass it alone"))
+                }
+                None => Ok(Self { paths: inputs.to_vec(), by: Lister::User }),
+            };
+        };
+        if !is_collection(input) {
+            return Ok(Self { paths: inputs.to_vec(), by: Lister::User });
+        }
+        let mut paths = if input.is_dir() { of_folder(input)? } else { of_pattern(input)? };
+        paths.sort();
+        one_kind(input, &paths)?;
+        Ok(Self { paths, by: Lister::Disk })
+    }
+}
+
+/// Whether an input is a folder, or a pattern with wildcards and no file of that name.
+pub(in crate::import) fn is_collection(input: &Path) -> bool {
+    input.is_dir() || (input.to_string_lossy().contains(['*', '?', '[']) && !input.exists())
+}
+
+/// Whether the ending is that of a still image.
+pub(in crate::import) fn is_image(path: &Path) -> bool {
+    matches!(extension(path).as_str(), "png" | "tif" | "tiff" | "jpg" | "jpeg" | "bmp" | "pgm")
+}
+
+fn of_folder(folder: &Path) -> Result<Vec<PathBuf>, ImportError> {
+    let io = |error| ImportError::io("read", folder, error);
+    let mut paths = Vec::new();
+    for entry in fs::read_dir(folder).map_err(io)? {
+        let path = entry.map_err(io)?.path();
+        let is_hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+        if is_image(&path) && !is_hidden {
+            paths.push(path);
+        }
+        if paths.len() > FILES_MAX {
+            return Err(ImportError::invalid(folder, format!("more than {FILES_MAX} images")));
+        }
+    }
+    Ok(paths)
+}
+
+fn of_pattern(pattern: &Path) -> Result<Vec<PathBuf>, ImportError> {
+    let found = glob::glob(&pattern.to_string_lossy());
+    let found =
+        found.map_err(|error| ImportError::invalid(pattern, format!("not a pattern of file names: {error}")))?;
+    Ok(found.filter_map(Result::ok).filter(|path| is_image(path)).take(FILES_MAX).collect())
+}
+
+/// Checks that there are images, all of one kind.
+fn one_kind(input: &Path, paths: &[PathBuf]) -> Result<(), ImportError> {
+    let kind = |path: &Path| match extension(path).as_str() {
+        "tiff" => "tif".to_owned(),
+        "jpeg" => "jpg".to_owned(),
+        other => other.to_owned(),
+    };
+    let Some(first) = paths.first() else {
+        return Err(ImportError::invalid(input, "no images; png, tif, jpg, bmp and pgm are read"));
+    };
+    match paths.iter().find(|path| kind(path) != kind(first)) {
+        Some(other) => {
+            let (one, other) = (kind(first), kind(other));
+            let reason = format!("images that end in {one} and in {other}; pass one kind, such as '*.{one}'");
+            Err(ImportError::invalid(input, reason))
+        }
+        None => Ok(()),
+    }
+}

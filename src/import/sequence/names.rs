@@ -1,0 +1,172 @@
+//! Numbers in file names.
+
+use std::path::{Path, PathBuf};
+
+/// Maximum number of digits of a number.
+const DIGITS_MAX: usize = 30;
+
+/// A file name, taken apart into numbers and the texts around them.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Name {
+    /// One text more than numbers.
+    texts: Vec<String>,
+    /// The digits of each number.
+    digits: Vec<String>,
+}
+
+/// The numbers of one place in all names.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Column {
+    /// The texts before and after it, which all names share.
+    pub(super) before: String,
+    pub(super) after: String,
+    /// The number in each name; that of a decimal number without its point.
+    pub(super) values: Vec<i128>,
+    /// Number of digits in each name.
+    pub(super) digits: Vec<usize>,
+    /// Number of digits behind the decimal point.
+    pub(super) decimals: usize,
+    /// Whether a hyphen that all names share may be meant as a sign.
+    pub(super) is_hyphened: bool,
+}
+
+/// The reason why names are no numbered sequence.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Unnumbered {
+    /// Most names are alike, but not this one.
+    Odd(usize),
+    /// The names have nothing in common.
+    Unlike,
+}
+
+/// Returns the places of numbers that all names share.
+pub(super) fn columns(paths: &[PathBuf]) -> Result<Vec<Column>, Unnumbered> {
+    let is_one_folder = paths.windows(2).all(|pair| pair[0].parent() == pair[1].parent());
+    let names: Vec<Name> = paths.iter().map(|path| Name::parse(&stem(path, is_one_folder))).collect();
+    let patterns: Vec<Vec<String>> = names.iter().map(Name::pattern).collect();
+    let first = patterns.first().ok_or(Unnumbered::Unlike)?;
+    if patterns.iter().any(|pattern| pattern != first) {
+        return Err(odd(&patterns));
+    }
+    Ok((0..first.len() - 1).map_while(|place| Column::at(&names, place)).collect())
+}
+
+/// Finds the name that does not fit most others.
+fn odd(patterns: &[Vec<String>]) -> Unnumbered {
+    let alike = |pattern: &Vec<String>| patterns.iter().filter(|other| *other == pattern).count();
+    // One of the first names has the pattern of most, if there is one.
+    let common = patterns.iter().take(3).max_by_key(|pattern| alike(pattern));
+    let common = common.filter(|pattern| pattern.len() > 1 && 2 * alike(pattern) > patterns.len());
+    let odd = common.and_then(|common| patterns.iter().position(|pattern| pattern != common));
+    odd.map_or(Unnumbered::Unlike, Unnumbered::Odd)
+}
+
+/// The name without its ending; with its folder where the folders differ.
+fn stem(path: &Path, is_one_folder: bool) -> String {
+    let path = path.with_extension("");
+    let name = if is_one_folder { path.file_name().map(Path::new) } else { None };
+    name.unwrap_or(&path).to_string_lossy().into_owned()
+}
+
+impl Name {
+    fn parse(stem: &str) -> Self {
+        let mut name = Self { texts: vec![String::new()], digits: Vec::new() };
+        let mut was_digit = false;
+        for letter in stem.chars() {
+            let is_digit = letter.is_ascii_digit();
+            if is_digit && !was_digit {
+                name.digits.push(String::new());
+                name.texts.push(String::new());
+            }
+            let into = if is_digit { name.digits.last_mut() } else { name.texts.last_mut() };
+            into.into_iter().for_each(|text| text.push(letter));
+            was_digit = is_digit;
+        }
+        name
+    }
+
+    /// The texts without the signs of the numbers behind them.
+    fn pattern(&self) -> Vec<String> {
+        let last = self.texts.len() - 1;
+        let text =
+            |(place, text): (usize, &String)| if place < last { unsigned(text).to_owned() } else { text.clone() };
+        self.texts.iter().enumerate().map(text).collect()
+    }
+
+    fn sign(&self, place: usize) -> Option<char> {
+        let text = &self.texts[place];
+        text[unsigned(text).len()..].chars().next()
+    }
+}
+
+/// A text without a sign at its end.
+fn unsigned(text: &str) -> &str {
+    text.strip_suffix(['-', '+', '\u{2212}']).unwrap_or(text)
+}
+
+impl Column {
+    /// The numbers of one place; `None` where they are too long.
+    fn at(names: &[Name], place: usize) -> Option<Self> {
+        let first = names.first()?;
+        // A hyphen that all names share separates, one that only some have is a sign.
+        let is_signed = names.iter().any(|name| name.sign(place) != first.sign(place));
+        let value = |name: &Name| {
+            let digits = &name.digits[place];
+            let number: i128 = (digits.len() <= DIGITS_MAX).then(|| digits.parse().ok()).flatten()?;
+            let is_negative = is_signed && matches!(name.sign(place), Some('-' | '\u{2212}'));
+            Some(if is_negative { -number } else { number })
+        };
+        Some(Self {
+            before: if is_signed { unsigned(&first.texts[place]).to_owned() } else { first.texts[place].clone() },
+            after: first.texts[place + 1].clone(),
+            values: names.iter().map(value).collect::<Option<_>>()?,
+            digits: names.iter().map(|name| name.digits[place].len()).collect(),
+            decimals: 0,
+            is_hyphened: !is_signed && matches!(first.sign(place), Some('-' | '\u{2212}')),
+        })
+    }
+
+    pub(super) fn varies(&self) -> bool {
+        self.values.iter().any(|value| *value != self.values[0])
+    }
+
+    /// Whether all numbers have as many digits.
+    pub(super) fn is_padded(&self) -> bool {
+        self.digits.iter().all(|digits| *digits == self.digits[0])
+    }
+
+    pub(super) fn is_unique(&self) -> bool {
+        let mut sorted = self.values.clone();
+        sorted.sort_unstable();
+        sorted.windows(2).all(|pair| pair[0] != pair[1])
+    }
+
+    /// The places of the names in the order of the numbers.
+    pub(super) fn order(&self) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..self.values.len()).collect();
+        order.sort_by_key(|index| self.values[*index]);
+        order
+    }
+
+    /// The numbers from the lowest to the highest, as `"img_" (0 to 35)`.
+    pub(super) fn range(&self) -> String {
+        let (least, most) = (self.values.iter().min().unwrap_or(&0), self.values.iter().max().unwrap_or(&0));
+        format!("the number after {:?} ({least} to {most})", self.before)
+    }
+
+    /// Appends the digits behind a decimal point.
+    pub(super) fn with_decimals(&self, decimals: &Self) -> Option<Self> {
+        let places = *decimals.digits.first()?;
+        let scale = 10_i128.checked_pow(places as u32)?;
+        let join = |(whole, part): (&i128, &i128)| {
+            let scaled = whole.checked_mul(scale)?;
+            Some(if *whole < 0 { scaled - part } else { scaled + part })
+        };
+        Some(Self {
+            after: decimals.after.clone(),
+            values: self.values.iter().zip(&decimals.values).map(join).collect::<Option<_>>()?,
+            decimals: places,
+            ..self.clone()
+        })
+    }
+}

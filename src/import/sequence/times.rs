@@ -1,0 +1,122 @@
+//! Times in file names: dates with a time of day, times since the Unix epoch, and numbers with a unit.
+
+use super::names::Column;
+use crate::import::timeline::FrameTimes;
+
+/// Digits of a date with a time of day, in one to three numbers.
+const PARTS: [usize; 6] = [4, 2, 2, 2, 2, 2];
+/// Seconds since the Unix epoch of the years 2000 and 2100.
+const EPOCH_S: std::ops::Range<i128> = 946_684_800..4_102_444_800;
+const SECOND_NS: i128 = 1_000_000_000;
+
+/// Returns the times of a date and a time of day in the names, such as `2024-05-01_12-00-00.123456`.
+pub(super) fn of_dates(columns: &[Column]) -> Option<FrameTimes> {
+    let start = (0..columns.len()).find(|start| date_length(&columns[*start..]).is_some())?;
+    let columns = &columns[start..];
+    let length = date_length(columns)?;
+    let fraction = columns.get(length).filter(|fraction| fraction.varies());
+    let names = columns.first()?.values.len();
+    let times_ns: Option<Vec<i64>> = (0..names)
+        .map(|name| {
+            let digits: String = columns[..length]
+                .iter()
+                .map(|column| format!("{:0width$}", column.values[name], width = column.digits[name]))
+                .collect();
+            let fraction_ns = fraction.map_or(Some(0), |fraction| {
+                let places = u32::try_from(fraction.digits[name]).ok().filter(|places| *places <= 9)?;
+                Some(fraction.values[name] * 10_i128.pow(9 - places))
+            })?;
+            i64::try_from(seconds_of(&digits)? * SECOND_NS + fraction_ns).ok()
+        })
+        .collect();
+    let is_padded = fraction.is_none_or(Column::is_padded);
+    let places = fraction.map_or(0, |fraction| fraction.digits[0] as i32);
+    let resolution_ns = 10_f64.powi(9 - places);
+    Some(FrameTimes { times_ns: times_ns.filter(|_| is_padded)?, resolution_ns })
+}
+
+/// The number of columns at the beginning that hold a date and a time of day.
+fn date_length(columns: &[Column]) -> Option<usize> {
+    let mut digits = 0;
+    for (index, column) in columns.iter().take(PARTS.len()).enumerate() {
+        digits += column.digits.first().filter(|_| column.is_padded())?;
+        // Each number ends with one of the parts.
+        let ends = PARTS.iter().scan(0, |sum, part| {
+            *sum += part;
+            Some(*sum)
+        });
+        if !ends.clone().any(|end| end == digits) {
+            return None;
+        }
+        if digits == PARTS.iter().sum::<usize>() {
+            let first: String = columns[..=index]
+                .iter()
+                .map(|column| format!("{:0width$}", column.values[0], width = column.digits[0]))
+                .collect();
+            return seconds_of(&first).map(|_| index + 1);
+        }
+    }
+    None
+}
+
+/// The seconds since the Unix epoch of `20240501120000`; `None` when it is no date.
+fn seconds_of(digits: &str) -> Option<i128> {
+    let number = |from: usize, to: usize| digits.get(from..to)?.parse::<i128>().ok();
+    let (year, month, day) = (number(0, 4)?, number(4, 6)?, number(6, 8)?);
+    let (hour, minute, second) = (number(8, 10)?, number(10, 12)?, number(12, 14)?);
+    let is_date = (1970..2200).contains(&year) && (1..=12).contains(&month) && (1..=31).contains(&day);
+    // A leap second has the number 60.
+    let is_time = (0..24).contains(&hour) && (0..60).contains(&minute) && (0..=60).contains(&second);
+    // Days of the Gregorian calendar, with years that begin in March.
+    let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
+    let days = 365 * year + year / 4 - year / 100 + year / 400 + (153 * month + 2) / 5 + day - 1 - 719_468;
+    (is_date && is_time).then_some(((days * 24 + hour) * 60 + minute) * 60 + second)
+}
+
+/// Returns the times of numbers that are times: by a unit behind them, or since they count from the Unix epoch.
+pub(super) fn of_numbers(column: &Column) -> Option<FrameTimes> {
+    let unit_ns = match unit_ns(&column.after) {
+        Some(unit_ns) => unit_ns,
+        None => epoch_unit_ns(column)?,
+    };
+    let scale = 10_i128.checked_pow(column.decimals as u32)?;
+    let times_ns = column.values.iter().map(|value| i64::try_from(value.checked_mul(unit_ns)? / scale).ok());
+    let resolution_ns = (unit_ns as f64 / scale as f64).max(1.0);
+    Some(FrameTimes { times_ns: times_ns.collect::<Option<_>>()?, resolution_ns })
+}
+
+/// The unit at the beginning of the text behind a number, ns.
+fn unit_ns(after: &str) -> Option<i128> {
+    let word: String = after.chars().take_while(|letter| letter.is_alphabetic()).collect();
+    Some(match word.as_str() {
+        "ns" => 1,
+        "us" | "\u{b5}s" | "\u{3bc}s" => 1_000,
+        "ms" => 1_000_000,
+        "s" | "sec" => SECOND_NS,
+        _ => return None,
+    })
+}
+
+/// The unit in which all numbers are times since the Unix epoch, ns.
+fn epoch_unit_ns(column: &Column) -> Option<i128> {
+    let scale = 10_i128.checked_pow(column.decimals as u32)?;
+    let is_epoch = |per_s: i128| column.values.iter().all(|value| EPOCH_S.contains(&(value / scale / per_s)));
+    // Whole seconds are no times of frames.
+    let units = [(SECOND_NS, 1), (1_000_000, 1000), (1_000, 1_000_000), (1, SECOND_NS)];
+    let found = units.into_iter().find(|(_, per_s)| is_epoch(*per_s))?;
+    (found.0 < SECOND_NS || column.decimals > 0).then_some(found.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn days_of_the_calendar_count_from_1970() {
+        assert_eq!(seconds_of("19700101000000"), Some(0));
+        assert_eq!(seconds_of("20240229120000"), Some(1_709_208_000));
+        assert_eq!(seconds_of("20240501120000"), Some(1_714_564_800));
+        assert_eq!(seconds_of("20241301120000"), None);
+        assert_eq!(seconds_of("20240501250000"), None);
+    }
+}
