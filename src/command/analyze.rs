@@ -7,6 +7,7 @@ use crate::config::Record;
 use crate::console::{Outcome, UsageError, check_absent, print_line, progress, table};
 use crate::failure::Failure;
 use crate::image::{Frame, FrameMeta};
+use crate::import::Order;
 use crate::measure::{MeasureError, MeasureParams, Measured, Measurer, Share};
 use crate::process::{FrameRange, Shot, Stop, analysis_params, recording_info, reference_picture};
 use crate::recording::{Recording, RecordingError, part_path};
@@ -22,7 +23,8 @@ const WAITING: usize = 16;
 /// The options of `ricochet analyze`.
 #[derive(Debug, Clone, PartialEq, clap::Args)]
 pub struct AnalyzeOptions {
-    /// A recording, the parts of one stream, footage of another program, or the images of one sequence.
+    /// A recording, the parts of one stream, footage of another program, or the images of one sequence, their folder or
+    /// a pattern such as 'shot/*.png'.
     #[arg(required = true)]
     pub inputs: Vec<PathBuf>,
     /// Camera to measure, by the name of its view [default: the first].
@@ -34,6 +36,9 @@ pub struct AnalyzeOptions {
     /// Frame rate, Hz; replaces the file's own, for files that record none or only a playback rate.
     #[arg(long)]
     pub fps: Option<f64>,
+    /// Take the images of a sequence in reverse order.
+    #[arg(long)]
+    pub reverse: bool,
     /// Start at this time after the first frame, s.
     #[arg(long = "from", value_name = "S")]
     pub from_s: Option<f64>,
@@ -59,7 +64,9 @@ pub struct AnalyzeOptions {
 pub fn run(options: &AnalyzeOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let span = span(options.from_s, options.to_s)?;
     let camera = options.camera.as_deref();
-    let mut film = Film::open(&options.inputs, camera, options.config.as_deref(), options.fps)?.within(span);
+    let order = if options.reverse { Order::Reversed } else { Order::Forward };
+    let film = Film::open(&options.inputs, camera, options.config.as_deref(), options.fps, order)?;
+    let mut film = film.within(span);
     if let Some(count) = options.workers {
         film.config.workers.count = count;
     }

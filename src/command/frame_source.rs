@@ -7,7 +7,7 @@ use crate::config::Config;
 use crate::console::UsageError;
 use crate::failure::Failure;
 use crate::image::{Frame, FrameMeta, Image};
-use crate::import;
+use crate::import::{self, Order};
 use crate::process::reference_picture;
 use crate::recording::{self, Recording, RecordingError};
 use std::cmp::Ordering;
@@ -58,12 +58,13 @@ impl Film {
     /// Opens a recording, the parts of one, another file, or the images of a sequence in the order given.
     ///
     /// `camera` selects one of several cameras by name. `config` replaces the attached rig file, `fps` the file's
-    /// frame rate.
+    /// frame rate, and `order` the order of images.
     pub(super) fn open(
         inputs: &[PathBuf],
         camera: Option<&str>,
         config: Option<&Path>,
         fps: Option<f64>,
+        order: Order,
     ) -> Result<Self, Failure> {
         if let Some(fps) = fps.filter(|fps| !(fps.is_finite() && *fps > 0.0)) {
             return Err(UsageError(format!("--fps {fps}: must be a positive number")).into());
@@ -73,8 +74,11 @@ impl Film {
                 Some(camera) => {
                     Err(UsageError(format!("--camera {camera}: {} has only one camera", first.display())).into())
                 }
-                None => Self::footage(inputs, config, fps),
+                None => Self::footage(inputs, config, fps, order),
             },
+            _ if order == Order::Reversed => {
+                Err(UsageError("--reverse: only the images of a sequence can be reversed".into()).into())
+            }
             _ => Self::recordings(inputs, camera, config, fps),
         }
     }
@@ -124,14 +128,14 @@ impl Film {
         })
     }
 
-    fn footage(inputs: &[PathBuf], config: Option<&Path>, fps: Option<f64>) -> Result<Self, Failure> {
+    fn footage(inputs: &[PathBuf], config: Option<&Path>, fps: Option<f64>, order: Order) -> Result<Self, Failure> {
         let Some(config) = config else {
             let first = inputs.first().map_or_else(String::new, |path| path.display().to_string());
             return Err(
                 UsageError(format!("{first}: no config.toml is attached; pass a rig file with --config")).into()
             );
         };
-        let footage = import::open(inputs, fps)?;
+        let footage = import::open_in_order(inputs, fps, order)?;
         report_footage(&footage);
         let format = StreamFormat {
             width_px: footage.width_px,

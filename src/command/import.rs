@@ -1,25 +1,33 @@
 //! `ricochet import`: converts footage of other programs or cameras into a recording.
 
 use super::frame_source::report_footage;
+use crate::console::{print_line, progress};
 use crate::failure::Failure;
 use crate::image::Frame;
-use crate::import;
-use crate::recording::{RecordingInfo, RecordingWriter, WriterOptions};
+use crate::import::{self, Footage, Order, Provenance};
+use crate::recording::{Compression, RecordingInfo, RecordingWriter, WriterOptions};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// The options of `ricochet import`.
 #[derive(Debug, Clone, PartialEq, clap::Args)]
 pub struct ImportOptions {
-    /// A Photron, Phantom or NumPy (.npy) file, a film (AVI, MP4, MOV, MKV; needs ffmpeg), a multi-page TIFF, or the
-    /// images of one sequence in order.
+    /// A Photron, Phantom or NumPy (.npy) file, a film (AVI, MP4, MOV, MKV; needs ffmpeg), a multi-page TIFF, the
+    /// images of one sequence, their folder, or a pattern such as 'shot/*.png'.
     #[arg(required = true)]
     pub inputs: Vec<PathBuf>,
     /// Frame rate, Hz; replaces the file's own.
     #[arg(long)]
     pub fps: Option<f64>,
+    /// Take the images of a sequence in reverse order.
+    #[arg(long)]
+    pub reverse: bool,
     /// Recording to write.
     #[arg(short, long)]
     pub output: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// The result of an import.
@@ -39,21 +47,51 @@ pub struct Imported {
 ///
 /// When a file cannot be read or written. An unfinished recording remains as a part file.
 pub fn run(options: &ImportOptions) -> Result<Imported, Failure> {
-    let footage = import::open(&options.inputs, options.fps)?;
+    let order = if options.reverse { Order::Reversed } else { Order::Forward };
+    let footage = import::open_in_order(&options.inputs, options.fps, order)?;
     report_footage(&footage);
-    let mut metadata = footage.description.clone();
-    metadata.insert("frame_rate_source".into(), footage.provenance.rate.to_string());
-    metadata.insert("version".into(), env!("CARGO_PKG_VERSION").into());
-    metadata.insert("frame_rate_hz".into(), footage.frame_rate_hz.to_string());
+    let mut metadata = metadata(&footage);
     let names = options.inputs.first().and_then(|path| path.file_name());
     metadata.insert("imported_from".into(), names.unwrap_or_default().to_string_lossy().into_owned());
-    let info = RecordingInfo { metadata, ..RecordingInfo::default() };
+    let info = RecordingInfo { metadata: metadata.clone(), ..RecordingInfo::default() };
     let warnings = footage.warnings.clone();
-    let mut writer = RecordingWriter::create(&options.output, &info, &WriterOptions::default())?;
+    // The frames of films and of empty backgrounds take a fraction of their size.
+    let writer_options = WriterOptions { compression: Compression::Zstd1, ..WriterOptions::default() };
+    let mut writer = RecordingWriter::create(&options.output, &info, &writer_options)?;
+    let bar = progress::frames(footage.count, "import");
     for frame in footage {
         let (meta, bytes) = frame?;
         writer.frame(&Frame { meta, bytes: &bytes })?;
+        bar.inc(1);
     }
+    bar.finish_and_clear();
     let finished = writer.finish()?;
-    Ok(Imported { path: finished.path, frames: finished.frames, warnings })
+    let imported = Imported { path: finished.path, frames: finished.frames, warnings };
+    if options.json {
+        let Imported { path, frames, warnings } = &imported;
+        let row = serde_json::json!({
+            "recording": path, "frames": frames, "bytes": finished.bytes, "metadata": metadata, "warnings": warnings
+        });
+        print_line(&row.to_string());
+    }
+    Ok(imported)
+}
+
+/// Collects the properties that the file states, and what was done with them.
+fn metadata(footage: &Footage) -> BTreeMap<String, String> {
+    let mut metadata = footage.description.clone();
+    let Provenance { rate, missing, orientation, pixel_aspect, bits, grey_rule, .. } = &footage.provenance;
+    let grey_rule = if grey_rule.is_empty() { "grey" } else { grey_rule };
+    let entries = [
+        ("frame_rate_hz", footage.frame_rate_hz.to_string()),
+        ("frame_rate_source", rate.to_string()),
+        ("missing_frames", missing.to_string()),
+        ("orientation", orientation.to_string()),
+        ("pixel_aspect", pixel_aspect.to_string()),
+        ("significant_bits", bits.to_string()),
+        ("grey_levels", grey_rule.to_owned()),
+        ("version", env!("CARGO_PKG_VERSION").to_owned()),
+    ];
+    metadata.extend(entries.map(|(name, value)| (name.to_owned(), value)));
+    metadata
 }

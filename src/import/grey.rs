@@ -21,6 +21,16 @@ pub(super) fn luma(format: PixelFormat, colors: &[u8]) -> Vec<u8> {
     }
 }
 
+/// Computes the luma of an image of red, one of green and one of blue, as [`luma`] does.
+pub(super) fn luma_of_planes(format: PixelFormat, planes: &[u8]) -> Vec<u8> {
+    let (bytes, plane_bytes) = (format.bytes_per_pixel(), planes.len() / 3);
+    let mut colors = Vec::with_capacity(planes.len());
+    for at in (0..plane_bytes).step_by(bytes) {
+        (0..3).for_each(|plane| colors.extend_from_slice(&planes[plane * plane_bytes + at..][..bytes]));
+    }
+    luma(format, &colors)
+}
+
 /// Computes the brightness of a Bayer mosaic with the binomial kernel `1 2 1 / 2 4 2 / 1 2 1`.
 ///
 /// Every pixel then holds a quarter of red, half of green and a quarter of blue, in whatever order the filters lie: the

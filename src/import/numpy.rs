@@ -1,10 +1,10 @@
-//! Stacks of frames as NumPy arrays of shape frames x height x width, unsigned 8 or 16 bit, in C order.
+//! Stacks of frames as NumPy arrays of shape frames x height x width, unsigned 8 or 16 bit.
 //!
 //! Layout: "A simple file format for NumPy arrays" (NumPy Enhancement Proposal 1).
 
 use super::footage::{Footage, Shape};
 use super::timeline::{Rate, Timeline};
-use super::{ImportError, open_file};
+use super::{FRAME_BYTES, ImportError, grey, open_file};
 use crate::image::PixelFormat;
 use std::fs::File;
 use std::os::unix::fs::FileExt;
@@ -16,30 +16,60 @@ const HEADER_BYTES: u64 = 1 << 16;
 
 pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError> {
     let invalid = |reason: String| ImportError::invalid(path, reason);
+    let name = path.to_path_buf();
     let (file, file_bytes) = open_file(path)?;
     let (header, start) = header(&file, path, file_bytes)?;
     let array = Array::parse(&header).map_err(invalid)?;
-    let [count, height_px, width_px] = array.shape;
+    let Shaped { frames: count, height_px, width_px, channels } = array.shape;
     let format = if array.is_wide { PixelFormat::Mono16 } else { PixelFormat::Mono8 };
     let shape = Shape::new(path, width_px, height_px, format)?;
-    let bytes = shape.bytes();
+    let bytes = shape.bytes() * channels;
     let end = count.checked_mul(bytes).and_then(|all| all.checked_add(start));
     if count == 0 || end != Some(file_bytes) {
         let rest = file_bytes - start;
         return Err(invalid(format!("{rest} bytes after the header are not {count} frames of {bytes} bytes")));
     }
     let rate = Rate::known(path, fps, None)?;
+    let columns = match array.order {
+        AxisOrder::FirstSlowest => None,
+        AxisOrder::FirstFastest if count * bytes > FRAME_BYTES => {
+            let cure = "save numpy.ascontiguousarray of it";
+            return Err(invalid(format!(
+                "{} bytes in Fortran order; at most {FRAME_BYTES} are read: {cure}",
+                count * bytes
+            )));
+        }
+        AxisOrder::FirstFastest => Some(read(&file, path, start, count * bytes)?),
+    };
     let path = path.to_path_buf();
+    let sample_bytes = format.bytes_per_pixel();
     let frames = (0..count).map(move |number| {
-        let mut pixels = vec![0; bytes as usize];
-        let read = file.read_exact_at(&mut pixels, start + number * bytes);
-        read.map_err(|error| ImportError::io("read", &path, error))?;
+        let mut pixels = match &columns {
+            None => read(&file, &path, start + number * bytes, bytes)?,
+            Some(columns) => array.shape.frame_of_columns(columns, number as usize, sample_bytes),
+        };
         if array.is_big_endian {
             pixels.chunks_exact_mut(2).for_each(<[u8]>::reverse);
         }
-        Ok(pixels)
+        Ok(match channels {
+            1 => pixels,
+            _ => {
+                let pixel = pixels.chunks_exact(channels as usize * sample_bytes);
+                grey::luma(format, &pixel.flat_map(|pixel| &pixel[..3 * sample_bytes]).copied().collect::<Vec<u8>>())
+            }
+        })
     });
-    Ok(Footage::new(shape, Timeline::consecutive(rate), count, frames))
+    let mut footage = Footage::new(shape, Timeline::consecutive(rate), count, frames);
+    if channels > 1 {
+        footage.provenance.grey_rule = grey::LUMA.to_owned();
+    }
+    footage.with_bits_of_first(&name)
+}
+
+fn read(file: &File, path: &Path, at: u64, bytes: u64) -> Result<Vec<u8>, ImportError> {
+    let mut pixels = vec![0; bytes as usize];
+    let read = file.read_exact_at(&mut pixels, at);
+    read.map(|()| pixels).map_err(|error| ImportError::io("read", path, error))
 }
 
 /// Returns the text of the header and the offset of the pixels.
@@ -70,40 +100,94 @@ fn header(file: &File, path: &Path, file_bytes: u64) -> Result<(String, u64), Im
     Ok((String::from_utf8_lossy(&text).into_owned(), 8 + length_bytes + length))
 }
 
+/// The sizes of an array of frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Shaped {
+    frames: u64,
+    height_px: u64,
+    width_px: u64,
+    /// 1 for grey, 3 for red, green and blue, 4 with transparency.
+    channels: u64,
+}
+
+/// The order of the axes in the file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum AxisOrder {
+    /// C order: frame by frame.
+    FirstSlowest,
+    /// Fortran order: the first pixel of all frames, then the next one.
+    FirstFastest,
+}
+
 /// The content of the header, a Python dictionary with three entries.
+#[derive(Debug, Clone, Copy)]
 struct Array {
     is_wide: bool,
     is_big_endian: bool,
-    /// Frames, rows, pixels per row.
-    shape: [u64; 3],
+    order: AxisOrder,
+    shape: Shaped,
 }
 
 impl Array {
     fn parse(header: &str) -> Result<Self, String> {
-        let (is_wide, is_big_endian) = match quoted(value(header, "descr")?) {
-            Some("|u1" | "<u1" | ">u1") => (false, false),
-            Some("<u2") => (true, false),
-            Some(">u2") => (true, true),
+        let kind = quoted(value(header, "descr")?).unwrap_or_default();
+        let (is_wide, is_big_endian) = match kind {
+            "|u1" | "<u1" | ">u1" => (false, false),
+            "<u2" => (true, false),
+            ">u2" => (true, true),
             _ => {
-                return Err(format!(
-                    "values of type {}; unsigned numbers of 8 or 16 bit are supported",
-                    brief(value(header, "descr")?)
-                ));
+                let (kind, cure) = (brief(value(header, "descr")?), cure(kind));
+                return Err(format!("values of type {kind}; unsigned numbers of 8 or 16 bit are supported: {cure}"));
             }
         };
-        if !value(header, "fortran_order")?.starts_with("False") {
-            return Err("the array is not in C order; save numpy.ascontiguousarray of it".into());
-        }
+        let order = match value(header, "fortran_order")? {
+            order if order.starts_with("False") => AxisOrder::FirstSlowest,
+            order if order.starts_with("True") => AxisOrder::FirstFastest,
+            order => return Err(format!("fortran_order is {}, neither True nor False", brief(order))),
+        };
         let shape = value(header, "shape")?;
         let axes = shape.strip_prefix('(').and_then(|rest| rest.split_once(')')).map(|(axes, _)| axes);
         let axes: Option<Vec<u64>> = axes.and_then(|axes| {
             let axes = axes.trim().trim_end_matches(',');
             axes.split(',').map(|axis| axis.trim().parse().ok()).collect()
         });
+        let sized = |frames: u64, height_px: u64, width_px: u64, channels: u64| {
+            Ok(Self { is_wide, is_big_endian, order, shape: Shaped { frames, height_px, width_px, channels } })
+        };
         match axes.as_deref() {
-            Some([frames, height, width]) => Ok(Self { is_wide, is_big_endian, shape: [*frames, *height, *width] }),
+            Some([height, width]) => sized(1, *height, *width, 1),
+            Some([frames, height, width]) => sized(*frames, *height, *width, 1),
+            Some([frames, height, width, channels @ (1 | 3 | 4)]) => sized(*frames, *height, *width, *channels),
             _ => Err(format!("an array of shape {}; frames x height x width is supported", brief(shape))),
         }
+    }
+}
+
+impl Shaped {
+    /// Collects a frame of an array in Fortran order, as [`AxisOrder::FirstSlowest`] has it.
+    fn frame_of_columns(self, columns: &[u8], number: usize, bytes: usize) -> Vec<u8> {
+        let [frames, height, width] = [self.frames, self.height_px, self.width_px].map(|size| size as usize);
+        let mut pixels = Vec::with_capacity(height * width * self.channels as usize * bytes);
+        for y in 0..height {
+            for x in 0..width {
+                for channel in 0..self.channels as usize {
+                    let at = bytes * (number + frames * (y + height * (x + width * channel)));
+                    pixels.extend_from_slice(&columns[at..at + bytes]);
+                }
+            }
+        }
+        pixels
+    }
+}
+
+/// The way to save an array of another type.
+fn cure(kind: &str) -> &'static str {
+    match kind.trim_start_matches(['<', '>', '|', '=']) {
+        "b1" => "save (255 * a).astype('u1')",
+        kind if kind.starts_with('f') => "scale it to 0 to 65535 and save a.astype('u2')",
+        kind if kind.starts_with('i') => "make it positive and save a.astype('u2')",
+        kind if kind.starts_with('u') => "save a.astype('u2') if its values fit",
+        _ => "save an array of numbers",
     }
 }
 

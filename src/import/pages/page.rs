@@ -165,11 +165,10 @@ impl Page {
             Colors::Grey => taken(&samples, bytes * self.samples, bytes),
             Colors::Rgb => {
                 let format = if bytes == 1 { PixelFormat::Mono8 } else { PixelFormat::Mono16 };
-                let colors = match self.planes {
-                    1 => taken(&samples, bytes * self.samples, 3 * bytes),
-                    _ => interleaved(&samples, pixels * bytes, bytes),
-                };
-                grey::luma(format, &colors)
+                match self.planes {
+                    1 => grey::luma(format, &taken(&samples, bytes * self.samples, 3 * bytes)),
+                    _ => grey::luma_of_planes(format, &samples[..3 * pixels * bytes]),
+                }
             }
             // The table has levels of 16 bits.
             Colors::Palette(levels) => {
@@ -224,15 +223,6 @@ fn taken(samples: &[u8], every: usize, kept: usize) -> Vec<u8> {
         true => samples.to_vec(),
         false => samples.chunks_exact(every).flat_map(|pixel| &pixel[..kept]).copied().collect(),
     }
-}
-
-/// Puts the samples of the first three planes next to each other.
-fn interleaved(planes: &[u8], plane_bytes: usize, bytes: usize) -> Vec<u8> {
-    let mut colors = Vec::with_capacity(3 * plane_bytes);
-    for at in (0..plane_bytes).step_by(bytes) {
-        (0..3).for_each(|plane| colors.extend_from_slice(&planes[plane * plane_bytes + at..][..bytes]));
-    }
-    colors
 }
 
 fn swap_pairs(bytes: &mut [u8]) {
