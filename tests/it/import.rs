@@ -8,7 +8,9 @@ use ricochet::recording::Recording;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-mod pages;
+pub mod encoders;
+pub mod pages;
+mod variants;
 
 use pages::{Kind, page_of, tiff};
 
@@ -142,7 +144,13 @@ fn an_import_becomes_a_recording_with_the_same_frames() {
         GrayImage::from_pixel(5, 4, Luma([k])).save(path).unwrap();
     }
     let output = folder.path().join("shot.mcap");
-    let options = command::import::ImportOptions { inputs: stills.clone(), fps: Some(500.0), output: output.clone() };
+    let options = command::import::ImportOptions {
+        inputs: stills.clone(),
+        fps: Some(500.0),
+        reverse: false,
+        output: output.clone(),
+        json: false,
+    };
     let imported = command::import::run(&options).unwrap();
     assert_eq!((imported.frames, imported.warnings.len()), (3, 1));
     let recording = Recording::open(&output).unwrap();
@@ -203,9 +211,8 @@ fn impossible_photron_headers_are_refused_and_missing_frames_reported() {
         cihx(0, 4, 3, [8, 8], "Lower"),
         cihx(u32::MAX, u32::MAX, 3, [16, 16], "Lower"),
         cihx(8, 4, 3, [24, 24], "Lower"),
-        cihx(8, 4, 3, [8, 12], "Lower"),
         cihx(3, 1, 3, [12, 12], "Lower"),
-        cihx(8, 4, 3, [8, 8], "Lower").replace("Mono", "Bayer"),
+        cihx(8, 4, 3, [8, 8], "Lower").replace("Mono", "Infrared"),
         cihx(8, 4, 3, [8, 8], "Lower").replace("10000", "fast"),
         cihx(8, 4, 3, [8, 8], "Lower").replace("<width>", "<w>"),
         "<cih>".into(),
@@ -354,9 +361,10 @@ fn a_numpy_array_that_is_no_stack_of_frames_is_refused() {
     let data = [7; 24];
     let bad = [
         (npy("<f4", "False", "(2, 3, 4)", &data), "'<f4'"),
-        (npy("|u1", "True", "(2, 3, 4)", &data), "C order"),
-        (npy("|u1", "False", "(6, 4)", &data), "(6, 4)"),
-        (npy("|u1", "False", "(2, 3, 4, 1)", &data), "(2, 3, 4, 1)"),
+        (npy("|b1", "False", "(2, 3, 4)", &data), "255 * a"),
+        (npy("<i2", "False", "(1, 3, 4)", &data), "positive"),
+        (npy("|u1", "False", "(24,)", &data), "(24,)"),
+        (npy("|u1", "False", "(2, 3, 2, 2)", &data), "(2, 3, 2, 2)"),
         (npy("|u1", "False", "(0, 3, 4)", &[]), "0 frames"),
         (npy("|u1", "False", "(2, 0, 4)", &[]), "4x0"),
         (npy("|u1", "False", "(2, 3, 4)", &[7; 23]), "23 bytes"),
@@ -366,7 +374,7 @@ fn a_numpy_array_that_is_no_stack_of_frames_is_refused() {
         (npy("|u1", "False", "(1, 1, 8589934592)", &data), "8589934592x1"),
         (npy("|u1", "False", "(2, -3, 4)", &data), "(2, -3, 4)"),
         (npy("|u1", "False", "2", &data), "of shape 2"),
-        (npy("|u1", "No", "(2, 3, 4)", &data), "C order"),
+        (npy("|u1", "No", "(2, 3, 4)", &data), "fortran_order is No"),
         (b"\x93NUMPY\x09\0".to_vec(), "version 9"),
         (b"\x93NUMPY\x02\0\xff\xff\xff\xff".to_vec(), "4294967295 bytes"),
         (b"not an array".to_vec(), "magic"),
@@ -397,6 +405,26 @@ fn a_stack_that_numpy_saved_has_its_pixels() {
     assert_eq!(pixels, expected);
 }
 
+#[test]
+fn arrays_of_other_shapes_and_orders_have_the_same_frames() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = [folder.path().join("stack.npy")];
+    let at = |k: usize, y: usize, x: usize| (100 * k + 10 * y + x) as u8;
+    let expected: Vec<u8> = (0..2).flat_map(|k| (0..3).flat_map(move |y| (0..4).map(move |x| at(k, y, x)))).collect();
+    let fortran: Vec<u8> = (0..4).flat_map(|x| (0..3).flat_map(move |y| (0..2).map(move |k| at(k, y, x)))).collect();
+    let colours: Vec<u8> = expected.iter().flat_map(|level| [*level; 3]).collect();
+    let all = |file: Vec<u8>| -> Vec<u8> {
+        fs::write(&path[0], file).unwrap();
+        frames(&path, Some(1.0)).into_iter().flat_map(|(_, pixels)| pixels).collect()
+    };
+    assert_eq!(all(npy("|u1", "True", "(2, 3, 4)", &fortran)), expected);
+    assert_eq!(all(npy("|u1", "False", "(2, 3, 4, 3)", &colours)), expected);
+    assert_eq!(all(npy("|u1", "False", "(2, 3, 4, 1)", &expected)), expected);
+    assert_eq!(all(npy("|u1", "False", "(6, 4)", &expected)), expected, "one frame");
+    let archive = [folder.path().join("stack.npz")];
+    assert!(refusal(&archive, Some(1.0)).contains("numpy.save"));
+}
+
 /// A small file of every kind, with its file extension.
 pub fn seeds() -> Vec<(&'static str, Vec<u8>)> {
     let folder = tempfile::tempdir().unwrap();
@@ -416,8 +444,41 @@ pub fn seeds() -> Vec<(&'static str, Vec<u8>)> {
         (".cihx", cihx(8, 4, 3, [8, 8], "Lower").into_bytes()),
         (".cihx", cihx(8, 4, 2, [12, 12], "Lower").into_bytes()),
         (".npy", npy("<u2", "False", "(2, 3, 4)", &[7; 48])),
+        (".npy", npy("|u1", "True", "(2, 3, 4)", &[7; 24])),
     ]);
+    seeds.extend(encoded_seeds());
     seeds
+}
+
+/// Files with the times, tags and descriptions that importers read.
+fn encoded_seeds() -> Vec<(&'static str, Vec<u8>)> {
+    use encoders::{Cine, Field, TiffPage, tiff_file};
+    let times_s = Some(vec![-0.003, -0.002, 0.0, 0.001]);
+    let timed = Cine { times_s, setup: vec![(756, 1), (884, 90)], ..Cine::new([8, 4], 1000, vec![vec![7; 32]; 4]) };
+    let profile = vec![(1048, 2), (1052, 0), (1056, 1), (1116, 500), (1120, 50), (808, 3)];
+    let profiled = Cine { setup: profile, first_image: -2, ..Cine::new([8, 4], 1000, vec![vec![7; 32]; 4]) };
+    let colours = Cine { stored_bits: 24, per_metre: [100, 150], ..Cine::new([4, 4], 1000, vec![vec![7; 48]; 2]) };
+    let text = Field::Text("ImageJ=1.53t\nimages=4\nfinterval=0.001\n".into());
+    let stack = TiffPage::new([6, 4], 8, vec![9; 96], &[(270, text)]);
+    let ome = "<OME><Pixels SizeT=\"2\" TimeIncrement=\"1\" TimeIncrementUnit=\"ms\"><Plane DeltaT=\"0\" />\
+        <Plane DeltaT=\"1\" /></Pixels></OME>";
+    let turned = [(270, Field::Text(ome.into())), (274, Field::Short(vec![6])), (282, Field::Ratio(3, 2))];
+    let turned: Vec<(u16, Field)> = turned.into_iter().chain([(283, Field::Ratio(1, 1))]).collect();
+    let packed = TiffPage::new([6, 4], 12, vec![0x5a; 36], &turned);
+    let planes = [(258, Field::Short(vec![8; 3])), (262, Field::Short(vec![2])), (277, Field::Short(vec![3]))];
+    let planes: Vec<(u16, Field)> = planes.into_iter().chain([(284, Field::Short(vec![2]))]).collect();
+    let planes = TiffPage::new([6, 4], 8, vec![9; 72], &planes);
+    let palette = [(262, Field::Short(vec![3])), (320, Field::Short((0..768).map(|k| k * 80).collect()))];
+    let palette = TiffPage::new([6, 4], 8, (0..24).collect(), &palette);
+    vec![
+        (".cine", timed.bytes()),
+        (".cine", profiled.bytes()),
+        (".cine", colours.bytes()),
+        (".tif", tiff_file(pages::Kind::Little, &[stack])),
+        (".tif", tiff_file(pages::Kind::Big, &[packed.clone(), packed])),
+        (".tif", tiff_file(pages::Kind::Big, &[planes])),
+        (".tif", tiff_file(pages::Kind::Little, &[palette])),
+    ]
 }
 
 /// The directory of real recordings, if it was named.

@@ -26,6 +26,7 @@ mod failure_honesty;
 mod fake_gige;
 mod faults;
 mod field;
+mod field_reports;
 mod field_series;
 mod figures;
 mod genicam;
