@@ -20,7 +20,7 @@ pub struct Footage {
     pub frame_rate_hz: f64,
     /// Number of stored frames.
     pub count: u64,
-    /// Where rate, times, orientation and grey levels come from.
+    /// The sources of rate, times, orientation and grey levels.
     pub provenance: Provenance,
     /// Properties that the file states: camera, exposure, ...
     pub description: BTreeMap<String, String>,

@@ -62,7 +62,7 @@ pub fn open(inputs: &[PathBuf], fps: Option<f64>) -> Result<Footage, ImportError
 ///
 /// # Errors
 ///
-/// As [`open`], or when `order` reverses something else than a sequence of images.
+/// Those of [`open`], and when `order` reverses something else than a sequence of images.
 pub fn open_in_order(inputs: &[PathBuf], fps: Option<f64>, order: Order) -> Result<Footage, ImportError> {
     if let Some(fps) = fps.filter(|fps| !(fps.is_finite() && *fps > 0.0)) {
         return Err(ImportError::FrameRate { reason: format!("--fps {fps} is not a positive number") });

@@ -1,4 +1,4 @@
-//! What a file states about its frames, in one line.
+//! The statements of a file about its frames, in one line.
 
 use super::Orientation;
 use super::timeline::Gaps;
@@ -29,7 +29,7 @@ impl fmt::Display for RateSource {
     }
 }
 
-/// What a file states about its frames, and what was done with it.
+/// The statements of a file about its frames, and their use.
 ///
 /// [`fmt::Display`] prints it in one line.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,13 +40,13 @@ pub struct Provenance {
     pub missing: u64,
     /// Number of places where frames are missing.
     pub gaps: u64,
-    /// How the stored image was turned and mirrored to the displayed one.
+    /// The symmetry from the stored image to the displayed one.
     pub orientation: Orientation,
     /// Width of a stored pixel over its height. Frames whose pixels are not square are resampled.
     pub pixel_aspect: f64,
     /// Significant bits of a grey level.
     pub bits: u32,
-    /// How grey levels were made of the stored ones; empty for a grey film.
+    /// The rule that makes grey levels of the stored ones; empty for a grey film.
     pub grey_rule: String,
 }
 

@@ -11,11 +11,11 @@ pub(super) struct Still {
     pub(super) shape: Shape,
     /// Packed little-endian pixels.
     pub(super) bytes: Vec<u8>,
-    /// How it was made of the stored image.
+    /// The way from the stored image to this one.
     pub(super) look: Look,
 }
 
-/// What a file states about the display of an image.
+/// The statements of a file about the display of an image.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Look {
     pub(super) orientation: Orientation,

@@ -1,6 +1,6 @@
 //! The number and the time of each stored frame.
 //!
-//! Where a file stores the time of each frame, these times decide: a gap between them is a number of missing frames, and
+//! If a file stores the time of each frame, these times decide: a gap between them is a number of missing frames, and
 //! a rate of the header that they contradict is named in a warning and not used. Where it stores none, frames follow each
 //! other at the rate of the header or of the user.
 
@@ -74,7 +74,7 @@ pub(super) struct Timeline {
     slots: Slots,
 }
 
-/// How frames are numbered and timed.
+/// The numbers and the times of frames.
 #[derive(Debug, Clone, PartialEq)]
 enum Slots {
     /// One after the other at a constant rate.
@@ -178,7 +178,7 @@ impl FrameTimes {
     ///
     /// `header` is the rate that the file states elsewhere, `fps` that of the user, which stretches the times: a film in
     /// slow motion stores the times of playback. Returns the timeline and warnings; `None` where the times do not rise,
-    /// or are too coarse to tell frames apart.
+    /// or are too coarse to separate frames.
     pub(super) fn timeline(&self, header: Option<Rate>, fps: Option<f64>) -> Option<(Timeline, Vec<String>)> {
         let grid = self.grid()?;
         let mut warnings = Vec::new();
@@ -211,7 +211,7 @@ impl FrameTimes {
         self.times_ns.windows(2).map(|pair| pair[1].saturating_sub(pair[0])).collect()
     }
 
-    /// The median interval, ns; `None` where the times do not rise, or are too coarse to tell frames apart.
+    /// The median interval, ns; `None` where the times do not rise, or are too coarse to separate frames.
     fn median_ns(&self) -> Option<f64> {
         let mut sorted = self.steps();
         sorted.sort_unstable();

@@ -9,7 +9,7 @@ use crate::import::timeline::{FrameTimes, Rate};
 /// Resolution of times that are written as decimal numbers, ns.
 const RESOLUTION_NS: f64 = 1.0;
 
-/// What the description states about the images of the file.
+/// The statements of the description about the images of the file.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Description {
     /// Number of images.

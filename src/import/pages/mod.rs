@@ -30,8 +30,8 @@ pub(super) struct Stack {
     directories: u64,
     /// The images behind the one of the first directory, which have none of their own.
     behind: Option<Behind>,
-    /// Maximum number of pixels of a page.
-    pixels_max: u64,
+    /// Maximum size of a decoded page, bytes.
+    bytes_max: u64,
     /// The number of the next page.
     next: u64,
 }
@@ -62,12 +62,12 @@ impl Stack {
             )) => return Ok(None),
             walked => walked.map_err(|error| invalid(path, directories, &error))?,
         };
-        let pixels_max = memory_limit_bytes(file_bytes) / 2;
+        let bytes_max = memory_limit_bytes(file_bytes) / 2;
         let text = decoder.find_tag(Tag::ImageDescription).ok().flatten().and_then(|tag| tag.into_string().ok());
         let description = Description::parse(&text.unwrap_or_default());
         description.check().map_err(|reason| ImportError::invalid(path, reason))?;
         let path = path.to_path_buf();
-        let mut stack = Self { path, decoder, description, directories, behind: None, pixels_max, next: 0 };
+        let mut stack = Self { path, decoder, description, directories, behind: None, bytes_max, next: 0 };
         if directories == 1 {
             stack.behind = stack.find_behind(file_bytes)?;
         }
@@ -164,7 +164,7 @@ impl Stack {
         let page = page.map_err(|why| self.refused(why))?;
         let shape: Shape = page.shape(&self.path)?;
         // A page of one bit per pixel grows to a byte per pixel.
-        if u64::from(shape.width_px) * u64::from(shape.height_px) > self.pixels_max {
+        if page.decoded_bytes() > self.bytes_max {
             return Err(invalid(&self.path, self.next, &TiffError::LimitsExceeded));
         }
         let look = page.look(&mut self.decoder, &self.path)?;

@@ -97,6 +97,12 @@ impl Page {
         pixels.saturating_mul(self.samples as u64 * u64::from(self.bits / 8))
     }
 
+    /// Size of the samples in whole bytes.
+    pub(super) fn decoded_bytes(&self) -> u64 {
+        let pixels = u64::from(self.width_px) * u64::from(self.height_px);
+        pixels.saturating_mul(self.samples as u64 * if self.bits > 8 { 2 } else { 1 })
+    }
+
     /// Shape of the grey image.
     pub(super) fn shape(&self, path: &Path) -> Result<Shape, ImportError> {
         let format = match self.bits {
@@ -127,7 +133,7 @@ impl Page {
     pub(super) fn decode(&self, decoder: &mut Tiff) -> TiffResult<Vec<u8>> {
         let layout = decoder.image_buffer_layout()?;
         // The limits of the decoder hold for the buffers of its own.
-        if layout.complete_len as u64 > crate::import::FRAME_BYTES {
+        if layout.complete_len as u64 > self.decoded_bytes() {
             return Err(TiffError::LimitsExceeded);
         }
         let mut samples = vec![0; layout.complete_len];

@@ -10,7 +10,7 @@ use crate::import::{ImportError, grey, unpack_high_first};
 const PACKED: u32 = 256;
 const PACKED_LINEAR: u32 = 1024;
 
-/// How a pixel is stored.
+/// The storage of a pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Storage {
     /// Whole bytes per pixel, in rows of a Windows bitmap.

@@ -15,7 +15,7 @@ const INTERLEAVED: f64 = 0.1;
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Samples {
     Grey,
-    /// As the sensor delivers them: grey, or under a mosaic of colours.
+    /// The levels of the sensor: grey, or under a mosaic of colours.
     Raw,
     Mosaic,
     /// Red, green and blue of each pixel.

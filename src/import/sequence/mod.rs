@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 /// The order of the images of a sequence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Order {
-    /// By their numbers, or as they are given.
+    /// The order of their numbers, or else the given one.
     #[default]
     Forward,
     /// The other way round.

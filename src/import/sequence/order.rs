@@ -61,10 +61,10 @@ impl Sequence {
         match dates {
             Some(dates) => {
                 let order = sorted(&dates.times_ns);
-                Self::in_order(&listed, &order).map(|mut sequence| {
-                    sequence.times = Some(dates.taken(&sequence.order_of(&listed)));
-                    sequence
-                })
+                let mut sequence = Self::in_order(&listed, &order)?;
+                let taken = dates.taken(&sequence.order_of(&listed));
+                sequence.times = taken.times_ns.is_sorted().then_some(taken);
+                Ok(sequence)
             }
             None => {
                 let column = running_number(&listed.paths, &columns)?;

@@ -194,7 +194,7 @@ fn names_order_a_sequence_or_leave_it_open() {
     };
     // Dates, times since 1970 and units are times.
     let dates = ["d_2024-05-01_12-00-00.0003", "d_2024-05-01_12-00-00.0001", "d_2024-05-01_11-59-59.9999"];
-    let by_date = read(&dates, None, Order::Forward).unwrap().0;
+    let by_date = read(&dates, Some(1000.0), Order::Forward).unwrap().0;
     assert_eq!(by_date.iter().map(|(level, _)| *level).collect::<Vec<_>>(), [0, 1, 2], "an order that no shell gives");
     let mut listed = dates;
     listed.sort_unstable();
