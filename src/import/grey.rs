@@ -1,6 +1,6 @@
 //! Grey levels of colour images: one rule for every format.
 
-use super::footage::Shape;
+use super::shape::Shape;
 use crate::image::PixelFormat;
 
 /// The rule for red, green and blue per pixel.

@@ -15,7 +15,9 @@ mod pages;
 mod phantom;
 mod photron;
 mod provenance;
+mod rate;
 mod sequence;
+mod shape;
 mod square;
 mod still;
 mod timeline;
@@ -24,11 +26,12 @@ mod video;
 pub use error::ImportError;
 pub use footage::Footage;
 pub use orientation::Orientation;
-pub use provenance::{Provenance, RateSource};
+pub use provenance::Provenance;
+pub use rate::RateSource;
 pub use sequence::Order;
 
-use footage::FRAME_BYTES;
-use sequence::list::{is_collection, is_image};
+use sequence::{is_collection, is_image};
+use shape::FRAME_BYTES;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 

@@ -2,8 +2,10 @@
 //!
 //! Layout: "A simple file format for NumPy arrays" (NumPy Enhancement Proposal 1).
 
-use super::footage::{Footage, Shape};
-use super::timeline::{Rate, Timeline};
+use super::footage::Footage;
+use super::rate::Rate;
+use super::shape::Shape;
+use super::timeline::Timeline;
 use super::{FRAME_BYTES, ImportError, grey, open_file};
 use crate::image::PixelFormat;
 use std::fs::File;

@@ -1,6 +1,6 @@
 //! Mirrored and turned images.
 
-use super::footage::Shape;
+use super::shape::Shape;
 use std::fmt;
 
 /// The symmetry that takes a stored image to the displayed one: first a transposition, then mirrorings.

@@ -1,33 +1,10 @@
 //! The statements of a file about its frames, in one line.
 
 use super::Orientation;
+use super::rate::RateSource;
 use super::timeline::Gaps;
 use crate::image::PixelFormat;
 use std::fmt;
-
-/// The source of a frame rate.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum RateSource {
-    /// The user.
-    Option,
-    /// The times that the file stores with each frame.
-    FrameTimes,
-    /// A field of the file, by its name there.
-    Header(String),
-    /// The rate at which the film plays, which slow motion does not share with the scene.
-    Playback,
-}
-
-impl fmt::Display for RateSource {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Option => formatter.write_str("by --fps"),
-            Self::FrameTimes => formatter.write_str("by the times of the frames"),
-            Self::Header(field) => write!(formatter, "by the file's {field}"),
-            Self::Playback => formatter.write_str("of playback"),
-        }
-    }
-}
 
 /// The statements of a file about its frames, and their use.
 ///

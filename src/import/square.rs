@@ -1,6 +1,6 @@
 //! Images whose pixels are not square.
 
-use super::footage::{FRAME_BYTES, Shape};
+use super::shape::{FRAME_BYTES, Shape};
 use image::imageops::{FilterType, resize};
 use image::{ImageBuffer, Luma, Primitive};
 use std::ops::RangeInclusive;

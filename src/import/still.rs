@@ -1,6 +1,6 @@
 //! A grey image out of a file of still images.
 
-use super::footage::Shape;
+use super::shape::Shape;
 use super::{ImportError, Orientation, grey, square};
 use crate::image::{PixelFormat, grey_pixels};
 use image::DynamicImage;

@@ -4,9 +4,7 @@
 //! a rate of the header that they contradict is named in a warning and not used. Where it stores none, frames follow each
 //! other at the rate of the header or of the user.
 
-use super::{ImportError, RateSource};
-use std::ops::RangeInclusive;
-use std::path::Path;
+use super::rate::{Rate, RateSource};
 
 /// Relative difference of two rates that contradict each other.
 const CONTRADICTION: f64 = 0.01;
@@ -17,33 +15,6 @@ const OFF_GRID: f64 = 0.25;
 const IRREGULAR: f64 = 0.1;
 /// Number of equal long intervals in a row that is another rate, and no gaps.
 const RATE_CHANGE: usize = 4;
-/// Rates of a header that can be meant, frames per second: others are damaged or empty fields.
-const RATES_HZ: RangeInclusive<f64> = 1e-3..=1e12;
-
-/// A frame rate and its source.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Rate {
-    pub(super) hz: f64,
-    pub(super) source: RateSource,
-}
-
-impl Rate {
-    /// The rate that a field of the file states; `None` when it is no rate.
-    pub(super) fn of_header(hz: f64, field: &str) -> Option<Self> {
-        RATES_HZ.contains(&hz).then(|| Self { hz, source: RateSource::Header(field.to_owned()) })
-    }
-
-    /// Returns the rate of the user, or else that of the file.
-    ///
-    /// # Errors
-    ///
-    /// [`ImportError::FrameRate`] when neither states one.
-    pub(super) fn known(path: &Path, fps: Option<f64>, of_file: Option<Self>) -> Result<Self, ImportError> {
-        fps.map(|hz| Self { hz, source: RateSource::Option }).or(of_file).ok_or_else(|| ImportError::FrameRate {
-            reason: format!("{} does not record it; pass --fps", path.display()),
-        })
-    }
-}
 
 /// Frames that are missing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -215,7 +186,8 @@ impl FrameTimes {
     fn median_ns(&self) -> Option<f64> {
         let mut sorted = self.steps();
         sorted.sort_unstable();
-        let median_ns = *sorted.get(sorted.len() / 2)? as f64;
+        // Gaps make intervals longer, never shorter: of two in the middle, the shorter one counts.
+        let median_ns = *sorted.get(sorted.len().saturating_sub(1) / 2)? as f64;
         let is_rising = sorted.first().is_none_or(|least| *least > 0);
         (is_rising && median_ns >= 2.0 * self.resolution_ns).then_some(median_ns)
     }

@@ -1,7 +1,9 @@
 //! Films of any kind, decoded by an installed ffmpeg.
 
-use super::footage::{Footage, Pixels, Shape};
-use super::timeline::{Rate, Timeline};
+use super::footage::{Footage, Pixels};
+use super::rate::Rate;
+use super::shape::Shape;
+use super::timeline::Timeline;
 use super::{ImportError, RateSource, memory_limit_bytes, open_file};
 use crate::image::PixelFormat;
 use std::collections::BTreeMap;

@@ -275,7 +275,7 @@ fn write_cine(folder: &Path, bytes: &[u8]) -> [PathBuf; 1] {
 #[test]
 fn phantom_images_are_upright_in_either_storage_order() {
     let folder = tempfile::tempdir().unwrap();
-    let rows: Vec<Vec<u8>> = (0..3_u8).map(|y| (0..8).map(|x| x + 10 * y).collect()).collect();
+    let rows: Vec<Vec<u8>> = (0..3_u8).map(|y| (0..8).map(|x| x + 4 * y).collect()).collect();
     let upright = rows.concat();
     let upside_down: Vec<u8> = rows.iter().rev().flatten().copied().collect();
     for (height, stored) in [(3, &upside_down), (-3, &upright)] {
@@ -446,39 +446,8 @@ pub fn seeds() -> Vec<(&'static str, Vec<u8>)> {
         (".npy", npy("<u2", "False", "(2, 3, 4)", &[7; 48])),
         (".npy", npy("|u1", "True", "(2, 3, 4)", &[7; 24])),
     ]);
-    seeds.extend(encoded_seeds());
+    seeds.extend(variants::seeds());
     seeds
-}
-
-/// Files with the times, tags and descriptions that importers read.
-fn encoded_seeds() -> Vec<(&'static str, Vec<u8>)> {
-    use encoders::{Cine, Field, TiffPage, tiff_file};
-    let times_s = Some(vec![-0.003, -0.002, 0.0, 0.001]);
-    let timed = Cine { times_s, setup: vec![(756, 1), (884, 90)], ..Cine::new([8, 4], 1000, vec![vec![7; 32]; 4]) };
-    let profile = vec![(1048, 2), (1052, 0), (1056, 1), (1116, 500), (1120, 50), (808, 3)];
-    let profiled = Cine { setup: profile, first_image: -2, ..Cine::new([8, 4], 1000, vec![vec![7; 32]; 4]) };
-    let colours = Cine { stored_bits: 24, per_metre: [100, 150], ..Cine::new([4, 4], 1000, vec![vec![7; 48]; 2]) };
-    let text = Field::Text("ImageJ=1.53t\nimages=4\nfinterval=0.001\n".into());
-    let stack = TiffPage::new([6, 4], 8, vec![9; 96], &[(270, text)]);
-    let ome = "<OME><Pixels SizeT=\"2\" TimeIncrement=\"1\" TimeIncrementUnit=\"ms\"><Plane DeltaT=\"0\" />\
-        <Plane DeltaT=\"1\" /></Pixels></OME>";
-    let turned = [(270, Field::Text(ome.into())), (274, Field::Short(vec![6])), (282, Field::Ratio(3, 2))];
-    let turned: Vec<(u16, Field)> = turned.into_iter().chain([(283, Field::Ratio(1, 1))]).collect();
-    let packed = TiffPage::new([6, 4], 12, vec![0x5a; 36], &turned);
-    let planes = [(258, Field::Short(vec![8; 3])), (262, Field::Short(vec![2])), (277, Field::Short(vec![3]))];
-    let planes: Vec<(u16, Field)> = planes.into_iter().chain([(284, Field::Short(vec![2]))]).collect();
-    let planes = TiffPage::new([6, 4], 8, vec![9; 72], &planes);
-    let palette = [(262, Field::Short(vec![3])), (320, Field::Short((0..768).map(|k| k * 80).collect()))];
-    let palette = TiffPage::new([6, 4], 8, (0..24).collect(), &palette);
-    vec![
-        (".cine", timed.bytes()),
-        (".cine", profiled.bytes()),
-        (".cine", colours.bytes()),
-        (".tif", tiff_file(pages::Kind::Little, &[stack])),
-        (".tif", tiff_file(pages::Kind::Big, &[packed.clone(), packed])),
-        (".tif", tiff_file(pages::Kind::Big, &[planes])),
-        (".tif", tiff_file(pages::Kind::Little, &[palette])),
-    ]
 }
 
 /// The directory of real recordings, if it was named.

@@ -4,7 +4,8 @@
 //! Environment); the Python package tifffile writes a JSON object.
 
 use crate::import::RateSource;
-use crate::import::timeline::{FrameTimes, Rate};
+use crate::import::rate::Rate;
+use crate::import::timeline::FrameTimes;
 
 /// Resolution of times that are written as decimal numbers, ns.
 const RESOLUTION_NS: f64 = 1.0;

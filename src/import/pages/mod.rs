@@ -4,9 +4,10 @@ mod description;
 mod first_directory;
 mod page;
 
-use super::footage::Shape;
+use super::rate::Rate;
+use super::shape::Shape;
 use super::still::{Look, Still};
-use super::timeline::{FrameTimes, Rate};
+use super::timeline::FrameTimes;
 use super::{ImportError, memory_limit_bytes, open_file};
 use description::Description;
 use page::Page;

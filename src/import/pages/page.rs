@@ -1,11 +1,11 @@
 //! The pixels of a page: stored samples to grey levels.
 
 use crate::image::PixelFormat;
-use crate::import::footage::Shape;
+use crate::import::shape::Shape;
 use crate::import::still::Look;
 use crate::import::{ImportError, Orientation, grey, unpack_high_first};
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 use tiff::decoder::Decoder;
 use tiff::decoder::ifd::Value;
@@ -16,6 +16,8 @@ type Tiff = Decoder<BufReader<File>>;
 
 /// `Compression` without any.
 const UNCOMPRESSED: u32 = 1;
+/// `PhotometricInterpretation` of negatives.
+const WHITE_IS_ZERO: u32 = 0;
 
 /// The meaning of the samples of a pixel.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,6 +62,12 @@ impl Page {
             other => return Ok(Err(format!("colours of kind {other:?}; save it in grey or as RGB"))),
         };
         let bits = u32::from(color.bit_depth());
+        let compression = decoder.find_tag_unsigned::<u32>(Tag::Compression)?.unwrap_or(UNCOMPRESSED);
+        let is_packed = (9..=15).contains(&bits);
+        if is_packed && (compression != UNCOMPRESSED || is_unusual(decoder)?) {
+            let cure = "save it with 16 bits, or uncompressed in strips";
+            return Ok(Err(format!("{bits} bits per pixel, compressed, in tiles or with white as 0; {cure}")));
+        }
         let cure = match layout.sample_format {
             SampleFormat::Uint | SampleFormat::Void => None,
             SampleFormat::Int => Some("signed numbers; add 2^(bits-1) and save them as unsigned ones"),
@@ -137,11 +145,9 @@ impl Page {
             return Err(TiffError::LimitsExceeded);
         }
         let mut samples = vec![0; layout.complete_len];
-        decoder.read_image_bytes(&mut samples)?;
-        if self.is_swapped && (9..=15).contains(&self.bits) {
-            // The decoder takes packed samples for words and swaps their bytes.
-            let row = layout.row_stride.map_or(samples.len(), |stride| stride.get()).max(1);
-            samples.chunks_mut(row).for_each(swap_pairs);
+        match self.bits {
+            9..=15 => read_strips(decoder, &mut samples)?,
+            _ => decoder.read_image_bytes(&mut samples)?,
         }
         Ok(samples)
     }
@@ -220,6 +226,29 @@ impl Page {
                 samples.chunks_exact(row_bytes).flat_map(row).collect()
             }
         }
+    }
+}
+
+/// Whether packed samples are stored in tiles, or with white as 0.
+fn is_unusual(decoder: &mut Tiff) -> TiffResult<bool> {
+    let is_tiled = decoder.find_tag(Tag::TileWidth)?.is_some();
+    Ok(is_tiled || decoder.find_tag_unsigned::<u32>(Tag::PhotometricInterpretation)? == Some(WHITE_IS_ZERO))
+}
+
+/// Reads uncompressed strips one after the other. The decoder itself unpacks whole bytes only.
+fn read_strips(decoder: &mut Tiff, mut into: &mut [u8]) -> TiffResult<()> {
+    let offsets = decoder.find_tag_unsigned_vec::<u64>(Tag::StripOffsets)?.unwrap_or_default();
+    let counts = decoder.find_tag_unsigned_vec::<u64>(Tag::StripByteCounts)?.unwrap_or_default();
+    for (offset, count) in offsets.into_iter().zip(counts) {
+        let (strip, rest) = into.split_at_mut(usize::try_from(count).unwrap_or(usize::MAX).min(into.len()));
+        let reader = decoder.inner();
+        reader.seek(SeekFrom::Start(offset))?;
+        reader.read_exact(strip)?;
+        into = rest;
+    }
+    match into.len() {
+        0 => Ok(()),
+        missing => Err(TiffError::IoError(std::io::Error::other(format!("{missing} bytes of the page are missing")))),
     }
 }
 

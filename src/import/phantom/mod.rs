@@ -8,7 +8,8 @@ mod setup;
 mod times;
 
 use super::footage::{Footage, Pixels};
-use super::timeline::{FrameTimes, Rate, Timeline};
+use super::rate::Rate;
+use super::timeline::{FrameTimes, Timeline};
 use super::{ImportError, open_file};
 use pixels::Layout;
 use setup::Setup;

@@ -3,7 +3,8 @@
 use super::setup::Setup;
 use super::{Cine, u16_at, u32_at};
 use crate::image::PixelFormat;
-use crate::import::footage::{Pixels, Shape};
+use crate::import::footage::Pixels;
+use crate::import::shape::Shape;
 use crate::import::{ImportError, grey, unpack_high_first};
 
 /// `biCompression` of pixels packed without gaps: 10 bits on the curve of the camera, or 12 linear bits.

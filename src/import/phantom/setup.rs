@@ -4,7 +4,7 @@
 
 use super::times::Profile;
 use super::{Cine, u16_at, u32_at};
-use crate::import::timeline::Rate;
+use crate::import::rate::Rate;
 use crate::import::{ImportError, Orientation};
 use std::collections::BTreeMap;
 
@@ -23,6 +23,7 @@ const REAL_BITS: usize = 896;
 const PROFILE_STEPS: usize = 1048;
 const PROFILE_IMAGES: usize = 1052;
 const PROFILE_RATES: usize = 1116;
+const DECIMATION: usize = 1556;
 const SHUTTER_NS: usize = 1568;
 const ENABLE_CROP: usize = 6868;
 const CROP_RECT: usize = 6872;
@@ -149,6 +150,9 @@ impl Setup {
                 edge(1),
                 edge(3)
             ));
+        }
+        if let Some(decimation) = self.u32(DECIMATION).filter(|decimation| *decimation > 1) {
+            warnings.push(format!("the camera sent one of {decimation} images (Decimation)"));
         }
         if self.is_set(ENABLE_RESAMPLE) {
             warnings.push("the file asks for resampled images; they are measured as stored".into());

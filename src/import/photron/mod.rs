@@ -4,7 +4,8 @@ mod header;
 mod pixels;
 
 use super::footage::Footage;
-use super::timeline::{Rate, Timeline};
+use super::rate::Rate;
+use super::timeline::Timeline;
 use super::{ImportError, RateSource, extension, open_file};
 use header::Header;
 use pixels::Layout;

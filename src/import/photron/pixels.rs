@@ -2,7 +2,7 @@
 
 use super::header::{self, Header};
 use crate::image::PixelFormat;
-use crate::import::footage::Shape;
+use crate::import::shape::Shape;
 use crate::import::{ImportError, grey, levels, unpack_high_first};
 use std::path::Path;
 

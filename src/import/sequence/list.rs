@@ -1,6 +1,6 @@
 //! The files of a sequence: as they are given, in a folder, or by a pattern with wildcards.
 
-use super::super::{ImportError, extension};
+use crate::import::{ImportError, extension};
 use std::fs;
 use std::path::{Path, PathBuf};
 

@@ -4,12 +4,15 @@ mod names;
 mod order;
 mod times;
 
-pub(super) mod list;
+mod list;
+
+pub(super) use list::{is_collection, is_image};
 
 use super::footage::Footage;
 use super::pages::Stack;
+use super::rate::Rate;
 use super::still::{Look, Still};
-use super::timeline::{FrameTimes, Rate, Timeline};
+use super::timeline::{FrameTimes, Timeline};
 use super::{ImportError, Orientation, RateSource, extension, memory_limit_bytes, open_file};
 use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
 use list::Listed;

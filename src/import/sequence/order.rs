@@ -124,7 +124,7 @@ impl Sequence {
         let mut steps: Vec<i128> = values.windows(2).map(|pair| pair[1] - pair[0]).collect();
         let divisor = steps.iter().copied().fold(0, divisor).max(1);
         steps.sort_unstable();
-        let typical = steps[steps.len() / 2];
+        let typical = steps[(steps.len() - 1) / 2];
         if typical > COUNTER_STEP_MAX * divisor {
             let times_ns = values.iter().map(|value| i64::try_from(value - values[0]).unwrap_or(i64::MAX)).collect();
             self.times = Some(FrameTimes { times_ns, resolution_ns: 1.0 });

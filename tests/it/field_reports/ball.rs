@@ -123,14 +123,10 @@ pub fn refusal(arguments: &[&str]) -> String {
 
 impl Measured {
     /// Checks every frame against the truth within 3 sigma and 1 % of the largest value of its kind.
-    pub fn check(&self, truth: [f64; 3], frames: usize) {
-        let messages = &self.messages;
-        assert!(
-            self.frames == frames && self.rows.len() + 4 >= frames,
-            "{} of {}: {messages}",
-            self.rows.len(),
-            self.frames
-        );
+    pub fn check(&self, truth: [f64; 3], stored: usize, missing: usize) {
+        let (messages, measured) = (&self.messages, self.rows.len());
+        let is_whole = self.frames == stored + missing && measured + 2 >= stored;
+        assert!(is_whole, "{measured} of {} rows, {stored} frames: {messages}", self.frames);
         let speed = truth[0].hypot(truth[1]);
         for row in &self.rows {
             for (index, scale) in [speed, speed, truth[2].abs()].into_iter().enumerate() {

@@ -230,17 +230,73 @@ fn folders_and_patterns_are_sequences_of_one_kind() {
     let folder = tempfile::tempdir().unwrap();
     let save =
         |name: &str, level: u8| GrayImage::from_pixel(2, 2, Luma([level])).save(folder.path().join(name)).unwrap();
-    (0..12).for_each(|k| save(&format!("p{k}.png"), k));
+    (0..12).for_each(|k| save(&format!("p{k}.png"), 20 * k));
     fs::write(folder.path().join("notes.txt"), "no image").unwrap();
     let levels = |input: PathBuf| -> Vec<u8> {
         assert!(import::is_importable(&input));
         frames(&[input], Some(1.0)).iter().map(|(_, pixels)| pixels[0]).collect()
     };
-    assert_eq!(levels(folder.path().to_path_buf()), (0..12).collect::<Vec<u8>>());
-    assert_eq!(levels(folder.path().join("p1*.png")), [1, 10, 11]);
+    assert_eq!(levels(folder.path().to_path_buf()), (0..12).map(|k| 20 * k).collect::<Vec<u8>>());
+    assert_eq!(levels(folder.path().join("p1*.png")), [20, 200, 220]);
     save("q.bmp", 1);
     assert!(refusal(&[folder.path().to_path_buf()], Some(1.0)).contains("end in bmp and in png"));
     assert!(refusal(&[folder.path().join("z*.png")], Some(1.0)).contains("no images"));
+}
+
+/// A JPEG file with an Exif orientation.
+pub fn jpeg(orientation: u8) -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.jpg");
+    // Dark on the left, in blocks that the compression keeps.
+    GrayImage::from_fn(32, 16, |x, _| Luma([if x < 16 { 20 } else { 200 }])).save(&path).unwrap();
+    let plain = fs::read(&path).unwrap();
+    let mut exif = b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".to_vec();
+    exif.extend([orientation, 0, 0, 0, 0, 0, 0, 0]);
+    let segment = [&[0xff, 0xe1][..], &(exif.len() as u16 + 2).to_be_bytes(), &exif].concat();
+    [&plain[..2], &segment, &plain[2..]].concat()
+}
+
+/// Files with the times, tags and descriptions that importers read.
+pub fn seeds() -> Vec<(&'static str, Vec<u8>)> {
+    let times_s = Some(vec![-0.003, -0.002, 0.0, 0.001]);
+    let timed = Cine { times_s, setup: vec![(756, 1), (884, 90)], ..Cine::new([8, 4], 1000, vec![vec![7; 32]; 4]) };
+    let profile = vec![(1048, 2), (1052, 0), (1056, 1), (1116, 500), (1120, 50), (808, 3)];
+    let profiled = Cine { setup: profile, first_image: -2, ..Cine::new([8, 4], 1000, vec![vec![7; 32]; 4]) };
+    let colours = Cine { stored_bits: 24, per_metre: [100, 150], ..Cine::new([4, 4], 1000, vec![vec![7; 48]; 2]) };
+    let text = Field::Text("ImageJ=1.53t\nimages=4\nfinterval=0.001\n".into());
+    let stack = TiffPage::new([6, 4], 8, vec![9; 96], &[(270, text)]);
+    let ome = "<OME><Pixels SizeT=\"2\" TimeIncrement=\"1\" TimeIncrementUnit=\"ms\"><Plane DeltaT=\"0\" />\
+        <Plane DeltaT=\"1\" /></Pixels></OME>";
+    let turned = [(270, Field::Text(ome.into())), (274, Field::Short(vec![6])), (282, Field::Ratio(3, 2))];
+    let turned: Vec<(u16, Field)> = turned.into_iter().chain([(283, Field::Ratio(1, 1))]).collect();
+    let packed = TiffPage::new([6, 4], 12, vec![0x5a; 36], &turned);
+    let planes = [(258, Field::Short(vec![8; 3])), (262, Field::Short(vec![2])), (277, Field::Short(vec![3]))];
+    let planes: Vec<(u16, Field)> = planes.into_iter().chain([(284, Field::Short(vec![2]))]).collect();
+    let planes = TiffPage::new([6, 4], 8, vec![9; 72], &planes);
+    let palette = [(262, Field::Short(vec![3])), (320, Field::Short((0..768).map(|k| k * 80).collect()))];
+    let palette = TiffPage::new([6, 4], 8, (0..24).collect(), &palette);
+    vec![
+        (".jpg", jpeg(6)),
+        (".cine", timed.bytes()),
+        (".cine", profiled.bytes()),
+        (".cine", colours.bytes()),
+        (".tif", tiff_file(Kind::Little, &[stack])),
+        (".tif", tiff_file(Kind::Big, &[packed.clone(), packed])),
+        (".tif", tiff_file(Kind::Big, &[planes])),
+        (".tif", tiff_file(Kind::Little, &[palette])),
+    ]
+}
+
+#[test]
+fn photographs_are_turned_as_they_were_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    for (orientation, size, dark_at) in [(1, [32, 16], 0), (3, [32, 16], 511), (6, [16, 32], 0), (8, [16, 32], 511)] {
+        let path = written(folder.path(), "a.jpg", jpeg(orientation));
+        let footage = import::open(&path, Some(1.0)).unwrap();
+        assert_eq!([footage.width_px, footage.height_px], size, "orientation {orientation}");
+        let pixels = footage.map(|frame| frame.unwrap().1).next().unwrap();
+        assert!(pixels[dark_at] < 40 && pixels[511 - dark_at] > 180, "orientation {orientation}");
+    }
 }
 
 #[test]
