@@ -101,6 +101,9 @@ fn results_record() -> Record {
 fn free_results_path(inputs: &[PathBuf], camera: Option<&str>) -> PathBuf {
     let input = inputs.first().map_or_else(|| Path::new("film"), PathBuf::as_path);
     let stem = input.file_stem().map_or_else(|| "recording".into(), |stem| stem.to_string_lossy().into_owned());
+    // A pattern such as `shot/*.png` is no name of a file.
+    let stem = stem.replace(['*', '?', '[', ']'], "");
+    let stem = if stem.is_empty() { "images".to_owned() } else { stem };
     let camera = camera.map_or_else(String::new, |camera| format!(".{camera}"));
     let numbered = |number: u32| input.with_file_name(format!("{stem}{camera}.results-{number}.mcap"));
     (1..u32::MAX).map(numbered).find(|path| !path.exists()).unwrap_or_else(|| numbered(u32::MAX))

@@ -170,6 +170,10 @@ fn read(path: &Path) -> Result<Still, ImportError> {
     let mut decoder = reader.into_decoder().map_err(invalid)?;
     let tag = decoder.orientation().map_err(invalid)?.to_exif();
     let orientation = Orientation::of_tag(tag.into()).unwrap_or_default();
+    let bytes = decoder.total_bytes();
+    if bytes > memory_limit_bytes(file_bytes) {
+        return Err(ImportError::invalid(path, format!("an image of {bytes} bytes in a file of {file_bytes}")));
+    }
     let picture = DynamicImage::from_decoder(decoder).map_err(invalid)?;
     Still::of_picture(path, picture, Look { orientation, is_lossy, ..Look::default() })
 }

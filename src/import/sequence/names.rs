@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 
 /// Maximum number of digits of a number.
 const DIGITS_MAX: usize = 30;
+/// Mean step of a counter at most; fractions of a second have larger ones.
+const COUNTER_STEP: i128 = 8;
 
 /// A file name, taken apart into numbers and the texts around them.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -133,6 +135,12 @@ impl Column {
     /// Whether all numbers have as many digits.
     pub(super) fn is_padded(&self) -> bool {
         self.digits.iter().all(|digits| *digits == self.digits[0])
+    }
+
+    /// Whether the numbers are as dense as those of a counter.
+    pub(super) fn counts(&self) -> bool {
+        let (least, most) = (self.values.iter().min().unwrap_or(&0), self.values.iter().max().unwrap_or(&0));
+        self.is_unique() && most - least < COUNTER_STEP * self.values.len() as i128
     }
 
     pub(super) fn is_unique(&self) -> bool {

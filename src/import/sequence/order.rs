@@ -2,9 +2,10 @@
 
 use super::list::{Listed, Lister};
 use super::names::{Column, Unnumbered, columns};
-use super::times;
+use super::times::{self, Dates};
 use crate::import::ImportError;
 use crate::import::timeline::FrameTimes;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// Maximum number of gaps listed one by one.
@@ -57,20 +58,34 @@ impl Sequence {
                 return Err(ImportError::invalid(&listed.paths[0], reason));
             }
         };
-        let dates = times::of_dates(&columns).filter(|dates| dates.times_ns.windows(2).any(|pair| pair[0] != pair[1]));
+        let dates = times::of_dates(&columns).filter(|dates| columns[dates.places.clone()].iter().any(Column::varies));
         match dates {
-            Some(dates) => {
-                let order = sorted(&dates.times_ns);
+            Some(Dates { times, places }) if !is_numbered(&columns, &places) || Dates::are_distinct(&times) => {
+                let order = sorted(&times.times_ns);
                 let mut sequence = Self::in_order(&listed, &order)?;
-                let taken = dates.taken(&sequence.order_of(&listed));
+                let taken = times.taken(&sequence.order_of(&listed));
                 sequence.times = taken.times_ns.is_sorted().then_some(taken);
                 Ok(sequence)
             }
-            None => {
-                let column = running_number(&listed.paths, &columns)?;
-                Self::of_column(&listed, &column)
-            }
+            Some(Dates { times, places }) => Self::of_dated_column(&listed, columns, &times, &places),
+            None => Self::of_column(&listed, &running_number(&listed.paths, &columns)?),
         }
+    }
+
+    /// Orders images by a number next to a date that is too coarse to time them.
+    fn of_dated_column(
+        listed: &Listed,
+        mut columns: Vec<Column>,
+        dates: &FrameTimes,
+        places: &Range<usize>,
+    ) -> Result<Self, ImportError> {
+        columns.drain(places.clone());
+        let column = running_number(&listed.paths, &columns)?;
+        if !dates.taken(&column.order()).times_ns.is_sorted() {
+            let reason = format!("the order is not clear: by {}, or by the dates in the names", column.range());
+            return Err(ImportError::invalid(&listed.paths[0], reason));
+        }
+        Self::of_column(listed, &column)
     }
 
     /// Orders images by the numbers of a column.
@@ -242,6 +257,11 @@ fn is_listing(paths: &[PathBuf]) -> bool {
     paths.windows(2).all(|pair| pair[0].as_os_str() <= pair[1].as_os_str())
         || paths.windows(2).all(|pair| letters(&pair[0]) <= letters(&pair[1]))
         || paths.windows(2).all(|pair| ranked(&pair[0]) <= ranked(&pair[1]))
+}
+
+/// Whether a number besides those at these places varies.
+fn is_numbered(columns: &[Column], places: &Range<usize>) -> bool {
+    columns.iter().enumerate().any(|(place, column)| !places.contains(&place) && column.varies())
 }
 
 fn sorted(times_ns: &[i64]) -> Vec<usize> {

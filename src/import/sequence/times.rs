@@ -9,12 +9,32 @@ const PARTS: [usize; 6] = [4, 2, 2, 2, 2, 2];
 const EPOCH_S: std::ops::Range<i128> = 946_684_800..4_102_444_800;
 const SECOND_NS: i128 = 1_000_000_000;
 
-/// Returns the times of a date and a time of day in the names, such as `2024-05-01_12-00-00.123456`.
-pub(super) fn of_dates(columns: &[Column]) -> Option<FrameTimes> {
+/// Dates with a time of day in names.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Dates {
+    pub(super) times: FrameTimes,
+    /// The places of the numbers that form them.
+    pub(super) places: std::ops::Range<usize>,
+}
+
+impl Dates {
+    /// Whether they are fine enough to time the images.
+    pub(super) fn are_distinct(times: &FrameTimes) -> bool {
+        let mut sorted = times.times_ns.clone();
+        sorted.sort_unstable();
+        sorted.windows(2).all(|pair| pair[1].saturating_sub(pair[0]) as f64 > times.resolution_ns)
+    }
+}
+
+/// Returns the dates with a time of day in the names, such as `2024-05-01_12-00-00.123456`.
+pub(super) fn of_dates(columns: &[Column]) -> Option<Dates> {
     let start = (0..columns.len()).find(|start| date_length(&columns[*start..]).is_some())?;
     let columns = &columns[start..];
     let length = date_length(columns)?;
-    let fraction = columns.get(length).filter(|fraction| fraction.varies());
+    let is_point = |before: &str| matches!(before, "." | ",");
+    // Digits behind another sign are a fraction, too, unless they count the images.
+    let is_fraction = |column: &&Column| column.varies() && (is_point(&column.before) || !column.counts());
+    let fraction = columns.get(length).filter(is_fraction);
     let names = columns.first()?.values.len();
     let times_ns: Option<Vec<i64>> = (0..names)
         .map(|name| {
@@ -32,7 +52,9 @@ pub(super) fn of_dates(columns: &[Column]) -> Option<FrameTimes> {
     let is_padded = fraction.is_none_or(Column::is_padded);
     let places = fraction.map_or(0, |fraction| fraction.digits[0] as i32);
     let resolution_ns = 10_f64.powi(9 - places);
-    Some(FrameTimes { times_ns: times_ns.filter(|_| is_padded)?, resolution_ns })
+    let end = start + length + usize::from(fraction.is_some());
+    let times = FrameTimes { times_ns: times_ns.filter(|_| is_padded)?, resolution_ns };
+    Some(Dates { times, places: start..end })
 }
 
 /// The number of columns at the beginning that hold a date and a time of day.

@@ -205,6 +205,10 @@ fn names_order_a_sequence_or_leave_it_open() {
     assert_eq!([stamps[1] - stamps[0], stamps[2] - stamps[0]], [200_000, 600_000]);
     let by_unit = read(&["t_0.2ms", "t_0.4ms", "t_0.6ms"], None, Order::Forward).unwrap().0;
     assert_eq!(by_unit[2].1 - by_unit[0].1, 400_000);
+    // A date in whole seconds next to a counter times nothing.
+    let counted = ["c_2024-05-01_12-00-00_0009", "c_2024-05-01_12-00-00_0010", "c_2024-05-01_12-00-01_0012"];
+    let (frames, warnings) = read(&counted, Some(1000.0), Order::Forward).unwrap();
+    assert_eq!(frames, [(0, 0), (1, 1_000_000), (2, 3_000_000)], "{warnings}");
     // Decimal numbers and several numbers that rise together.
     assert_eq!(order(&["e_0.9", "e_1.0", "e_1.1"]), Ok(vec![0, 1, 2]));
     assert_eq!(order(&["f_1_t100", "f_10_t1000", "f_2_t200"]), Ok(vec![0, 2, 1]));
@@ -239,7 +243,7 @@ fn folders_and_patterns_are_sequences_of_one_kind() {
     assert_eq!(levels(folder.path().to_path_buf()), (0..12).map(|k| 20 * k).collect::<Vec<u8>>());
     assert_eq!(levels(folder.path().join("p1*.png")), [20, 200, 220]);
     save("q.bmp", 1);
-    assert!(refusal(&[folder.path().to_path_buf()], Some(1.0)).contains("end in bmp and in png"));
+    assert!(refusal(&[folder.path().to_path_buf()], Some(1.0)).contains("end in png and in bmp"));
     assert!(refusal(&[folder.path().join("z*.png")], Some(1.0)).contains("no images"));
 }
 
