@@ -7,6 +7,8 @@ use std::ops::RangeInclusive;
 
 /// Pixel aspects that can be meant. Beyond them, a field of the file is damaged or means something else.
 pub(super) const RANGE: RangeInclusive<f64> = 0.25..=4.0;
+/// Difference from 1 that comes from rounded resolutions.
+const ROUNDING: f64 = 5e-3;
 
 /// Returns the shape of an image with square pixels, from pixels `aspect` times as wide as high.
 ///
@@ -18,7 +20,8 @@ pub(super) fn shape(stored: Shape, aspect: f64) -> Option<Shape> {
         true => Shape { width_px: longer(stored.width_px, aspect), ..stored },
         false => Shape { height_px: longer(stored.height_px, aspect.recip()), ..stored },
     };
-    (RANGE.contains(&aspect) && shape != stored && shape.bytes() <= FRAME_BYTES).then_some(shape)
+    let is_meant = RANGE.contains(&aspect) && (aspect - 1.0).abs() > ROUNDING;
+    (is_meant && shape != stored && shape.bytes() <= FRAME_BYTES).then_some(shape)
 }
 
 /// Resamples packed pixels by cubic interpolation (Catmull-Rom).

@@ -18,6 +18,8 @@ type Tiff = Decoder<BufReader<File>>;
 const UNCOMPRESSED: u32 = 1;
 /// `PhotometricInterpretation` of negatives.
 const WHITE_IS_ZERO: u32 = 0;
+/// `PhotometricInterpretation` of indices into a table of colours.
+const PALETTE: u32 = 3;
 
 /// The meaning of the samples of a pixel.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,11 +44,16 @@ pub(super) struct Page {
     /// Number of planes; 1 when the samples of a pixel follow each other.
     planes: usize,
     is_swapped: bool,
+    /// Whether the samples are read as they are stored, because the decoder does not read them.
+    is_stored: bool,
 }
 
 impl Page {
     /// Reads the layout of the current page; the inner error is the reason why it cannot be measured.
     pub(super) fn new(decoder: &mut Tiff) -> TiffResult<Result<Self, String>> {
+        if decoder.find_tag_unsigned::<u32>(Tag::PhotometricInterpretation)? == Some(PALETTE) {
+            return Self::of_palette(decoder);
+        }
         let (width_px, height_px) = decoder.dimensions()?;
         let color = decoder.colortype()?;
         let layout = decoder.image_buffer_layout()?;
@@ -55,7 +62,6 @@ impl Page {
             ColorType::GrayA(_) | ColorType::Multiband { num_samples: 2, .. } => (2, Colors::Grey),
             ColorType::RGB(_) => (3, Colors::Rgb),
             ColorType::RGBA(_) => (4, Colors::Rgb),
-            ColorType::Palette(_) => (1, Colors::Palette(palette(decoder)?)),
             ColorType::Multiband { num_samples, .. } => {
                 return Ok(Err(format!("{num_samples} channels per pixel; save one of them, or colours as RGB")));
             }
@@ -81,10 +87,27 @@ impl Page {
             }
             None if is_deep => Err(format!("{bits} bits per colour; save it with 8 or 16 bits")),
             None => {
-                let is_swapped = decoder.byte_order() != native();
-                Ok(Self { width_px, height_px, bits, samples, colors, planes: layout.planes.max(1), is_swapped })
+                let (is_swapped, planes) = (decoder.byte_order() != native(), layout.planes.max(1));
+                Ok(Self { width_px, height_px, bits, samples, colors, planes, is_swapped, is_stored: is_packed })
             }
         })
+    }
+
+    /// Reads the layout of a page of indices, which the decoder does not read.
+    ///
+    /// ImageJ shows grey levels through such a table. There the indices are the levels.
+    fn of_palette(decoder: &mut Tiff) -> TiffResult<Result<Self, String>> {
+        let (width_px, height_px) = decoder.dimensions()?;
+        let bits = decoder.find_tag_unsigned_vec::<u32>(Tag::BitsPerSample)?.unwrap_or_default();
+        let compression = decoder.find_tag_unsigned::<u32>(Tag::Compression)?.unwrap_or(UNCOMPRESSED);
+        if bits != [8] || compression != UNCOMPRESSED || is_unusual(decoder)? {
+            return Ok(
+                Err("a table of colours with other than 8 bits, compressed or in tiles; save it in grey".into()),
+            );
+        }
+        let text = decoder.find_tag(Tag::ImageDescription)?.and_then(|tag| tag.into_string().ok()).unwrap_or_default();
+        let colors = if text.starts_with("ImageJ=") { Colors::Grey } else { Colors::Palette(palette(decoder)?) };
+        Ok(Ok(Self { width_px, height_px, bits: 8, samples: 1, colors, planes: 1, is_swapped: false, is_stored: true }))
     }
 
     /// Reads the layout of a page whose samples lie uncompressed in one piece, and the offset of that piece.
@@ -103,6 +126,11 @@ impl Page {
     pub(super) fn bytes(&self) -> u64 {
         let pixels = u64::from(self.width_px) * u64::from(self.height_px);
         pixels.saturating_mul(self.samples as u64 * u64::from(self.bits / 8))
+    }
+
+    /// Size of the stored samples, bytes, with rows that end at a byte.
+    fn stored_bytes(&self) -> usize {
+        (self.width_px as usize * self.samples * self.bits as usize).div_ceil(8) * self.height_px as usize
     }
 
     /// Size of the samples in whole bytes.
@@ -139,16 +167,18 @@ impl Page {
 
     /// Decodes all samples, in the byte order of the machine.
     pub(super) fn decode(&self, decoder: &mut Tiff) -> TiffResult<Vec<u8>> {
+        if self.is_stored {
+            let mut samples = vec![0; self.stored_bytes()];
+            read_strips(decoder, &mut samples)?;
+            return Ok(samples);
+        }
         let layout = decoder.image_buffer_layout()?;
         // The limits of the decoder hold for the buffers of its own.
         if layout.complete_len as u64 > self.decoded_bytes() {
             return Err(TiffError::LimitsExceeded);
         }
         let mut samples = vec![0; layout.complete_len];
-        match self.bits {
-            9..=15 => read_strips(decoder, &mut samples)?,
-            _ => decoder.read_image_bytes(&mut samples)?,
-        }
+        decoder.read_image_bytes(&mut samples)?;
         Ok(samples)
     }
 

@@ -4,6 +4,7 @@ mod names;
 mod order;
 mod times;
 
+mod density;
 mod list;
 
 pub(super) use list::{is_collection, is_image};
@@ -160,6 +161,7 @@ fn read(path: &Path) -> Result<Still, ImportError> {
         };
     }
     let (file, file_bytes) = open_file(path)?;
+    let pixel_aspect = density::pixel_aspect(&file);
     let reader = ImageReader::new(BufReader::new(file)).with_guessed_format();
     let mut reader = reader.map_err(|error| ImportError::io("read", path, error))?;
     let mut limits = Limits::default();
@@ -175,5 +177,5 @@ fn read(path: &Path) -> Result<Still, ImportError> {
         return Err(ImportError::invalid(path, format!("an image of {bytes} bytes in a file of {file_bytes}")));
     }
     let picture = DynamicImage::from_decoder(decoder).map_err(invalid)?;
-    Still::of_picture(path, picture, Look { orientation, is_lossy, ..Look::default() })
+    Still::of_picture(path, picture, Look { orientation, pixel_aspect, is_lossy, ..Look::default() })
 }

@@ -141,6 +141,13 @@ fn tiff_tags_turn_the_image_and_name_its_bits_and_colours() {
         let (line, _, _, pixels) = open(page, Kind::Little);
         assert!(pixels == [96, 150] && line.contains("BT.601"), "{line} {pixels:?}");
     }
+    // The table of colours holds 65535 - 257 k; ImageJ only shows levels through it.
+    let table = (0..3).flat_map(|_| (0..256).map(|k| 65_535 - 257 * k)).collect();
+    let palette = [(262, Field::Short(vec![3])), (320, Field::Short(table))];
+    let (_, _, _, pixels) = open(TiffPage::new([3, 2], 8, six.clone(), &palette), Kind::Little);
+    assert_eq!(pixels, [254, 253, 252, 251, 250, 249]);
+    let shown: Vec<(u16, Field)> = palette.into_iter().chain([(270, Field::Text("ImageJ=1.53t\n".into()))]).collect();
+    assert_eq!(open(TiffPage::new([3, 2], 8, six, &shown), Kind::Big).3, [1, 2, 3, 4, 5, 6]);
     let aspect = [(282, Field::Ratio(200, 1)), (283, Field::Ratio(300, 1))];
     assert_eq!(open(TiffPage::new([8, 2], 8, vec![9; 16], &aspect), Kind::Big).1, [12, 2]);
     for (format, words) in [(2, "signed"), (3, "floating-point")] {
@@ -301,6 +308,31 @@ fn photographs_are_turned_as_they_were_taken() {
         let pixels = footage.map(|frame| frame.unwrap().1).next().unwrap();
         assert!(pixels[dark_at] < 40 && pixels[511 - dark_at] > 180, "orientation {orientation}");
     }
+}
+
+#[test]
+fn stills_with_other_than_square_pixels_are_resampled() {
+    let folder = tempfile::tempdir().unwrap();
+    let size = |name: &str, bytes: Vec<u8>| {
+        let footage = import::open(&written(folder.path(), name, bytes), Some(1.0)).unwrap();
+        ([footage.width_px, footage.height_px], footage.summary())
+    };
+    let path = folder.path().join("plain.png");
+    GrayImage::from_fn(8, 4, |x, _| Luma([20 * x as u8])).save(&path).unwrap();
+    let png = fs::read(&path).unwrap();
+    // A chunk behind the header: pixels per unit along x and y, and no unit.
+    let body = [&b"pHYs"[..], &200_u32.to_be_bytes(), &300_u32.to_be_bytes(), &[0]].concat();
+    let mut crc = crc32fast::Hasher::new();
+    crc.update(&body);
+    let chunk = [&9_u32.to_be_bytes()[..], &body, &crc.finalize().to_be_bytes()].concat();
+    let (wide, line) = size("wide.png", [&png[..33], &chunk, &png[33..]].concat());
+    assert!(wide == [12, 4] && line.contains("pixels of 1.5000 : 1 made square"), "{line}");
+    let path = folder.path().join("plain.jpg");
+    GrayImage::from_fn(32, 16, |x, _| Luma([7 * x as u8])).save(&path).unwrap();
+    let mut jpeg = fs::read(&path).unwrap();
+    jpeg[14..18].copy_from_slice(&[0, 2, 0, 1]);
+    assert_eq!(size("high.jpg", jpeg).0, [32, 32]);
+    assert_eq!(size("plain.png", png).0, [8, 4]);
 }
 
 #[test]
