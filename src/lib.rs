@@ -28,6 +28,8 @@ pub mod rod;
 
 pub mod motion;
 
+pub mod survey;
+
 pub mod trigger;
 
 pub mod impact;

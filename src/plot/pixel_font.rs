@@ -1,4 +1,4 @@
-//! Numbers drawn into a picture with a font of 3 x 5 dots.
+//! Numbers and units of length drawn into a picture with a font of 3 x 5 dots.
 
 use image::{Rgb, RgbImage};
 
@@ -22,6 +22,9 @@ fn rows(letter: char) -> [u8; 5] {
         '9' => [0b111, 0b101, 0b111, 0b001, 0b111],
         '-' => [0b000, 0b000, 0b111, 0b000, 0b000],
         '.' => [0b000, 0b000, 0b000, 0b000, 0b010],
+        'm' => [0b000, 0b000, 0b111, 0b111, 0b101],
+        'p' => [0b000, 0b110, 0b101, 0b110, 0b100],
+        'x' => [0b000, 0b000, 0b101, 0b010, 0b101],
         _ => [0; 5],
     }
 }
@@ -72,7 +75,7 @@ mod tests {
 
     #[test]
     fn no_two_characters_look_alike() {
-        let letters: Vec<char> = "0123456789-.".chars().collect();
+        let letters: Vec<char> = "0123456789-.mpx".chars().collect();
         for (k, a) in letters.iter().enumerate() {
             assert!(letters[..k].iter().all(|b| rows(*a) != rows(*b)), "{a}");
             assert_ne!(rows(*a), [0; 5], "{a}");

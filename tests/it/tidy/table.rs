@@ -50,6 +50,7 @@ const BELOW_COMMAND: &[&str] = &[
     "ball",
     "rod",
     "motion",
+    "survey",
     "trigger",
     "impact",
     "measure",
@@ -108,6 +109,7 @@ pub const ROOMS: &[Room] = &[
     pure("ball", &["failure", "results", "image", "numeric"], &["multiversion", "nalgebra", "thiserror"]),
     pure("rod", &["failure", "results", "image", "numeric"], &["nalgebra", "thiserror"]),
     pure("motion", &["results", "numeric"], &["nalgebra", "thiserror"]),
+    pure("survey", &["results", "image", "numeric", "ball", "rod"], &["nalgebra"]),
     pure("trigger", &["results", "image", "motion"], &[]),
     pure("impact", &["results", "numeric", "motion"], &["libm", "multiversion", "nalgebra", "thiserror"]),
     pure(

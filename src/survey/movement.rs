@@ -1,0 +1,246 @@
+//! Movement in a film: the difference of each sample from the background.
+
+use super::components::{Component, Mask};
+use super::sampler::{ReducedImage, SampledFrame, Sampler, reduced};
+use crate::image::ImageView;
+
+/// The number of standard deviations of noise from which a difference is a motion.
+const SIGNIFICANT_SIGMAS: f32 = 6.0;
+/// The minimum difference that is a motion, as a fraction of the range of grey levels in the background. Compressed films
+/// have less noise than this between their key frames, and more at them.
+const MIN_CONTRAST: f32 = 0.03;
+/// The area of the smallest thing that counts, reduced pixels.
+const MIN_AREA: usize = 6;
+/// Marks that are at most twice as far apart belong together, reduced pixels. A speckled body differs in patches.
+const JOIN_REACH: usize = 2;
+/// The share of the image above which everything moves: the camera does, or the light.
+const EVERYWHERE_FRACTION: f64 = 0.5;
+/// The maximum number of movers, the largest first.
+const MAX_MOVERS: usize = 4;
+
+/// The things that move in a film.
+#[derive(Debug, Clone)]
+pub struct Movement {
+    /// The median of the samples in time.
+    pub background: ReducedImage,
+    /// The number of pixels that a reduced one averages, along each side.
+    pub factor: usize,
+    /// The standard deviation of the difference between two samples where nothing moves, DN.
+    pub noise_dn: f32,
+    /// The difference from the background from which a pixel moves, DN.
+    pub threshold_dn: f32,
+    /// The pixels of the background over which something moves, row-major.
+    pub swept: Vec<bool>,
+    /// The share of the image over which something moves.
+    pub swept_fraction: f64,
+    /// Whether the camera or the light moves rather than a body.
+    pub is_everywhere: bool,
+    /// The things that move, the one that sweeps the largest area first.
+    pub movers: Vec<Mover>,
+}
+
+/// Something that moves.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mover {
+    /// The region that it sweeps: x, y, width, height, px.
+    pub bounds_px: [u32; 4],
+    /// The frames in which it differs from the background, in the order of the film.
+    pub appearances: Vec<Appearance>,
+}
+
+/// The difference of one frame from the background.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Appearance {
+    /// The number of the frame in the film, from 0.
+    pub index: u64,
+    /// The region: x, y, width, height, px.
+    pub bounds_px: [u32; 4],
+    /// The area that differs, px^2.
+    pub area_px2: f64,
+    /// The largest connected part of that area, as the corners of its convex hull, px.
+    pub hull_px: Vec<[f64; 2]>,
+}
+
+impl Movement {
+    /// Returns the reduced pixels of a frame that differ from the background, row-major.
+    pub fn moving(&self, image: ImageView<'_>) -> Vec<bool> {
+        let difference = difference(&reduced(image, self.factor), &self.background);
+        difference.iter().map(|difference| *difference > self.threshold_dn).collect()
+    }
+}
+
+impl Sampler {
+    /// Returns what moves; `None` for fewer than three samples.
+    pub fn movement(&self) -> Option<Movement> {
+        if self.frames.len() < 3 {
+            return None;
+        }
+        let background = median_in_time(&self.frames);
+        let differences: Vec<Vec<f32>> =
+            self.frames.iter().map(|frame| difference(&frame.image, &background)).collect();
+        let noise_dn = noise_dn(&differences);
+        let low = background.levels_dn.iter().copied().fold(f32::INFINITY, f32::min);
+        let high = background.levels_dn.iter().copied().fold(0.0, f32::max);
+        let threshold = (SIGNIFICANT_SIGMAS * noise_dn).max(MIN_CONTRAST * (high - low)).max(1.0);
+        let (width, height) = (background.width, background.height);
+        let masks: Vec<Mask> = differences
+            .iter()
+            .map(|difference| Mask { marked: difference.iter().map(|d| *d > threshold).collect(), width, height })
+            .map(|mask| without_specks(&mask.closed(JOIN_REACH)))
+            .collect();
+        let mut swept = vec![false; width * height];
+        masks.iter().for_each(|mask| swept.iter_mut().zip(&mask.marked).for_each(|(swept, marked)| *swept |= marked));
+        let swept_fraction = swept.iter().filter(|swept| **swept).count() as f64 / swept.len() as f64;
+        let swept = Mask { marked: swept, width, height };
+        let movers = swept.closed(JOIN_REACH).components().into_iter().take(MAX_MOVERS);
+        let movers = movers.map(|region| self.mover(&region, &masks)).collect();
+        Some(Movement {
+            background,
+            factor: self.factor(),
+            noise_dn,
+            threshold_dn: threshold,
+            swept: swept.marked,
+            swept_fraction,
+            is_everywhere: swept_fraction > EVERYWHERE_FRACTION,
+            movers,
+        })
+    }
+
+    /// Collects the frames in which something within a swept region differs from the background.
+    fn mover(&self, region: &Component, masks: &[Mask]) -> Mover {
+        let mut is_inside = vec![false; masks[0].marked.len()];
+        region.pixels.iter().for_each(|at| is_inside[*at] = true);
+        let appearance = |(frame, mask): (&SampledFrame, &Mask)| {
+            let marked = mask.marked.iter().zip(&is_inside).map(|(marked, inside)| *marked && *inside).collect();
+            let parts = Mask { marked, ..*mask }.components();
+            let largest = parts.first()?;
+            let bounds = parts.iter().map(|part| part.bounds).reduce(joined)?;
+            let area = parts.iter().map(|part| part.pixels.len()).sum::<usize>();
+            Some(Appearance {
+                index: frame.index,
+                bounds_px: self.full_px(bounds),
+                area_px2: (area * self.factor() * self.factor()) as f64,
+                hull_px: self.hull_px(largest, mask.width),
+            })
+        };
+        let appearances = self.frames.iter().zip(masks).filter_map(appearance).collect();
+        Mover { bounds_px: self.full_px(region.bounds), appearances }
+    }
+
+    /// Converts left, top, and one past right and bottom of a reduced image to x, y, width, height, px.
+    fn full_px(&self, bounds: [usize; 4]) -> [u32; 4] {
+        let [left, top, right, bottom] = bounds;
+        let factor = self.factor();
+        let [width, height] = self.size_px();
+        let (x, y) = (left * factor, top * factor);
+        let (right, bottom) = ((right * factor).min(width), (bottom * factor).min(height));
+        [x, y, right - x, bottom - y].map(|number| number as u32)
+    }
+
+    /// Returns the convex hull of a region by A. M. Andrew's monotone chain (1979), px.
+    fn hull_px(&self, region: &Component, width: usize) -> Vec<[f64; 2]> {
+        let factor = self.factor() as f64;
+        let place = |at: &usize| [(at % width) as f64, (at / width) as f64];
+        let mut points: Vec<[f64; 2]> = region.pixels.iter().map(place).collect();
+        points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+        let turns_left =
+            |o: [f64; 2], a: [f64; 2], b: [f64; 2]| (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0]) > 0.0;
+        let chain = |points: &mut dyn Iterator<Item = [f64; 2]>| {
+            let mut chain: Vec<[f64; 2]> = Vec::new();
+            for point in points {
+                while chain.len() >= 2 && !turns_left(chain[chain.len() - 2], chain[chain.len() - 1], point) {
+                    chain.pop();
+                }
+                chain.push(point);
+            }
+            chain.pop();
+            chain
+        };
+        let mut hull = chain(&mut points.iter().copied());
+        hull.extend(chain(&mut points.iter().rev().copied()));
+        hull.iter().map(|[x, y]| [(x + 0.5) * factor - 0.5, (y + 0.5) * factor - 0.5]).collect()
+    }
+}
+
+fn joined(a: [usize; 4], b: [usize; 4]) -> [usize; 4] {
+    [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])]
+}
+
+/// Removes regions that are too small to be a body.
+fn without_specks(mask: &Mask) -> Mask {
+    let mut marked = vec![false; mask.marked.len()];
+    let components = mask.components();
+    let kept = components.iter().filter(|component| component.pixels.len() >= MIN_AREA);
+    kept.flat_map(|component| &component.pixels).for_each(|at| marked[*at] = true);
+    Mask { marked, ..*mask }
+}
+
+/// Returns the median of each pixel over the samples.
+fn median_in_time(frames: &[SampledFrame]) -> ReducedImage {
+    let first = &frames[0].image;
+    let mut values = vec![0.0; frames.len()];
+    let median = |at: usize| {
+        values.iter_mut().zip(frames).for_each(|(value, frame)| *value = frame.image.levels_dn[at]);
+        median(&mut values)
+    };
+    ReducedImage { levels_dn: (0..first.levels_dn.len()).map(median).collect(), ..*first }
+}
+
+/// Returns the absolute difference of each pixel from the background, at the same brightness of the whole image.
+fn difference(image: &ReducedImage, background: &ReducedImage) -> Vec<f32> {
+    let pairs = || image.levels_dn.iter().zip(&background.levels_dn);
+    let offset_dn = median(&mut pairs().map(|(level, still)| level - still).collect::<Vec<_>>());
+    pairs().map(|(level, still)| (level - still - offset_dn).abs()).collect()
+}
+
+/// Estimates the noise of the differences from their median, which what moves does not reach.
+fn noise_dn(differences: &[Vec<f32>]) -> f32 {
+    // The median of the absolute values of a normal distribution, in standard deviations.
+    const MEDIAN_SIGMAS: f32 = 0.6745;
+    let mut medians: Vec<f32> = differences.iter().map(|difference| median(&mut difference.clone())).collect();
+    median(&mut medians) / MEDIAN_SIGMAS
+}
+
+/// Returns the median, the upper one of an even number; reorders the values.
+pub(super) fn median(values: &mut [f32]) -> f32 {
+    let middle = values.len() / 2;
+    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f32::total_cmp).1 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::ImageView;
+
+    /// Samples a dark image with noise in which a bright square moves by 3 px per frame.
+    fn sampled(side: usize, count: u64) -> Sampler {
+        let mut sampler = Sampler::new(100, 60, count);
+        for index in 0..count {
+            let noise = |at: usize| (crate::numeric::scramble(at as u64 + 6000 * index) % 5) as f32;
+            let mut data: Vec<f32> = (0..6000).map(|at| 20.0 + noise(at)).collect();
+            let left = 5 + 3 * index as usize;
+            (30..30 + side).for_each(|y| data[y * 100 + left..y * 100 + left + side].fill(150.0));
+            sampler.push(index, ImageView::new(&data, 100, 60).unwrap());
+        }
+        sampler
+    }
+
+    #[test]
+    fn a_moving_square_is_found_in_every_frame_and_its_way_is_swept() {
+        let movement = sampled(8, 21).movement().unwrap();
+        assert!(!movement.is_everywhere && movement.noise_dn < 3.0, "{}", movement.noise_dn);
+        assert_eq!(movement.movers.len(), 1);
+        let mover = &movement.movers[0];
+        assert_eq!((mover.bounds_px, mover.appearances.len()), ([5, 30, 68, 8], 21));
+        let third = &mover.appearances[3];
+        assert_eq!((third.index, third.bounds_px, third.area_px2), (3, [14, 30, 8, 8], 64.0));
+        assert_eq!(third.hull_px, [[14.0, 30.0], [21.0, 30.0], [21.0, 37.0], [14.0, 37.0]]);
+    }
+
+    #[test]
+    fn nothing_moves_in_noise() {
+        let movement = sampled(0, 20).movement().unwrap();
+        assert_eq!((movement.movers.len(), movement.swept_fraction), (0, 0.0));
+        assert!(sampled(0, 2).movement().is_none());
+    }
+}

@@ -1,0 +1,176 @@
+//! The turn of a track, and its acceleration in free flight.
+
+use super::follower::TrackPoint;
+use super::path_fit::PathFit;
+
+/// The number of points on either side of a turn from which velocities are fitted.
+const SIDE_POINTS: std::ops::RangeInclusive<usize> = 3..=24;
+/// The share of a track that these points make up on either side.
+const SIDE_SHARE: usize = 6;
+/// The ratio of the residuals of one parabola through the whole track to those of its parts from which it turns.
+const MIN_MISFIT: f64 = 4.0;
+/// The minimum number of points of a flight whose acceleration is fitted.
+const FLIGHT_POINTS: usize = 6;
+
+/// A sudden change of the velocity: the ball strikes something.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Turn {
+    /// The number of the frame in the film, from 0.
+    pub index: u64,
+    /// The time since the first frame, s.
+    pub t_s: f64,
+    /// The centre, px.
+    pub center_px: [f64; 2],
+    /// The direction of the change of velocity, in image axes (y down), of length 1.
+    pub direction: [f64; 2],
+    /// The velocity before and after, px/s.
+    pub velocities_px_s: [[f64; 2]; 2],
+}
+
+/// The acceleration in free flight, px/s^2, in image axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Acceleration {
+    /// Along x and along y (down), px/s^2.
+    pub value_px_s2: [f64; 2],
+    /// The standard uncertainty of each component, px/s^2.
+    pub sigma_px_s2: f64,
+}
+
+/// The motion of a ball in a film.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Path {
+    /// The track.
+    pub track: Vec<TrackPoint>,
+    /// The turn with the largest change of velocity.
+    pub turn: Option<Turn>,
+    /// The acceleration before and after the turn, or in the whole track.
+    pub acceleration: Option<Acceleration>,
+    /// The maximum speed, px/frame.
+    pub speed_px_frame: f64,
+}
+
+impl Path {
+    /// Evaluates a track.
+    pub fn of(track: Vec<TrackPoint>) -> Self {
+        let side = (track.len() / SIDE_SHARE).clamp(*SIDE_POINTS.start(), *SIDE_POINTS.end());
+        let turn = turn(&track, side);
+        let flights: Vec<&[TrackPoint]> = match &turn {
+            None => vec![&track],
+            Some(turn) => {
+                let at = track.partition_point(|point| point.index < turn.index);
+                // Not the contact, which may last long.
+                vec![&track[..at.saturating_sub(side / 2)], &track[(at + side / 2 + 1).min(track.len())..]]
+            }
+        };
+        let acceleration = acceleration(&flights);
+        let speed = |pair: &[TrackPoint]| {
+            let frames = (pair[1].index - pair[0].index).max(1) as f64;
+            let [from, to] = [&pair[0].circle, &pair[1].circle];
+            (to.x_px - from.x_px).hypot(to.y_px - from.y_px) / frames
+        };
+        let speed_px_frame = track.windows(2).map(speed).fold(0.0, f64::max);
+        Self { turn, acceleration, speed_px_frame, track }
+    }
+}
+
+/// Returns the turn with the largest change of velocity, unless one parabola explains the track.
+fn turn(track: &[TrackPoint], side: usize) -> Option<Turn> {
+    if track.len() < 2 * side + 1 {
+        return None;
+    }
+    let change = |at: usize| {
+        let (before, after) = (PathFit::of(&track[at - side..at], 1)?, PathFit::of(&track[at..at + side], 1)?);
+        let velocities = [before.velocity(track[at].t_s), after.velocity(track[at].t_s)];
+        let change = [velocities[1][0] - velocities[0][0], velocities[1][1] - velocities[0][1]];
+        Some((at, velocities, change, before.rms_px.hypot(after.rms_px)))
+    };
+    let changes: Vec<_> = (side..=track.len() - side).filter(|at| *at < track.len()).filter_map(change).collect();
+    let largest = changes.iter().max_by(|a, b| a.2[0].hypot(a.2[1]).total_cmp(&b.2[0].hypot(b.2[1])))?;
+    let mut noise: Vec<f64> = changes.iter().map(|(.., rms_px)| *rms_px).collect();
+    noise.sort_by(f64::total_cmp);
+    let whole = PathFit::of(track, 2)?;
+    if whole.rms_px < MIN_MISFIT * noise[noise.len() / 4].max(0.02) {
+        return None;
+    }
+    let (at, velocities_px_s, [x, y], _) = *largest;
+    let size = x.hypot(y);
+    let direction = [x / size, y / size];
+    let approach = velocities_px_s[0][0] * direction[0] + velocities_px_s[0][1] * direction[1];
+    if approach >= 0.0 {
+        return None;
+    }
+    // It is deepest where it is farthest against this direction.
+    let depth = |point: &TrackPoint| point.circle.x_px * direction[0] + point.circle.y_px * direction[1];
+    let near = &track[at.saturating_sub(side)..(at + side).min(track.len())];
+    let deepest = near.iter().min_by(|a, b| depth(a).total_cmp(&depth(b)))?;
+    Some(Turn {
+        index: deepest.index,
+        t_s: deepest.t_s,
+        center_px: [deepest.circle.x_px, deepest.circle.y_px],
+        direction,
+        velocities_px_s,
+    })
+}
+
+/// Returns the mean acceleration of flights, weighted by their certainty.
+fn acceleration(flights: &[&[TrackPoint]]) -> Option<Acceleration> {
+    let mut sums = [0.0; 3];
+    for flight in flights.iter().filter(|flight| flight.len() >= FLIGHT_POINTS) {
+        let Some(fit) = PathFit::of(flight, 2) else { continue };
+        let ([x, y], sigma) = fit.highest();
+        let weight = 1.0 / (4.0 * sigma * sigma).max(f64::MIN_POSITIVE);
+        // The coefficient of t^2 is half of the acceleration.
+        sums = [sums[0] + 2.0 * weight * x, sums[1] + 2.0 * weight * y, sums[2] + weight];
+    }
+    let [x, y, weight] = sums;
+    (weight > 0.0).then(|| Acceleration { value_px_s2: [x / weight, y / weight], sigma_px_s2: weight.sqrt().recip() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::results::Circle;
+
+    /// A ball that falls with 2000 px/s^2 from 100 px/s and bounces after 0.1 s with 0.8 of its speed.
+    fn track(bounces: bool) -> Vec<TrackPoint> {
+        let point = |index: u64| {
+            let t_s = index as f64 / 240.0;
+            let noise = ((crate::numeric::scramble(index + 7) % 1000) as f64 / 1000.0 - 0.5) * 0.1;
+            let fall = |t: f64| 100.0 * t + 1000.0 * t * t;
+            let since = t_s - 0.1;
+            let y_px =
+                if bounces && since > 0.0 { fall(0.1) - 240.0 * since + 1000.0 * since * since } else { fall(t_s) };
+            let circle = Circle {
+                x_px: 50.0 + 30.0 * t_s + noise,
+                y_px: y_px + noise,
+                radius_px: 20.0,
+                sigma_center_px: 0.05,
+                sigma_radius_px: 0.05,
+                visible_fraction: 1.0,
+            };
+            TrackPoint { index, t_s, circle }
+        };
+        (0..48).map(point).collect()
+    }
+
+    #[test]
+    fn a_bounce_is_found_with_its_direction_and_gravity_on_both_sides() {
+        let path = Path::of(track(true));
+        let turn = path.turn.unwrap();
+        assert_eq!(turn.index, 24);
+        assert!(turn.direction[1] < -0.99, "{:?}", turn.direction);
+        let acceleration = path.acceleration.unwrap();
+        let off = (acceleration.value_px_s2[1] - 2000.0) / acceleration.sigma_px_s2;
+        assert!(off.abs() < 4.0 && acceleration.sigma_px_s2 < 60.0, "{acceleration:?}");
+        assert!((path.speed_px_frame - 1.25).abs() < 0.2, "{}", path.speed_px_frame);
+    }
+
+    #[test]
+    fn a_fall_is_no_bounce() {
+        let path = Path::of(track(false));
+        assert!(path.turn.is_none());
+        let acceleration = path.acceleration.unwrap();
+        assert!((acceleration.value_px_s2[1] - 2000.0).abs() < 4.0 * acceleration.sigma_px_s2, "{acceleration:?}");
+        assert!(Path::of(track(true)[..5].to_vec()).turn.is_none());
+    }
+}
