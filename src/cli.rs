@@ -8,6 +8,7 @@ use crate::command::cameras::{self, CamerasOptions};
 use crate::command::check::{self, CheckOptions};
 use crate::command::control::{self, RigOptions};
 use crate::command::demo::{self, DemoOptions};
+use crate::command::diagnose::{self, DiagnoseOptions};
 use crate::command::export::{self, ExportOptions};
 use crate::command::import::{self, ImportOptions};
 use crate::command::info::{self, InfoOptions};
@@ -16,6 +17,7 @@ use crate::command::recover::{self, RecoverOptions};
 use crate::command::replay::{self, ReplayOptions};
 use crate::command::report::{self, ReportOptions};
 use crate::command::rig::{self, RoleOptions};
+use crate::command::setup::{self, SetupOptions};
 use crate::command::simulate::{self, SimulateOptions};
 use crate::command::status;
 use crate::failure::Failure;
@@ -90,6 +92,12 @@ pub enum Command {
     /// Measure a recording offline.
     #[command(after_help = "Example: ricochet analyze recordings/lacrosse.mcap -o results.mcap")]
     Analyze(AnalyzeOptions),
+    /// Propose a rig file for a film: find what moves, its radius, the scale, the surface and gravity.
+    #[command(after_help = "Example: ricochet setup drop.mp4 --fps 240 --diameter-mm 63.25 -o rig.toml")]
+    Setup(SetupOptions),
+    /// Show in pictures what was searched in a film, what was found, and why it was refused.
+    #[command(after_help = "Example: ricochet diagnose drop.mp4 --fps 240 --config rig.toml -o drop.html")]
+    Diagnose(DiagnoseOptions),
     /// Measure the displacement field of two still images, or of a series against its first image.
     #[command(after_help = "Example: ricochet field before.bmp after.bmp -o field.csv --picture field.png")]
     Field(Box<Field>),
@@ -187,6 +195,8 @@ pub fn run(command: Command, stop: &Stop) -> Result<Outcome, Failure> {
         Command::Listen(options) => listen::run(&options, stop),
         Command::Replay(options) => replay::run(&options, stop),
         Command::Analyze(options) => analyze::run(&options, stop),
+        Command::Setup(options) => setup::run(&options, stop),
+        Command::Diagnose(options) => diagnose::run(&options, stop),
         Command::Field(arguments) => Ok(command::field::run(&arguments.options()?, stop)?),
         Command::Bench(options) => bench::run(&options),
         Command::Export(options) => {

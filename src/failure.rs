@@ -19,12 +19,14 @@ pub enum ExitCode {
     Recording = 5,
     /// Finished, but data were lost.
     DataLost = 6,
+    /// Finished, but no body was measured in any frame, whatever was lost.
+    NothingMeasured = 7,
 }
 
 impl ExitCode {
     /// Returns the code with this number, which a child process ended with; internal for any other number.
     pub fn from_number(number: i32) -> Self {
-        let codes = [Self::Usage, Self::Camera, Self::Bus, Self::Recording, Self::DataLost];
+        let codes = [Self::Usage, Self::Camera, Self::Bus, Self::Recording, Self::DataLost, Self::NothingMeasured];
         codes.into_iter().find(|code| *code as i32 == number).unwrap_or(Self::Internal)
     }
 }
@@ -127,7 +129,8 @@ mod tests {
 
     #[test]
     fn the_number_of_a_child_process_is_its_exit_code() {
-        for code in [ExitCode::Internal, ExitCode::Usage, ExitCode::Camera, ExitCode::DataLost] {
+        use ExitCode::{Camera, DataLost, Internal, NothingMeasured, Usage};
+        for code in [Internal, Usage, Camera, DataLost, NothingMeasured] {
             assert_eq!(ExitCode::from_number(code as i32), code);
         }
         assert_eq!(ExitCode::from_number(101), ExitCode::Internal);

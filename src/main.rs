@@ -1,7 +1,6 @@
 //! The `ricochet` program: every role and every command.
 
 use ricochet::cli::{self, Parsed};
-use ricochet::console::Outcome;
 use ricochet::failure;
 use ricochet::process::Stop;
 use std::process::ExitCode;
@@ -21,14 +20,12 @@ fn main() -> ExitCode {
         }
     }
     match cli::run(command, &stop) {
-        Ok(Outcome::Clean) => ExitCode::SUCCESS,
-        Ok(Outcome::Lost { count, cause }) => {
+        Ok(outcome) => {
             // The supervisor reports the losses of its processes together with its own.
-            if !is_supervised {
-                let cause = cause.map_or_else(String::new, |cause| format!("; {cause}"));
-                eprintln!("ricochet: finished, but data were lost: {count}{cause}");
+            if let Some(losses) = outcome.losses().filter(|_| !is_supervised) {
+                eprintln!("ricochet: {losses}");
             }
-            failure::ExitCode::DataLost.into()
+            outcome.exit_code().map_or(ExitCode::SUCCESS, Into::into)
         }
         Err(failure) => {
             if !failure.is_reported() {

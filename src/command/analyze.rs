@@ -1,12 +1,13 @@
 //! `ricochet analyze`: measures a recording offline.
 
-use super::frame_source::{Film, span};
+use super::body_summary::{self, BodySummary, FilmShape};
+use super::frame_source::{Film, GIVEN_ORDER, GIVEN_RATE, span};
 use super::json_cells;
 use crate::camera::{CameraIdentity, StreamFormat};
 use crate::config::Record;
-use crate::console::{Outcome, UsageError, check_absent, print_line, progress, table};
+use crate::console::{Outcome, UsageError, check_absent, print_line, print_note, progress, table};
 use crate::failure::Failure;
-use crate::image::{Frame, FrameMeta};
+use crate::image::{Frame, FrameMeta, FrameRuns};
 use crate::import::Order;
 use crate::measure::{MeasureError, MeasureParams, Measured, Measurer, Share};
 use crate::process::{FrameRange, Shot, Stop, analysis_params, recording_info, reference_picture};
@@ -78,14 +79,20 @@ pub fn run(options: &AnalyzeOptions, stop: &Stop) -> Result<Outcome, Failure> {
     film.config.record = Some(results_record());
     let output = options.output.clone().unwrap_or_else(|| free_results_path(&options.inputs, camera));
     check_absent(&output)?;
-    let truncated = film.truncated.clone();
-    let (path, missing) = measure(film, &output, stop)?;
-    let results = Recording::open(&path)?;
-    print_impacts(&last_revisions(&results)?, &results, &path, options.json);
-    Ok(Outcome::of_file(missing, &options.inputs[0], truncated.as_deref()))
+    let (truncated, format, config) = (film.truncated.clone(), film.format, film.config.clone());
+    let measured = measure(film, &output, stop)?;
+    let results = Recording::open(&measured.path)?;
+    let rows = results.velocities()?.collect::<Result<Vec<_>, _>>()?;
+    let rows = rows.iter().filter(|row| measured.runs.contains(row.frame));
+    let film = FilmShape { size_px: Some([format.width_px, format.height_px]), first_frame: measured.runs.first() };
+    let bodies = body_summary::of_rows(rows, &config, &film);
+    print_results(&last_revisions(&results)?, &bodies, &results, options.json);
+    let outcome = Outcome::of_file(measured.missing, &options.inputs[0], truncated.as_deref());
+    Ok(if bodies.iter().all(BodySummary::is_empty) { outcome.with_nothing_measured() } else { outcome })
 }
 
-fn results_record() -> Record {
+/// Returns the settings of a results file, which has no frames.
+pub(super) fn results_record() -> Record {
     Record {
         directory: PathBuf::from("."),
         compression: crate::config::Compression::None,
@@ -112,13 +119,27 @@ fn free_results_path(inputs: &[PathBuf], camera: Option<&str>) -> PathBuf {
 type Job = Arc<(FrameMeta, Vec<u8>)>;
 type Answer = Result<Vec<Measured>, MeasureError>;
 
-/// Measures every frame; returns the results file and the number of missing frames.
-fn measure(film: Film, output: &Path, stop: &Stop) -> Result<(PathBuf, u64), Failure> {
+/// A measured film.
+pub(super) struct MeasuredFilm {
+    /// The results file.
+    pub(super) path: PathBuf,
+    /// The number of missing frames.
+    pub(super) missing: u64,
+    /// The frames of the film.
+    pub(super) runs: FrameRuns,
+}
+
+/// Measures every frame.
+///
+/// # Errors
+///
+/// When the film cannot be read or the results cannot be written. No partial results file remains.
+pub(super) fn measure(film: Film, output: &Path, stop: &Stop) -> Result<MeasuredFilm, Failure> {
     let Film { format, config, metadata, count, frames, reference, .. } = film;
     config.check_calibration(format.width_px, format.height_px)?;
     let (measure_params, tracker_params) = analysis_params(&config, &format);
     let mut info = recording_info(&config, &format, &CameraIdentity::default(), "none: analysed offline");
-    for key in ["camera", "serial", "host", "trigger"] {
+    for key in ["camera", "serial", "host", "trigger", GIVEN_RATE, GIVEN_ORDER] {
         if let Some(value) = metadata.get(key) {
             info.metadata.insert(key.to_owned(), value.clone());
         }
@@ -142,6 +163,7 @@ fn measure(film: Film, output: &Path, stop: &Stop) -> Result<(PathBuf, u64), Fai
     shot.begin(0, Some(&tracker_params), range);
     let bar = progress::frames(count, "analyze");
     let mut unread = 0;
+    let mut runs = FrameRuns::default();
     let whole = std::thread::scope(|scope| -> Result<(), Failure> {
         let (answers, results) = channel();
         let mut workers = Vec::new();
@@ -161,6 +183,7 @@ fn measure(film: Film, output: &Path, stop: &Stop) -> Result<(PathBuf, u64), Fai
                 break;
             }
             let (meta, bytes) = frame?;
+            runs.push(meta.sequence);
             shot.frame(0, &Frame { meta, bytes: &bytes })?;
             send_to_all(&workers, &Arc::new((meta, bytes)));
             results.try_iter().try_for_each(|answer| write_measured(&mut shot, answer))?;
@@ -178,7 +201,7 @@ fn measure(film: Film, output: &Path, stop: &Stop) -> Result<(PathBuf, u64), Fai
     }
     let (missing, end) = (shot.lost(0) + unread, shot.next_frame(0));
     let (finished, _) = shot.finish(&[end])?;
-    Ok((finished.path, missing))
+    Ok(MeasuredFilm { path: finished.path, missing, runs })
 }
 
 fn plan(params: &MeasureParams, index: u32, of: u32, format: &StreamFormat) -> Result<Measurer, MeasureError> {
@@ -219,10 +242,12 @@ pub(super) fn last_revisions(recording: &Recording) -> Result<Vec<Impact>, Recor
     Ok(report::last_revisions(recording.impacts()?.collect::<Result<_, _>>()?))
 }
 
-fn print_impacts(impacts: &[Impact], results: &Recording, path: &Path, json: bool) {
+fn print_results(impacts: &[Impact], bodies: &[BodySummary], results: &Recording, json: bool) {
+    let path = results.path();
     if json {
         let rows: Vec<_> = impacts.iter().map(|impact| as_json(impact, results)).collect();
-        print_line(&serde_json::json!({ "results": path, "impacts": rows }).to_string());
+        let bodies: Vec<_> = bodies.iter().map(BodySummary::json).collect();
+        print_line(&serde_json::json!({ "results": path, "impacts": rows, "bodies": bodies }).to_string());
         return;
     }
     print_line(&path.display().to_string());
@@ -238,6 +263,7 @@ fn print_impacts(impacts: &[Impact], results: &Recording, path: &Path, json: boo
         rows.extend(impact.numbers().into_iter().map(line));
         print_line(&table(&rows));
     }
+    bodies.iter().for_each(|body| print_note(&body.line()));
 }
 
 fn as_json(impact: &Impact, results: &Recording) -> serde_json::Value {

@@ -18,6 +18,13 @@ use std::path::{Path, PathBuf};
 /// The frames with their time stamps, in order.
 pub(super) type Frames = Box<dyn Iterator<Item = Result<(FrameMeta, Vec<u8>), Failure>>>;
 
+/// The metadata of results that holds the frame rate that the user gave for the film, Hz.
+pub(super) const GIVEN_RATE: &str = "fps";
+/// The metadata of results that holds the order that the user gave for the images of a sequence.
+pub(super) const GIVEN_ORDER: &str = "order";
+/// The value of that metadata for the reverse order.
+pub(super) const REVERSED: &str = "reversed";
+
 /// An opened film.
 pub(super) struct Film {
     /// Size, pixel format and frame rate.
@@ -69,18 +76,25 @@ impl Film {
         if let Some(fps) = fps.filter(|fps| !(fps.is_finite() && *fps > 0.0)) {
             return Err(UsageError(format!("--fps {fps}: must be a positive number")).into());
         }
-        match inputs {
+        let mut film = match inputs {
             [first, ..] if import::is_importable(first) => match camera {
                 Some(camera) => {
-                    Err(UsageError(format!("--camera {camera}: {} has only one camera", first.display())).into())
+                    return Err(
+                        UsageError(format!("--camera {camera}: {} has only one camera", first.display())).into()
+                    );
                 }
-                None => Self::footage(inputs, config, fps, order),
+                None => Self::footage(inputs, config, fps, order)?,
             },
             _ if order == Order::Reversed => {
-                Err(UsageError("--reverse: only the images of a sequence can be reversed".into()).into())
+                return Err(UsageError("--reverse: only the images of a sequence can be reversed".into()).into());
             }
-            _ => Self::recordings(inputs, camera, config, fps),
-        }
+            _ => Self::recordings(inputs, camera, config, fps)?,
+        };
+        film.metadata.remove(GIVEN_RATE);
+        film.metadata.remove(GIVEN_ORDER);
+        film.metadata.extend(fps.map(|fps| (GIVEN_RATE.to_owned(), fps.to_string())));
+        film.metadata.extend((order == Order::Reversed).then(|| (GIVEN_ORDER.to_owned(), REVERSED.to_owned())));
+        Ok(film)
     }
 
     /// Opens one recording, or the recorded parts of one stream.
@@ -224,7 +238,7 @@ pub(super) fn span(from_s: Option<f64>, to_s: Option<f64>) -> Result<TimeRange, 
 }
 
 /// Recomputes the time stamp of a frame from a frame rate given by the user.
-fn restamped(meta: FrameMeta, first: &FrameMeta, fps: f64) -> FrameMeta {
+pub(super) fn restamped(meta: FrameMeta, first: &FrameMeta, fps: f64) -> FrameMeta {
     let since_ns = meta.sequence.saturating_sub(first.sequence) as f64 * 1e9 / fps;
     FrameMeta { stamp_ns: first.stamp_ns.saturating_add(since_ns.round() as u64), ..meta }
 }

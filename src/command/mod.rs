@@ -2,12 +2,15 @@
 
 pub mod analyze;
 pub mod bench;
+mod body_summary;
 pub mod cameras;
 pub mod check;
 pub mod control;
 pub mod demo;
+pub mod diagnose;
 pub mod export;
 pub mod field;
+mod film_survey;
 mod frame_source;
 pub mod import;
 pub mod info;
@@ -15,8 +18,10 @@ pub mod listen;
 pub mod recover;
 pub mod replay;
 pub mod report;
+mod result_film;
 pub mod rig;
 mod rod;
+pub mod setup;
 pub mod simulate;
 pub mod status;
 

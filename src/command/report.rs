@@ -1,5 +1,6 @@
 //! `ricochet report`: a report page of one or several recordings.
 
+use super::{body_summary, frame_source, result_film};
 use crate::console::{Outcome, UsageError, check_no_input, print_line, write_file};
 use crate::failure::Failure;
 use crate::recording::Recording;
@@ -15,9 +16,9 @@ pub struct ReportOptions {
     /// Camera to report on, by the name of its view [default: the first].
     #[arg(long, value_name = "NAME")]
     pub camera: Option<String>,
-    /// Film that the results were measured from; the page shows its frames.
-    #[arg(long)]
-    pub film: Option<PathBuf>,
+    /// Film that the results were measured in; the page shows its frames. Several files are one sequence.
+    #[arg(long, num_args = 1..)]
+    pub film: Vec<PathBuf>,
     /// HTML page to write [default: next to the first recording].
     #[arg(short, long)]
     pub output: Option<PathBuf>,
@@ -33,18 +34,22 @@ pub fn run(options: &ReportOptions) -> Result<Outcome, Failure> {
         return Err(UsageError("give at least one recording".into()).into());
     };
     let output = options.output.clone().unwrap_or_else(|| default_path(first, options.files.len()));
-    check_no_input(&output, &options.files)?;
-    if options.film.is_some() && options.files.len() > 1 {
+    check_no_input(&output, options.files.iter().chain(&options.film))?;
+    if !options.film.is_empty() && options.files.len() > 1 {
         return Err(UsageError("--film: only allowed with a single recording of results".into()).into());
     }
     let mut shots = Vec::with_capacity(options.files.len());
     for file in &options.files {
-        let open = |path| Recording::open(path)?.of_camera(options.camera.as_deref());
-        let recording = open(file)?;
-        shots.push(match &options.film {
-            Some(film) => Shot::read_with(&recording, &open(film)?)?,
+        let camera = options.camera.as_deref();
+        let recording = Recording::open(file)?.of_camera(camera)?;
+        let mut shot = match options.film.first() {
             None => Shot::read(&recording)?,
-        });
+            Some(path) => Shot::read_with(&recording, path, result_film::frames(&recording, &options.film, camera)?)?,
+        };
+        if let Ok(config) = frame_source::rig_config(&recording, camera, None) {
+            shot.set_measured(body_summary::of_shot(&shot, &config));
+        }
+        shots.push(shot);
     }
     write_file(&output, report::page(&shots))?;
     print_line(&output.display().to_string());

@@ -98,7 +98,9 @@ fn outcome(summary: &Summary) -> Outcome {
 
 fn load(path: &Path, origin: Option<&str>) -> Result<Config, Failure> {
     if path != Path::new("-") {
-        return Ok(Config::load(path)?);
+        let config = Config::load(path)?;
+        config.check_sources()?;
+        return Ok(config);
     }
     let mut bytes = Vec::new();
     std::io::stdin().lock().read_until(process::END_OF_CONFIG, &mut bytes)?;

@@ -6,19 +6,8 @@ use super::raw::RawBody;
 use super::text::Text;
 use crate::ball::OutlineMethod;
 use crate::dic::Patch;
-use crate::results::{ROD_EDGES, named_enum};
-
-named_enum! {
-    /// The kind of a body.
-    BodyKind: "kind" {
-        /// A speckled ball. Its outline is a circle.
-        Ball = 0 "ball",
-        /// An upright rod with two tapes around it, one of them speckled.
-        Rod = 1 "rod",
-        /// The pixels inside a polygon that is drawn in the first frame of the stream.
-        Patch = 2 "patch",
-    }
-}
+pub use crate::results::BodyKind;
+use crate::results::ROD_EDGES;
 
 impl BodyKind {
     const SETTING: Setting<Self> = Setting { key: "kind", name: Self::as_str };

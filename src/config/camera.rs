@@ -67,8 +67,9 @@ pub struct Pulse {
 /// `[camera]`: the source of the frames and their properties.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Camera {
-    /// The source, required.
-    pub source: Source,
+    /// The source. A rig that runs requires it. `None`: the file describes films that are measured offline, and has at most
+    /// the keys `exposure_us`, `gamma`, `row_time_us` and `defective_px`.
+    pub source: Option<Source>,
     /// The camera or file. `genicam`: an address, serial number or device name. `v4l2`: a device file, or the place, serial
     /// number or name of a camera. `recording`: the path of an MCAP file; a relative path starts at the working directory.
     /// Required by these three; `simulated` has none.
@@ -146,6 +147,11 @@ impl Camera {
         self.trigger_source.is_some() || self.pulse.is_some()
     }
 
+    /// Whether it is a physical camera, which the rig sets up and which films live.
+    pub fn is_device(&self) -> bool {
+        self.source.is_some_and(Source::is_device)
+    }
+
     /// Returns width and height of the image if the file gives both, px.
     pub fn image_px(&self) -> Option<(u32, u32)> {
         self.width_px.zip(self.height_px)
@@ -165,12 +171,11 @@ const EXPOSURE: Bounds = Bounds::above(0.0, 1.0e7, "us");
 
 pub(super) fn camera(table: &Table<'_>, raw: RawCamera) -> Result<Camera, ConfigError> {
     let source = table.named("source", raw.source.as_deref())?;
-    let source = source.ok_or_else(|| table.refuse("source", quoted(Source::ALL.map(Source::as_str).into_iter())))?;
     refuse_foreign_keys(table, source, &raw)?;
     let scenario = table.line("scenario", raw.scenario)?.unwrap_or_else(|| "lacrosse".into());
     let camera = Camera {
         source,
-        scenario: (source == Source::Simulated).then_some(scenario),
+        scenario: (source == Some(Source::Simulated)).then_some(scenario),
         id: table.line("id", raw.id)?,
         paced: raw.paced.unwrap_or(true),
         playback_rate: table.number("playback_rate", raw.playback_rate, PLAYBACK_RATE)?.unwrap_or(1.0),
@@ -199,7 +204,8 @@ pub(super) fn camera(table: &Table<'_>, raw: RawCamera) -> Result<Camera, Config
     check_exposure(table, &camera)?;
     check_row_time(table, &camera)?;
     check_defects(table, &camera)?;
-    Ok(Camera { pixel_format: camera.pixel_format.or(source.is_device().then_some(PixelFormat::Mono8)), ..camera })
+    let pixel_format = camera.pixel_format.or(camera.is_device().then_some(PixelFormat::Mono8));
+    Ok(Camera { pixel_format, ..camera })
 }
 
 /// Checks the column and row of each defective pixel.
@@ -231,8 +237,13 @@ fn pulse(
     }
 }
 
+/// Returns the names of the sources, as an error lists them.
+pub(super) fn source_names() -> String {
+    quoted(Source::ALL.map(Source::as_str).into_iter())
+}
+
 /// Refuses keys that the chosen source does not use, instead of ignoring them.
-fn refuse_foreign_keys(table: &Table<'_>, source: Source, raw: &RawCamera) -> Result<(), ConfigError> {
+fn refuse_foreign_keys(table: &Table<'_>, source: Option<Source>, raw: &RawCamera) -> Result<(), ConfigError> {
     use Source::{Genicam, Recording, Simulated, V4l2};
     let keys: [OwnedKey<'_, Source>; 22] = [
         ("id", raw.id.is_some(), &[Recording, Genicam, V4l2]),
@@ -258,17 +269,25 @@ fn refuse_foreign_keys(table: &Table<'_>, source: Source, raw: &RawCamera) -> Re
         ("packet_size_bytes", raw.packet_size_bytes.is_some(), &[Genicam]),
         ("features", raw.features.as_ref().is_some_and(|features| !features.is_empty()), &[Genicam, V4l2]),
     ];
-    table.check_owners(Source::SETTING, source, &keys)
+    if let Some(source) = source {
+        return table.check_owners(Source::SETTING, source, &keys);
+    }
+    // These keys say how frames are taken, not what they show.
+    match keys.iter().find(|(key, is_given, _)| *is_given && *key != "exposure_us") {
+        None => Ok(()),
+        Some((key, ..)) => Err(table.refuse("source", format!("{} with camera.{key}", source_names()))),
+    }
 }
 
 fn check_required_keys(table: &Table<'_>, camera: &Camera) -> Result<(), ConfigError> {
-    let id = match camera.source {
+    let Some(source) = camera.source else { return Ok(()) };
+    let id = match source {
         Source::Simulated => return Ok(()),
         Source::Recording => "the path of an MCAP file",
         Source::Genicam => "the address, serial number or name of a camera",
         Source::V4l2 => "the device file, place, serial number or name of a camera",
     };
-    let is_device = camera.source.is_device();
+    let is_device = source.is_device();
     let required = [
         ("id", camera.id.is_none(), id),
         ("width_px", is_device && camera.width_px.is_none(), "16 to 65535 px"),
@@ -278,7 +297,7 @@ fn check_required_keys(table: &Table<'_>, camera: &Camera) -> Result<(), ConfigE
     match required.iter().find(|(_, is_missing, _)| *is_missing) {
         None => Ok(()),
         Some((key, _, allowed)) => {
-            Err(table.refuse(key, format!("{allowed} for {}", Source::SETTING.assignment(&[camera.source]))))
+            Err(table.refuse(key, format!("{allowed} for {}", Source::SETTING.assignment(&[source]))))
         }
     }
 }

@@ -19,6 +19,19 @@ const MIN_RADIUS_PX: f64 = 6.0;
 const MIN_RADIUS_RATIO: f64 = 1.5;
 
 impl Config {
+    /// Checks that every camera of the rig has a source, which files that are measured offline need not have.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError`] when `camera.source` is missing.
+    pub fn check_sources(&self) -> Result<(), ConfigError> {
+        if self.camera.source.is_none() {
+            let allowed = format!("{} for a rig that runs", super::camera::source_names());
+            return Err(Text::new(&self.text, &self.origin)?.refuse("camera.source", allowed));
+        }
+        self.views.iter().try_for_each(|view| view.config.check_sources())
+    }
+
     /// Returns the parameters of the correlator, the same for every body.
     pub fn correlation(&self) -> CorrelationParams {
         self.correlation.clone()

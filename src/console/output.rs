@@ -17,6 +17,13 @@ pub enum Outcome {
         /// The place and reason of the loss, if known.
         cause: Option<String>,
     },
+    /// The command finished and printed why no body was measured in any frame.
+    NothingMeasured {
+        /// The number of lost frames, rows or messages; may be 0.
+        count: u64,
+        /// The place and reason of the loss, if known.
+        cause: Option<String>,
+    },
 }
 
 impl Fatal for csv::Error {}
@@ -24,6 +31,37 @@ impl Fatal for csv::Error {}
 impl Fatal for serde_json::Error {}
 
 impl Outcome {
+    /// Returns the outcome of a command that measured no body in any frame, with the losses of this one.
+    #[must_use]
+    pub fn with_nothing_measured(self) -> Self {
+        match self {
+            Self::Clean => Self::NothingMeasured { count: 0, cause: None },
+            Self::Lost { count, cause } | Self::NothingMeasured { count, cause } => {
+                Self::NothingMeasured { count, cause }
+            }
+        }
+    }
+
+    /// Returns the line about lost data; `None` if nothing was lost.
+    pub fn losses(&self) -> Option<String> {
+        match self {
+            Self::Lost { count, cause } | Self::NothingMeasured { count, cause } if *count > 0 => {
+                let cause = cause.as_ref().map_or_else(String::new, |cause| format!("; {cause}"));
+                Some(format!("finished, but data were lost: {count}{cause}"))
+            }
+            _ => None,
+        }
+    }
+
+    /// Returns the exit code; `None` for success.
+    pub fn exit_code(&self) -> Option<ExitCode> {
+        match self {
+            Self::Clean => None,
+            Self::Lost { .. } => Some(ExitCode::DataLost),
+            Self::NothingMeasured { .. } => Some(ExitCode::NothingMeasured),
+        }
+    }
+
     /// Returns `Clean` if `lost` is 0.
     pub fn of_losses(lost: u64) -> Self {
         if lost == 0 { Self::Clean } else { Self::Lost { count: lost, cause: None } }
@@ -57,6 +95,11 @@ impl Fatal for UsageError {
     fn exit_code(&self) -> ExitCode {
         ExitCode::Usage
     }
+}
+
+/// Prints a line to standard error and ignores a closed pipe.
+pub fn print_note(line: &str) {
+    let _ = writeln!(std::io::stderr().lock(), "{line}");
 }
 
 /// Prints a line to standard output and ignores a closed pipe.

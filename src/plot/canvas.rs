@@ -126,13 +126,13 @@ impl Canvas {
         self.path(&[[x, y], [right, y], [right, bottom], [x, bottom], [x, y]], color);
     }
 
-    /// Mixes the pixels of a frame for which `is_marked` with a colour, by half.
+    /// Mixes the pixels of a frame for which `is_marked` with a third of a colour.
     pub fn tint(&mut self, is_marked: impl Fn(u32, u32) -> bool, color: Color) {
         let (zoom, origin) = (self.zoom, self.origin);
         for (x, y, pixel) in self.picture.enumerate_pixels_mut() {
             let at = |place: u32, origin: f32| (place as f32 / zoom + origin) as u32;
             if is_marked(at(x, origin[0]), at(y, origin[1])) {
-                (0..3).for_each(|k| pixel.0[k] = ((u16::from(pixel.0[k]) + u16::from(color[k])) / 2) as u8);
+                (0..3).for_each(|k| pixel.0[k] = ((2 * u16::from(pixel.0[k]) + u16::from(color[k])) / 3) as u8);
             }
         }
     }

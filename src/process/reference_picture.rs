@@ -30,7 +30,7 @@ fn path(rig: &str) -> PathBuf {
 /// If the recording cannot be read.
 pub(super) fn begin(config: &Config) -> Result<(), CameraError> {
     remove(config);
-    if !is_needed(config) || config.camera.source != config::Source::Recording {
+    if !is_needed(config) || config.camera.source != Some(config::Source::Recording) {
         return Ok(());
     }
     let camera = &config.camera;

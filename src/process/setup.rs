@@ -41,7 +41,7 @@ impl Source {
     /// If it does not answer or refuses a setting.
     pub fn open(config: &Config) -> Result<Self, CameraError> {
         let camera = open_camera(config)?;
-        let live = config.camera.source.is_device();
+        let live = config.camera.is_device();
         Ok(Self { format: camera.format(), identity: camera.identity(), pace: camera.pace(), camera, live })
     }
 
@@ -123,7 +123,10 @@ impl Camera for Closed {
 /// If it does not answer or refuses a setting.
 pub fn open_camera(config: &Config) -> Result<Box<dyn Camera>, CameraError> {
     let camera = &config.camera;
-    Ok(match camera.source {
+    let source = camera
+        .source
+        .ok_or_else(|| CameraError::NotFound { id: config.origin.clone(), reason: "it has no camera.source".into() })?;
+    Ok(match source {
         config::Source::Simulated => {
             let world = SimulatedFilm::new(&scenario(config)?).map_err(|error| refused(config, &error))?;
             let pace = if camera.paced { Pace::Live } else { Pace::OnDemand };
@@ -160,7 +163,7 @@ pub fn open_camera(config: &Config) -> Result<Box<dyn Camera>, CameraError> {
 ///
 /// If the scenario is unknown or invalid.
 pub fn truth_world(config: &Config) -> Result<Option<SimulatedFilm>, CameraError> {
-    if config.camera.source != config::Source::Simulated {
+    if config.camera.source != Some(config::Source::Simulated) {
         return Ok(None);
     }
     let world = SimulatedFilm::new(&scenario(config)?).map_err(|error| refused(config, &error))?;
@@ -224,7 +227,7 @@ pub(super) fn limits(config: &Config, format: &StreamFormat) -> Limits {
 pub(super) fn expected_format(config: &Config) -> Result<StreamFormat, CameraError> {
     let camera = &config.camera;
     if let (true, Some((width_px, height_px)), Some(frame_rate_hz)) =
-        (camera.source.is_device(), camera.image_px(), camera.frame_rate_hz)
+        (camera.is_device(), camera.image_px(), camera.frame_rate_hz)
     {
         let format = camera.pixel_format.unwrap_or_default();
         let exposure_us = camera.exposure_us.unwrap_or(0.0);

@@ -8,6 +8,7 @@
 
 mod check;
 mod curves;
+mod diagnosis;
 mod page;
 mod paper_figures;
 mod picture;
@@ -18,8 +19,9 @@ mod snapshot;
 mod spread;
 
 pub use check::{CheckPicture, CheckRow, check_page};
+pub use diagnosis::{BodyDiagnosis, Change, Diagnosis, FrameDiagnosis, Panel, diagnosis_page};
 pub use paper_figures::{Comparison, Experiment, Figure, figures};
-pub use shot::{Shot, last_revisions};
+pub use shot::{MeasuredBody, Shot, last_revisions};
 
 /// Returns the page of one shot, or of the repeatability of several.
 pub fn page(shots: &[Shot]) -> String {

@@ -46,6 +46,9 @@ pub(super) fn shot_page(shot: &Shot) -> String {
     let body = html! {
         (header(shot, rig))
         @if let Some(reason) = &shot.truncated { p class="alert" { "This recording was cut off: " (reason) "." } }
+        @for body in &shot.measured {
+            p class={ @if body.is_complete { "note" } @else { "alert" } } { (body.line) "." }
+        }
         @if has_losses { p class="alert" { (losses(shot)) } }
         @if shot.impacts.is_empty() {
             section { h2 { "Collision" } p class="none" { "No collision was found in this recording." } }

@@ -1,10 +1,11 @@
 //! The content of a recording that its page shows, read in one pass over the frames.
 
 use super::picture::{self, Crop};
-use crate::image::FrameMeta;
+use crate::image::{FrameMeta, FrameRuns};
 use crate::recording::{EventRow, Recording, RecordingError};
 use crate::results::{Impact, PairField, TrackSample, VelocitySample};
 use std::collections::BTreeMap;
+use std::path::Path;
 
 /// Maximum number of collisions with pictures. The numbers of all are shown.
 const PICTURED_IMPACTS_MAX: usize = 4;
@@ -37,6 +38,17 @@ pub struct Shot {
     /// Field points of each status.
     pub(super) field_statuses: BTreeMap<&'static str, u64>,
     pub(super) snapshots: Vec<Snapshot>,
+    /// The measured frames of each body.
+    pub(super) measured: Vec<MeasuredBody>,
+}
+
+/// The frames in which a body was measured, in one line.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct MeasuredBody {
+    /// The number of frames, and why it was not measured in the others.
+    pub line: String,
+    /// Whether it was measured in every frame.
+    pub is_complete: bool,
 }
 
 /// The frames of a recording, counted.
@@ -45,6 +57,7 @@ pub(super) struct FilmSummary {
     pub(super) count: u64,
     pub(super) shape: Option<FrameMeta>,
     pub(super) rate_hz: Option<f64>,
+    pub(super) runs: FrameRuns,
     pub(super) lost: u64,
     pub(super) gaps: u64,
     /// The number of frames that could not be read, and the first reason. The unreadable rest of a file counts as one.
@@ -74,15 +87,21 @@ impl Shot {
     ///
     /// [`RecordingError`] when the system fails or a row does not decode. Damaged frames are counted instead.
     pub fn read(recording: &Recording) -> Result<Self, RecordingError> {
-        Self::read_with(recording, recording)
+        let has_frames = recording.frame_count() > 0;
+        let frames = has_frames.then(|| recording.frames()).transpose()?;
+        Self::read_with(recording, recording.path(), frames.into_iter().flatten())
     }
 
-    /// Reads results, with the frames of the film that they were measured in.
+    /// Reads results, with the frames of the film at `path` that they were measured in.
     ///
     /// # Errors
     ///
     /// The errors of [`read`](Self::read), and [`RecordingError::Invalid`] when the film has other frames.
-    pub fn read_with(recording: &Recording, film: &Recording) -> Result<Self, RecordingError> {
+    pub fn read_with(
+        recording: &Recording,
+        path: &Path,
+        film: impl Iterator<Item = Result<(FrameMeta, Vec<u8>), RecordingError>>,
+    ) -> Result<Self, RecordingError> {
         let mut velocities = recording.velocities()?.collect::<Result<Vec<_>, _>>()?;
         velocities.sort_by_key(|row| (row.body, row.frame));
         let mut truth = recording.truth()?.collect::<Result<Vec<_>, _>>()?;
@@ -105,6 +124,7 @@ impl Shot {
             frames: FilmSummary::default(),
             origin_ns: 0,
             snapshots: snapshots(&impacts, &velocities),
+            measured: Vec::new(),
             velocities,
             truth,
             rods,
@@ -114,7 +134,8 @@ impl Shot {
             field_statuses: BTreeMap::new(),
         };
         shot.read_fields(recording)?;
-        shot.read_frames(film)?;
+        shot.read_frames(path, film)?;
+        shot.frames.rate_hz = shot.entry("frame_rate_hz").or(recording.frame_rate_hz().ok().flatten());
         shot.origin_ns = shot.first_stamp_ns();
         Ok(shot)
     }
@@ -134,13 +155,13 @@ impl Shot {
         Ok(())
     }
 
-    fn read_frames(&mut self, recording: &Recording) -> Result<(), RecordingError> {
-        if recording.frame_count() == 0 {
-            self.frames.rate_hz = self.entry("frame_rate_hz");
-            return Ok(());
-        }
+    fn read_frames(
+        &mut self,
+        path: &Path,
+        film: impl Iterator<Item = Result<(FrameMeta, Vec<u8>), RecordingError>>,
+    ) -> Result<(), RecordingError> {
         let mut last: Option<FrameMeta> = None;
-        for frame in recording.frames()? {
+        for frame in film {
             let (meta, bytes) = match frame {
                 Ok(frame) => frame,
                 Err(error @ RecordingError::Io { .. }) => return Err(error),
@@ -153,6 +174,7 @@ impl Shot {
             let before = last.filter(|last| last.epoch == meta.epoch);
             let missing = before.map_or(0, |last| meta.sequence.saturating_sub(last.sequence).saturating_sub(1));
             self.frames.count += 1;
+            self.frames.runs.push(meta.sequence);
             self.frames.lost += missing;
             self.frames.gaps += u64::from(missing > 0);
             self.frames.shape.get_or_insert(meta);
@@ -161,15 +183,42 @@ impl Shot {
                 if snapshot.row.stamp_ns != meta.stamp_ns {
                     let reason =
                         format!("frame {} has another stamp than in the results: this is another film", meta.sequence);
-                    return Err(RecordingError::Invalid { path: recording.path().to_path_buf(), reason });
+                    return Err(RecordingError::Invalid { path: path.to_path_buf(), reason });
                 }
                 let center = snapshot.row.center_x_px.zip(snapshot.row.center_y_px).map(|(x, y)| [x, y]);
                 let crop = Crop::about(center, snapshot.row.radius_px.unwrap_or(0.0) * CROP_RADII, &meta);
                 snapshot.picture = picture::png(meta, &bytes, crop).map(|png| (crop, png));
             }
         }
-        self.frames.rate_hz = self.entry("frame_rate_hz").or(recording.frame_rate_hz().ok().flatten());
         Ok(())
+    }
+
+    /// Sets the measured frames of each body, which the page shows.
+    pub fn set_measured(&mut self, measured: Vec<MeasuredBody>) {
+        self.measured = measured;
+    }
+
+    /// Returns the velocity rows, by body and frame.
+    pub fn velocities(&self) -> &[VelocitySample] {
+        &self.velocities
+    }
+
+    /// Whether the film lacks a frame; false for results without frames.
+    pub fn is_missing(&self, sequence: u64) -> bool {
+        self.frames.count > 0 && !self.frames.runs.contains(sequence)
+    }
+
+    /// Returns the width and the height of the image, px, if there are frames.
+    pub fn size_px(&self) -> Option<[u32; 2]> {
+        self.frames.shape.map(|meta| [meta.width_px, meta.height_px])
+    }
+
+    /// Returns the sequence number of the first frame, from which frames are counted.
+    pub fn first_frame(&self) -> u64 {
+        let first_row = || self.velocities.iter().map(|row| row.frame).min();
+        let recorded = || self.entry("first_frame");
+        let first = self.frames.shape.map(|meta| meta.sequence).or_else(recorded).or_else(first_row);
+        first.unwrap_or(0)
     }
 
     /// Parses an entry of the metadata.
@@ -191,10 +240,7 @@ impl Shot {
 
     /// Converts a sequence number to the frame number of the tables, counted from the first frame.
     pub(super) fn frame(&self, sequence: u64) -> i128 {
-        let first_row = || self.velocities.iter().map(|row| row.frame).min();
-        let recorded = || self.entry("first_frame");
-        let first = self.frames.shape.map(|meta| meta.sequence).or_else(recorded).or_else(first_row);
-        i128::from(sequence) - i128::from(first.unwrap_or(0))
+        i128::from(sequence) - i128::from(self.first_frame())
     }
 
     /// The offset from the own times of a collision to those of the page, s.

@@ -4,11 +4,14 @@
 //! place.
 
 mod alarm;
+mod body_kind;
 mod columns;
 mod estimate;
 mod field;
 mod impact;
+mod measured_frames;
 mod named;
+mod reason;
 mod rod;
 mod rod_lines;
 mod status;
@@ -17,14 +20,17 @@ mod track;
 mod velocity;
 
 pub use alarm::{Alarm, AlarmKind};
+pub use body_kind::BodyKind;
 pub use columns::{Cell, Column, Heading, Kind, Sample};
 pub use estimate::Estimate;
 pub(crate) use field::field_row;
 pub use field::{Displacement, FieldPoint, PairField};
 pub(crate) use impact::impact_row;
 pub use impact::{ForceLaw, IMPACT_NUMBERS, Impact};
+pub use measured_frames::{FrequentStatus, MeasuredFrames};
 pub use named::UnknownName;
 pub(crate) use named::named_enum;
+pub use reason::Reason;
 pub use rod::{ROD_EDGES, Rod, RodEdge};
 pub use rod_lines::{Segment, segments};
 pub use status::{Phase, PointStatus};

@@ -1,6 +1,6 @@
 //! The track of a ball through all frames of a film.
 
-use super::identify::{ExaminedFrame, Identified, with_margin};
+use super::identify::{ExaminedFrame, Identified, RADIUS_TOLERANCE, with_margin};
 use super::movement::Mover;
 use crate::ball::{BallError, BallFinder, BallParams};
 use crate::results::Circle;
@@ -91,6 +91,20 @@ impl Follower {
 }
 
 impl Identified {
+    /// Whether both are balls of about the same radius.
+    pub fn is_same_ball(&self, other: &Self) -> bool {
+        let radii = self.ball_radius_px().zip(other.ball_radius_px());
+        radii.is_some_and(|(a, b)| (a / b - 1.0).abs() < RADIUS_TOLERANCE)
+    }
+
+    /// Returns the number of examined frames in which a ball was found.
+    pub fn found_frames(&self) -> usize {
+        match self {
+            Self::Ball { circles, .. } => circles.len(),
+            _ => 0,
+        }
+    }
+
     /// Returns the radius of a ball, px.
     pub fn ball_radius_px(&self) -> Option<f64> {
         match self {

@@ -3,6 +3,7 @@
 use super::movement::{Appearance, Movement, Mover};
 use crate::ball::{BallFinder, BallParams};
 use crate::image::ImageView;
+use crate::numeric::median;
 use crate::results::{Circle, ROD_EDGES};
 use crate::rod::{RodFinder, RodParams};
 
@@ -10,12 +11,13 @@ use crate::rod::{RodFinder, RodParams};
 const EXAMINED_FRAMES: usize = 16;
 /// The radius of the smallest ball whose outline can be measured, px.
 pub(super) const MIN_RADIUS_PX: f64 = 6.0;
-/// The share of the examined frames that have to show the body.
-const MIN_SHARE: f64 = 0.4;
+/// The share of the examined frames that have to show the body. A ball that is as bright as its background is found in few of
+/// them, and then followed in most.
+const MIN_SHARE: f64 = 0.25;
 /// The minimum number of these frames.
 const MIN_FRAMES: usize = 3;
 /// The maximum difference of a radius from that of the ball, as a fraction.
-const RADIUS_TOLERANCE: f64 = 0.12;
+pub(super) const RADIUS_TOLERANCE: f64 = 0.12;
 /// The margin of the searched region to what differs from the background, as a fraction of its larger side.
 const MARGIN_FRACTION: f64 = 0.4;
 /// The margin of the searched region, px.
@@ -132,11 +134,12 @@ impl Examination<'_> {
         let needed = ((MIN_SHARE * self.examined.len() as f64).ceil() as usize).max(MIN_FRAMES);
         let circles = self.agreeing_circles();
         if circles.len() >= needed && moves(&circles) {
-            let radii = circles.iter().map(|(_, circle)| circle.radius_px).collect();
-            return Identified::Ball { radius_px: middle(radii), circles };
+            let mut radii: Vec<f64> = circles.iter().map(|(_, circle)| circle.radius_px).collect();
+            return Identified::Ball { radius_px: median(&mut radii).unwrap_or(0.0), circles };
         }
-        if self.rods.len() >= needed {
-            return Identified::Rod { half_width_px: middle(self.rods), edges: ROD_EDGES as u32 };
+        let mut rods = self.rods;
+        if let Some(half_width_px) = median(&mut rods).filter(|_| rods.len() >= needed) {
+            return Identified::Rod { half_width_px, edges: ROD_EDGES as u32 };
         }
         let largest = self.mover.appearances.iter().max_by(|a, b| a.area_px2.total_cmp(&b.area_px2));
         let radius_px = largest.map_or(0.0, |largest| (largest.area_px2 / std::f64::consts::PI).sqrt());
@@ -178,10 +181,4 @@ pub(super) fn with_margin(region_px: [u32; 4], size_px: [usize; 2]) -> [u32; 4] 
     let right = (x + width + margin_px).min(size_px[0] as u32);
     let bottom = (y + height + margin_px).min(size_px[1] as u32);
     [left, top, right - left, bottom - top]
-}
-
-/// Returns the median of values, of which there is at least one.
-fn middle(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
 }

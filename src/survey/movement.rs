@@ -3,6 +3,7 @@
 use super::components::{Component, Mask};
 use super::sampler::{ReducedImage, SampledFrame, Sampler, reduced};
 use crate::image::ImageView;
+use crate::numeric::median;
 
 /// The number of standard deviations of noise from which a difference is a motion.
 const SIGNIFICANT_SIGMAS: f32 = 6.0;
@@ -15,6 +16,8 @@ const MIN_AREA: usize = 6;
 const JOIN_REACH: usize = 2;
 /// The share of the image above which everything moves: the camera does, or the light.
 const EVERYWHERE_FRACTION: f64 = 0.5;
+/// The minimum number of samples in which a mover differs from the background.
+const MIN_APPEARANCES: usize = 3;
 /// The maximum number of movers, the largest first.
 const MAX_MOVERS: usize = 4;
 
@@ -61,6 +64,19 @@ pub struct Appearance {
     pub hull_px: Vec<[f64; 2]>,
 }
 
+impl Mover {
+    /// Returns this and another mover as one.
+    #[must_use]
+    pub fn joined(&self, other: &Self) -> Self {
+        let [a, b] = [self.bounds_px, other.bounds_px];
+        let (left, top) = (a[0].min(b[0]), a[1].min(b[1]));
+        let (right, bottom) = ((a[0] + a[2]).max(b[0] + b[2]), (a[1] + a[3]).max(b[1] + b[3]));
+        let mut appearances = [self.appearances.clone(), other.appearances.clone()].concat();
+        appearances.sort_by_key(|appearance| appearance.index);
+        Self { bounds_px: [left, top, right - left, bottom - top], appearances }
+    }
+}
+
 impl Movement {
     /// Returns the reduced pixels of a frame that differ from the background, row-major.
     pub fn moving(&self, image: ImageView<'_>) -> Vec<bool> {
@@ -92,8 +108,8 @@ impl Sampler {
         masks.iter().for_each(|mask| swept.iter_mut().zip(&mask.marked).for_each(|(swept, marked)| *swept |= marked));
         let swept_fraction = swept.iter().filter(|swept| **swept).count() as f64 / swept.len() as f64;
         let swept = Mask { marked: swept, width, height };
-        let movers = swept.closed(JOIN_REACH).components().into_iter().take(MAX_MOVERS);
-        let movers = movers.map(|region| self.mover(&region, &masks)).collect();
+        let regions = movers_of(swept.closed(JOIN_REACH).components(), &masks);
+        let movers = regions.iter().take(MAX_MOVERS).map(|region| self.mover(region, &masks)).collect();
         Some(Movement {
             background,
             factor: self.factor(),
@@ -166,6 +182,46 @@ fn joined(a: [usize; 4], b: [usize; 4]) -> [usize; 4] {
     [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])]
 }
 
+/// Groups swept regions, the largest first.
+///
+/// A region that differs in fewer than [`MIN_APPEARANCES`] samples is one station of something fast. All of them belong to
+/// one mover. Without that many samples together they are artefacts of compression.
+fn movers_of(regions: Vec<Component>, masks: &[Mask]) -> Vec<Component> {
+    let mut region_of = vec![usize::MAX; masks[0].marked.len()];
+    for (number, region) in regions.iter().enumerate() {
+        region.pixels.iter().for_each(|at| region_of[*at] = number);
+    }
+    let mut seen = vec![Vec::new(); regions.len()];
+    for (sample, mask) in masks.iter().enumerate() {
+        let marked = region_of.iter().zip(&mask.marked).filter(|(_, marked)| **marked);
+        for (region, _) in marked.filter(|(region, _)| **region != usize::MAX) {
+            let samples: &mut Vec<usize> = &mut seen[*region];
+            if samples.last() != Some(&sample) {
+                samples.push(sample);
+            }
+        }
+    }
+    let (mut movers, mut stations, mut visited) = (Vec::new(), Vec::new(), Vec::new());
+    for (region, samples) in regions.into_iter().zip(seen) {
+        if samples.len() >= MIN_APPEARANCES {
+            movers.push(region);
+        } else {
+            stations.push(region);
+            visited.extend(samples);
+        }
+    }
+    visited.sort_unstable();
+    visited.dedup();
+    let bounds = stations.iter().map(|station| station.bounds).reduce(joined);
+    if let Some(bounds) = bounds.filter(|_| visited.len() >= MIN_APPEARANCES) {
+        let mut pixels: Vec<usize> = stations.into_iter().flat_map(|station| station.pixels).collect();
+        pixels.sort_unstable();
+        movers.push(Component { pixels, bounds });
+    }
+    movers.sort_by_key(|mover| std::cmp::Reverse(mover.pixels.len()));
+    movers
+}
+
 /// Removes regions that are too small to be a body.
 fn without_specks(mask: &Mask) -> Mask {
     let mut marked = vec![false; mask.marked.len()];
@@ -181,7 +237,7 @@ fn median_in_time(frames: &[SampledFrame]) -> ReducedImage {
     let mut values = vec![0.0; frames.len()];
     let median = |at: usize| {
         values.iter_mut().zip(frames).for_each(|(value, frame)| *value = frame.image.levels_dn[at]);
-        median(&mut values)
+        median(&mut values).unwrap_or(0.0)
     };
     ReducedImage { levels_dn: (0..first.levels_dn.len()).map(median).collect(), ..*first }
 }
@@ -189,7 +245,7 @@ fn median_in_time(frames: &[SampledFrame]) -> ReducedImage {
 /// Returns the absolute difference of each pixel from the background, at the same brightness of the whole image.
 fn difference(image: &ReducedImage, background: &ReducedImage) -> Vec<f32> {
     let pairs = || image.levels_dn.iter().zip(&background.levels_dn);
-    let offset_dn = median(&mut pairs().map(|(level, still)| level - still).collect::<Vec<_>>());
+    let offset_dn = median(&mut pairs().map(|(level, still)| level - still).collect::<Vec<f32>>()).unwrap_or(0.0);
     pairs().map(|(level, still)| (level - still - offset_dn).abs()).collect()
 }
 
@@ -197,14 +253,8 @@ fn difference(image: &ReducedImage, background: &ReducedImage) -> Vec<f32> {
 fn noise_dn(differences: &[Vec<f32>]) -> f32 {
     // The median of the absolute values of a normal distribution, in standard deviations.
     const MEDIAN_SIGMAS: f32 = 0.6745;
-    let mut medians: Vec<f32> = differences.iter().map(|difference| median(&mut difference.clone())).collect();
-    median(&mut medians) / MEDIAN_SIGMAS
-}
-
-/// Returns the median, the upper one of an even number; reorders the values.
-pub(super) fn median(values: &mut [f32]) -> f32 {
-    let middle = values.len() / 2;
-    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f32::total_cmp).1 }
+    let mut medians: Vec<f32> = differences.iter().filter_map(|difference| median(&mut difference.clone())).collect();
+    median(&mut medians).unwrap_or(0.0) / MEDIAN_SIGMAS
 }
 
 #[cfg(test)]
@@ -235,6 +285,28 @@ mod tests {
         let third = &mover.appearances[3];
         assert_eq!((third.index, third.bounds_px, third.area_px2), (3, [14, 30, 8, 8], 64.0));
         assert_eq!(third.hull_px, [[14.0, 30.0], [21.0, 30.0], [21.0, 37.0], [14.0, 37.0]]);
+    }
+
+    #[test]
+    fn stations_of_something_fast_are_one_mover_and_a_single_flash_is_none() {
+        let mut sampler = Sampler::new(200, 60, 12);
+        for index in 0..12 {
+            let mut data = vec![20.0; 12_000];
+            // Twice as far apart as it is wide.
+            let left = 5 + 16 * index as usize;
+            (30..38).for_each(|y| data[y * 200 + left..y * 200 + left + 8].fill(150.0));
+            sampler.push(index, ImageView::new(&data, 200, 60).unwrap());
+        }
+        let movement = sampler.movement().unwrap();
+        let movers: Vec<_> = movement.movers.iter().map(|mover| (mover.bounds_px, mover.appearances.len())).collect();
+        assert_eq!(movers, [([5, 30, 184, 8], 12)]);
+        let mut flash = Sampler::new(64, 64, 9);
+        for index in 0..9 {
+            let level = if index == 0 { 90.0 } else { 20.0 };
+            let data: Vec<f32> = (0..4096).map(|at| if at % 64 < 8 { level } else { 20.0 }).collect();
+            flash.push(index, ImageView::new(&data, 64, 64).unwrap());
+        }
+        assert!(flash.movement().unwrap().movers.is_empty());
     }
 
     #[test]

@@ -9,6 +9,8 @@ const SIDE_POINTS: std::ops::RangeInclusive<usize> = 3..=24;
 const SIDE_SHARE: usize = 6;
 /// The ratio of the residuals of one parabola through the whole track to those of its parts from which it turns.
 const MIN_MISFIT: f64 = 4.0;
+/// The systematic error of the centres along a flight, px. Outlines depend on the speckles at the rim and on the light.
+const CENTER_ERROR_PX: f64 = 0.1;
 /// The minimum number of points of a flight whose acceleration is fitted.
 const FLIGHT_POINTS: usize = 6;
 
@@ -117,7 +119,10 @@ fn acceleration(flights: &[&[TrackPoint]]) -> Option<Acceleration> {
     let mut sums = [0.0; 3];
     for flight in flights.iter().filter(|flight| flight.len() >= FLIGHT_POINTS) {
         let Some(fit) = PathFit::of(flight, 2) else { continue };
-        let ([x, y], sigma) = fit.highest();
+        let ([x, y], noise) = fit.highest();
+        let span_s = flight[flight.len() - 1].t_s - flight[0].t_s;
+        // A parabola with a coefficient c rises by c * span^2 / 4 above its chord.
+        let sigma = noise.hypot(4.0 * CENTER_ERROR_PX / (span_s * span_s));
         let weight = 1.0 / (4.0 * sigma * sigma).max(f64::MIN_POSITIVE);
         // The coefficient of t^2 is half of the acceleration.
         sums = [sums[0] + 2.0 * weight * x, sums[1] + 2.0 * weight * y, sums[2] + weight];
@@ -161,7 +166,7 @@ mod tests {
         assert!(turn.direction[1] < -0.99, "{:?}", turn.direction);
         let acceleration = path.acceleration.unwrap();
         let off = (acceleration.value_px_s2[1] - 2000.0) / acceleration.sigma_px_s2;
-        assert!(off.abs() < 4.0 && acceleration.sigma_px_s2 < 60.0, "{acceleration:?}");
+        assert!(off.abs() < 4.0 && acceleration.sigma_px_s2 < 150.0, "{acceleration:?}");
         assert!((path.speed_px_frame - 1.25).abs() < 0.2, "{}", path.speed_px_frame);
     }
 

@@ -102,7 +102,7 @@ fn every_rig_file_that_needs_no_camera_runs() {
     for entry in std::fs::read_dir(root("config")).unwrap() {
         let path = entry.unwrap().path();
         let config = Config::load(&path).unwrap();
-        if !matches!(config.camera.source, Source::Simulated | Source::Recording) {
+        if !matches!(config.camera.source, Some(Source::Simulated | Source::Recording)) {
             println!("{}: needs a camera, was only read", path.display());
             continue;
         }

@@ -75,6 +75,7 @@ pub fn run(options: &CheckOptions, stop: &Stop) -> Result<Outcome, Failure> {
     }
     options.output.as_deref().map_or(Ok(()), check_absent)?;
     let config = Config::load(&options.config)?;
+    config.check_sources()?;
     let grabbed = grab::grab(&config, options.seconds, stop)?;
     let floor = displacement::floor(&config, &grabbed)?;
     let inspection = inspect(&config, &grabbed, &floor)?;

@@ -7,10 +7,12 @@ mod rows;
 mod sink;
 mod video;
 
+use crate::command::result_film::{self, Frames};
 use crate::console::check_no_input;
-use crate::failure::{ExitCode, Fatal};
+use crate::failure::{ExitCode, Failure, Fatal};
 use crate::recording::{self, Recording, RecordingError};
 use crate::results::named_enum;
+pub(super) use picture::grey_levels;
 use sink::Csv;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -71,6 +73,9 @@ pub struct ExportOptions {
     /// File or directory to write [default for csv: standard output].
     #[arg(short, long)]
     pub output: Option<PathBuf>,
+    /// Film that the results were measured in, for pictures and films; several files are one sequence.
+    #[arg(long, num_args = 1..)]
+    pub film: Vec<PathBuf>,
     /// Playback rate of a film, frames per second.
     #[arg(long = "fps", default_value_t = 25.0, value_name = "HZ")]
     pub playback_hz: f64,
@@ -80,6 +85,11 @@ impl ExportOptions {
     /// Opens the recording at the chosen camera.
     fn recording(&self) -> Result<Recording, RecordingError> {
         Recording::open(&self.file)?.of_camera(self.camera.as_deref())
+    }
+
+    /// Opens the frames of the film, or of the recording itself.
+    fn frames(&self, results: &Recording) -> Result<Frames, ExportError> {
+        result_film::frames(results, &self.film, self.camera.as_deref()).map_err(ExportError::Film)
     }
 }
 
@@ -98,6 +108,9 @@ pub enum ExportError {
     /// The recording cannot be read.
     #[error(transparent)]
     Recording(#[from] RecordingError),
+    /// The film cannot be opened.
+    #[error("{0}")]
+    Film(Failure),
     /// The table cannot be written.
     #[error("cannot write {to}: {source}")]
     Write {
@@ -110,7 +123,11 @@ pub enum ExportError {
 
 impl Fatal for ExportError {
     fn exit_code(&self) -> ExitCode {
-        if matches!(self, Self::Usage(_)) { ExitCode::Usage } else { ExitCode::Recording }
+        match self {
+            Self::Usage(_) => ExitCode::Usage,
+            Self::Film(failure) => failure.exit_code(),
+            Self::Recording(_) | Self::Write { .. } => ExitCode::Recording,
+        }
     }
 }
 
@@ -130,7 +147,8 @@ pub struct Exported {
 /// [`ExportError`] naming the option or the file.
 pub fn run(options: &ExportOptions) -> Result<Exported, ExportError> {
     if let Some(path) = &options.output {
-        check_no_input(path, [&options.file]).map_err(|error| ExportError::Usage(error.0))?;
+        check_no_input(path, options.film.iter().chain([&options.file]))
+            .map_err(|error| ExportError::Usage(error.0))?;
     }
     let rows = write(options)?;
     Ok(Exported { rows, truncated: Recording::open(&options.file)?.truncated().map(str::to_owned) })
@@ -142,6 +160,10 @@ fn write(options: &ExportOptions) -> Result<u64, ExportError> {
     let known = options.format.topics();
     if !known.contains(&topic) {
         return Err(ExportError::Usage(format!("--topic {topic}: not one of {}", known.join(", "))));
+    }
+    if !options.film.is_empty() && !matches!(options.format, Format::Png | Format::Mp4 | Format::Gif) {
+        let format = options.format.as_str();
+        return Err(ExportError::Usage(format!("--film: --format {format} shows no frames; png, mp4 and gif do")));
     }
     if !(options.playback_hz > 0.0 && options.playback_hz <= 1000.0) {
         let playback_hz = options.playback_hz;

@@ -14,6 +14,7 @@ const MESSAGE_BYTES: u64 = 64 << 10;
 /// Writes the frames as a video and returns their number. No other file is written.
 pub(super) fn write(options: &ExportOptions, to: &Path) -> Result<u64, ExportError> {
     let recording = options.recording()?;
+    let frames = options.frames(&recording)?;
     let failed = |source| ExportError::Write { to: to.display().to_string(), source };
     let mut video: Option<Video> = None;
     let mut count = 0;
@@ -29,13 +30,13 @@ pub(super) fn write(options: &ExportOptions, to: &Path) -> Result<u64, ExportErr
         video.push(pixels).map_err(failed)
     };
     if options.topic == "frames" {
-        for frame in recording.frames()? {
+        for frame in frames {
             let (meta, bytes) = frame?;
             let levels = grey_levels(meta, &bytes).map_err(failed)?;
             take([meta.width_px, meta.height_px], "gray", &levels)?;
         }
     } else {
-        draw(&recording, &options.topic, |_, picture| {
+        draw(&recording, frames, &options.topic, |_, picture| {
             let picture = picture.map_err(failed)?;
             take([picture.width(), picture.height()], "rgb24", picture.as_raw())
         })?;

@@ -35,12 +35,12 @@ impl Rig {
             .into());
         }
         let mut scenario = match config.camera.source {
-            Source::Recording => {
+            Some(Source::Recording) => {
                 return Err(
                     refuse("source = \"recording\" cannot be predicted: measure it with `ricochet analyze`").into()
                 );
             }
-            Source::Simulated => {
+            Some(Source::Simulated) => {
                 if let Some(name) = scenario {
                     config.camera.scenario = Some(name.to_owned());
                 }
@@ -49,7 +49,7 @@ impl Rig {
                     None => return Err(refuse("no scenario to predict: set camera.scenario").into()),
                 }
             }
-            Source::Genicam | Source::V4l2 => {
+            Some(Source::Genicam | Source::V4l2) | None => {
                 let name = scenario.unwrap_or("lacrosse");
                 let film = simulated::load_scenario(name).map_err(|error| UsageError(error.to_string()))?;
                 seen_by(&config, film).map_err(|why| refuse(&why))?

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 fn a_camera_alone_is_a_rig_with_the_documented_defaults() {
     let config = parse(SIMULATED);
     assert_eq!(config.rig.name, "rig");
-    assert_eq!((config.camera.source, config.camera.scenario.as_deref()), (Source::Simulated, Some("lacrosse")));
+    assert_eq!((config.camera.source, config.camera.scenario.as_deref()), (Some(Source::Simulated), Some("lacrosse")));
     assert_eq!((config.camera.paced, config.camera.playback_rate), (true, 1.0));
     assert_eq!((config.camera.from_s, config.camera.to_s), (0.0, None));
     assert_eq!((config.camera.image_px(), config.camera.pixel_format, config.camera.frame_rate_hz), (None, None, None));
@@ -71,7 +71,7 @@ fn every_key_of_the_camera_is_used() {
     let camera = &config.camera;
     assert_eq!(
         (camera.source, camera.id.as_deref(), camera.image_px()),
-        (Source::Genicam, Some("maker-1234"), Some((640, 320)))
+        (Some(Source::Genicam), Some("maker-1234"), Some((640, 320)))
     );
     assert_eq!(
         (camera.offset_x_px, camera.offset_y_px, camera.pixel_format),
@@ -136,7 +136,7 @@ fn an_edge_gives_the_angle_and_the_trigger_modes_on_it_differ() {
 #[test]
 fn properties_of_a_cameras_frames_apply_to_their_recording() {
     let camera = parse(FULL).with_recording("film.mcap".as_ref(), &[]).unwrap().camera;
-    assert_eq!((camera.source, camera.exposure_us), (Source::Recording, Some(1.0)));
+    assert_eq!((camera.source, camera.exposure_us), (Some(Source::Recording), Some(1.0)));
     assert_eq!((camera.gamma, camera.row_time_us), (0.45, Some(-0.003)));
     assert_eq!(camera.defective_px, [[3, 4], [639, 319]]);
     let camera = parse(SIMULATED).with_recording("film.mcap".as_ref(), &[]).unwrap().camera;
@@ -236,4 +236,19 @@ fn gravity_points_along_the_path_of_the_falling_lacrosse_ball() {
     let falling_deg = vn_m_s.atan2(vt_m_s).to_degrees() + config.surface.angle_deg;
     // The paper rounds its velocities to 0.01 m/s and its angle to 1 deg.
     assert!((falling_deg - config.velocity.gravity_angle_deg).abs() < 1.0, "the ball falls along {falling_deg} deg");
+}
+
+#[test]
+fn a_film_can_be_described_without_a_camera() {
+    let config = parse("[scale]\nball_diameter_mm = 40\n");
+    assert_eq!((config.camera.source, config.bodies[0].name.as_str()), (None, "ball"));
+    let taken = parse("[camera]\nexposure_us = 20\ngamma = 0.45\nrow_time_us = 5\ndefective_px = [[3, 4]]\n").camera;
+    assert_eq!((taken.exposure_us, taken.gamma, taken.row_time_us), (Some(20.0), 0.45, Some(5.0)));
+    let error = config.check_sources().unwrap_err().to_string();
+    let sources = "\"simulated\", \"recording\", \"genicam\", \"v4l2\"";
+    assert_eq!(error, format!("rig.toml: camera.source is missing: must be {sources} for a rig that runs"));
+    assert!(parse("[camera]\nsource = \"simulated\"\n").check_sources().is_ok());
+    let view = parse("[camera]\nsource = \"simulated\"\n[view.side.scale]\nmm_per_px = 1\n");
+    let error = view.check_sources().unwrap_err().to_string();
+    assert_eq!(error, format!("rig.toml [view.side]: camera.source is missing: must be {sources} for a rig that runs"));
 }

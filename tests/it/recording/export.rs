@@ -130,6 +130,7 @@ fn an_unknown_table_or_format_is_a_usage_error() {
         format: export::Format::Csv,
         camera: None,
         output: None,
+        film: Vec::new(),
         playback_hz: 25.0,
     };
     let error = export::run(&options).unwrap_err();
@@ -168,7 +169,7 @@ fn options(
     output: &std::path::Path,
 ) -> export::ExportOptions {
     let (file, topic, output) = (file.into(), topic.into(), Some(output.into()));
-    export::ExportOptions { file, topic, format, camera: None, output, playback_hz: 25.0 }
+    export::ExportOptions { file, topic, format, camera: None, output, film: Vec::new(), playback_hz: 25.0 }
 }
 
 /// The rows of a Parquet file as the texts of the CSV file, read with the crate's own reader.
@@ -271,8 +272,16 @@ fn numpy_reads_the_columns_of_the_csv() {
         let [npz, csv] = ["npz", "csv"].map(|ending| folder.path().join(format!("{topic}.{ending}")));
         for (format, output) in [(export::Format::Npz, &npz), (export::Format::Csv, &csv)] {
             let (file, topic, output) = (path.clone(), topic.to_owned(), Some(output.clone()));
-            export::run(&export::ExportOptions { file, topic, format, camera: None, output, playback_hz: 25.0 })
-                .unwrap();
+            export::run(&export::ExportOptions {
+                file,
+                topic,
+                format,
+                camera: None,
+                output,
+                film: Vec::new(),
+                playback_hz: 25.0,
+            })
+            .unwrap();
         }
         let Some(printed) = python(include_str!("read_npz.py"), &[&npz, &csv]) else { return };
         let count: usize = printed.trim().parse().unwrap();

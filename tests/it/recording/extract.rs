@@ -9,7 +9,8 @@ use std::path::Path;
 
 fn export_as(format: Format, topic: &str, file: &Path, output: &Path) -> Result<u64, String> {
     let (topic, output) = (topic.to_owned(), Some(output.to_owned()));
-    let options = ExportOptions { file: file.into(), topic, format, camera: None, output, playback_hz: 25.0 };
+    let options =
+        ExportOptions { file: file.into(), topic, format, camera: None, output, film: Vec::new(), playback_hz: 25.0 };
     export::run(&options).map(|exported| exported.rows).map_err(|error| error.to_string())
 }
 

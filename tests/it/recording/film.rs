@@ -59,6 +59,7 @@ fn options(file: &Path, topic: &str, format: Format, output: &Path) -> ExportOpt
         camera: None,
         format,
         output: Some(output.into()),
+        film: Vec::new(),
         playback_hz: 25.0,
     }
 }

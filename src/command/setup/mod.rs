@@ -1,0 +1,157 @@
+//! `ricochet setup`: proposes a rig file for a film.
+
+mod gravity;
+mod picture;
+mod proposal;
+mod rig_text;
+
+use super::film_survey::{self, FilmFiles};
+use crate::config::Config;
+use crate::console::{Outcome, UsageError, WriteError, check_no_input, print_line, print_note, write_file};
+use crate::failure::{ExitCode, Failure, Fatal};
+use crate::image::Frame;
+use crate::process::Stop;
+use proposal::Proposal;
+use serde_json::json;
+use std::io::{IsTerminal, Write as _};
+use std::path::{Path, PathBuf};
+
+/// The options of `ricochet setup`.
+#[derive(Debug, Clone, PartialEq, clap::Args)]
+pub struct SetupOptions {
+    /// A film, a recording, or the images of one sequence.
+    #[arg(required = true, value_name = "FILM")]
+    pub film: Vec<PathBuf>,
+    /// Frame rate, Hz; replaces the file's own, for files that record none or only a playback rate.
+    #[arg(long)]
+    pub fps: Option<f64>,
+    /// True diameter of the ball, or width of the rod, mm; asked for at a terminal.
+    #[arg(long, value_name = "MM")]
+    pub diameter_mm: Option<f64>,
+    /// Rig file to write; a picture of the proposal is written next to it.
+    #[arg(short, long, default_value = "rig.toml")]
+    pub output: PathBuf,
+    /// Replace existing files.
+    #[arg(long)]
+    pub force: bool,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// A rig file that lacks its scale.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+struct Incomplete(String);
+
+impl Fatal for Incomplete {
+    fn exit_code(&self) -> ExitCode {
+        ExitCode::Usage
+    }
+}
+
+/// Nothing in a film can be followed.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+struct NothingFound(String);
+
+impl Fatal for NothingFound {
+    fn exit_code(&self) -> ExitCode {
+        ExitCode::NothingMeasured
+    }
+}
+
+/// Surveys the film, writes the rig file and its picture, and prints the proposal.
+///
+/// # Errors
+///
+/// When the film cannot be read, nothing in it can be followed, a file exists without `--force`, or the scale is missing. In
+/// the last case the files are written all the same.
+pub fn run(options: &SetupOptions, stop: &Stop) -> Result<Outcome, Failure> {
+    let picture_path = options.output.with_extension("png");
+    check_outputs(options, &picture_path)?;
+    if let Some(diameter_mm) = options.diameter_mm.filter(|mm| !(*mm > 0.0 && *mm <= 10_000.0)) {
+        return Err(UsageError(format!("--diameter-mm {diameter_mm}: must be above 0 and at most 10000 mm")).into());
+    }
+    let film = FilmFiles { inputs: options.film.clone(), camera: None, fps: options.fps };
+    let surveyed = film_survey::survey(&film, stop)?;
+    let name = options.film[0].display().to_string();
+    let diameter_mm = match options.diameter_mm {
+        None if proposal::needs_diameter(&surveyed) => ask_diameter()?,
+        given => given,
+    };
+    let proposal = Proposal::of(&surveyed, diameter_mm).map_err(|reason| NothingFound(format!("{name}: {reason}")))?;
+    let command = next_command(options, &name);
+    let text = rig_text::rig_text(&proposal, &name, &command);
+    // A proposal that the program itself refuses would be a bug.
+    Config::parse(&text, &options.output.display().to_string())?;
+    let (meta, bytes) = film.frame(proposal.shown_frame, stop)?;
+    let drawn = picture::draw(&proposal, &surveyed, &Frame { meta, bytes: &bytes })?;
+    write_file(&options.output, &text)?;
+    drawn.save(&picture_path).map_err(|error| WriteError::new(&picture_path, error))?;
+    print(options, &proposal, &picture_path, &command);
+    match proposal.missing {
+        Some(missing) => Err(Incomplete(format!("{}: {missing}", options.output.display())).into()),
+        None => Ok(Outcome::Clean),
+    }
+}
+
+/// Checks that nothing is overwritten.
+fn check_outputs(options: &SetupOptions, picture_path: &Path) -> Result<(), UsageError> {
+    for path in [options.output.as_path(), picture_path] {
+        check_no_input(path, &options.film)?;
+        if path.exists() && !options.force {
+            return Err(UsageError(format!("{}: already exists; pass --force to replace it", path.display())));
+        }
+    }
+    Ok(())
+}
+
+/// Asks for the diameter at a terminal; `None` elsewhere, or for an empty answer.
+fn ask_diameter() -> Result<Option<f64>, Failure> {
+    if !(std::io::stdin().is_terminal() && std::io::stderr().is_terminal()) {
+        return Ok(None);
+    }
+    eprint!("True diameter of the ball, mm: ");
+    std::io::stderr().flush()?;
+    let mut line = String::new();
+    std::io::stdin().read_line(&mut line)?;
+    let answer = line.trim();
+    if answer.is_empty() {
+        return Ok(None);
+    }
+    let diameter_mm = answer.parse().ok().filter(|mm: &f64| *mm > 0.0 && *mm <= 10_000.0);
+    diameter_mm
+        .map(Some)
+        .ok_or_else(|| UsageError(format!("diameter {answer:?}: must be a number above 0 and at most 10000 mm")).into())
+}
+
+/// Returns the command that measures the film with the proposal.
+fn next_command(options: &SetupOptions, name: &str) -> String {
+    let quoted = |word: &str| {
+        let is_plain = word.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"/._-".contains(&byte));
+        if is_plain { word.to_owned() } else { format!("'{}'", word.replace('\'', "'\\''")) }
+    };
+    let more = if options.film.len() > 1 { " ..." } else { "" };
+    let rate = options.fps.map_or_else(String::new, |fps| format!(" --fps {fps}"));
+    let config = options.output.display().to_string();
+    format!("ricochet analyze {}{more}{rate} --config {}", quoted(name), quoted(&config))
+}
+
+fn print(options: &SetupOptions, proposal: &Proposal, picture_path: &Path, command: &str) {
+    let facts = proposal.facts();
+    if options.json {
+        let facts: serde_json::Map<_, _> =
+            facts.into_iter().map(|(name, text)| (name.to_owned(), text.into())).collect();
+        let printed = json!({
+            "rig": options.output, "picture": picture_path, "proposal": facts, "warnings": proposal.warnings,
+            "next": command,
+        });
+        return print_line(&printed.to_string());
+    }
+    print_line(&options.output.display().to_string());
+    print_line(&picture_path.display().to_string());
+    facts.iter().for_each(|(name, text)| print_line(&format!("{name:<9} {text}")));
+    proposal.warnings.iter().for_each(|warning| print_note(&format!("warning: {warning}")));
+    print_line(&format!("next      {command}"));
+}
