@@ -159,7 +159,7 @@ impl Film {
             exposure_us: 0.0,
         };
         let (count, metadata, config) = (footage.count, footage.description.clone(), Config::load(config)?);
-        let mut frames = footage.peekable();
+        let mut frames = ReportedFrames { findings: footage.findings.clone(), frames: footage }.peekable();
         let first = frames.peek().and_then(|first| first.as_ref().ok());
         let reference =
             first.and_then(|(meta, bytes)| reference_picture::of_first_frame(&Frame { meta: *meta, bytes }, &config));
@@ -179,6 +179,31 @@ impl Film {
 pub(super) fn report_footage(footage: &import::Footage) {
     eprintln!("{}", footage.summary());
     footage.warnings.iter().for_each(|warning| log::warn!("{warning}"));
+}
+
+/// Frames of footage; what they show about the file is printed at their end.
+struct ReportedFrames {
+    frames: import::Footage,
+    findings: import::Findings,
+}
+
+impl Iterator for ReportedFrames {
+    type Item = Result<(FrameMeta, Vec<u8>), import::ImportError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.frames.next()
+    }
+}
+
+impl Drop for ReportedFrames {
+    fn drop(&mut self) {
+        report_findings(&self.findings);
+    }
+}
+
+/// Prints what the frames show about the file: repeats, blended frames.
+pub(super) fn report_findings(findings: &import::Findings) {
+    findings.warnings().iter().for_each(|warning| log::warn!("{warning}"));
 }
 
 /// One of the recordings that form a film.

@@ -1,6 +1,6 @@
 //! `ricochet import`: converts footage of other programs or cameras into a recording.
 
-use super::frame_source::report_footage;
+use super::frame_source::{report_findings, report_footage};
 use crate::console::{print_line, progress};
 use crate::failure::Failure;
 use crate::image::Frame;
@@ -12,7 +12,7 @@ use std::path::PathBuf;
 /// The options of `ricochet import`.
 #[derive(Debug, Clone, PartialEq, clap::Args)]
 pub struct ImportOptions {
-    /// A Photron, Phantom or NumPy (.npy) file, a film (AVI, MP4, MOV, MKV; needs ffmpeg), a multi-page TIFF, the
+    /// A Photron, Phantom or NumPy (.npy) file, a film (AVI, MP4, MOV, MKV, ...; needs ffmpeg), a multi-page TIFF, the
     /// images of one sequence, their folder, or a pattern such as 'shot/*.png'.
     #[arg(required = true)]
     pub inputs: Vec<PathBuf>,
@@ -54,7 +54,7 @@ pub fn run(options: &ImportOptions) -> Result<Imported, Failure> {
     let names = options.inputs.first().and_then(|path| path.file_name());
     metadata.insert("imported_from".into(), names.unwrap_or_default().to_string_lossy().into_owned());
     let info = RecordingInfo { metadata: metadata.clone(), ..RecordingInfo::default() };
-    let warnings = footage.warnings.clone();
+    let (mut warnings, findings) = (footage.warnings.clone(), footage.findings.clone());
     // The frames of films and of empty backgrounds take a fraction of their size.
     let writer_options = WriterOptions { compression: Compression::Zstd1, ..WriterOptions::default() };
     let mut writer = RecordingWriter::create(&options.output, &info, &writer_options)?;
@@ -65,6 +65,8 @@ pub fn run(options: &ImportOptions) -> Result<Imported, Failure> {
         bar.inc(1);
     }
     bar.finish_and_clear();
+    report_findings(&findings);
+    warnings.extend(findings.warnings());
     let finished = writer.finish()?;
     let imported = Imported { path: finished.path, frames: finished.frames, warnings };
     if options.json {

@@ -1,10 +1,12 @@
 //! The frames of a file, with the number and the time of each.
 
+use super::repeats::Repeats;
 use super::shape::Shape;
 use super::{ImportError, Orientation, Provenance, RateSource, levels, square, timeline::Timeline};
 use crate::image::{FrameMeta, PixelFormat};
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Frames of a file, or of a sequence of files.
 pub struct Footage {
@@ -24,14 +26,45 @@ pub struct Footage {
     pub description: BTreeMap<String, String>,
     /// Warnings for the user: missing frames, contradicting settings.
     pub warnings: Vec<String>,
+    /// Warnings that only the frames give; complete after the last.
+    pub findings: Findings,
     pub(super) timeline: Timeline,
-    pub(super) frames: Box<dyn Iterator<Item = Pixels> + Send>,
-    /// Index of the next stored frame.
-    pub(super) next: u64,
+    pub(super) frames: Frames,
 }
 
 /// The packed little-endian pixels of the next stored frame.
 pub(super) type Pixels = Result<Vec<u8>, ImportError>;
+
+/// Stored frames in order.
+pub(super) type Frames = Box<dyn Iterator<Item = Result<Stored, ImportError>> + Send>;
+
+/// A frame with its index among the stored ones.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Stored {
+    pub(super) index: u64,
+    /// Packed little-endian pixels.
+    pub(super) pixels: Vec<u8>,
+}
+
+/// Warnings that are found while frames are read: one for each subject, which grows with the frames.
+#[derive(Debug, Clone, Default)]
+pub struct Findings(Arc<Mutex<BTreeMap<&'static str, String>>>);
+
+impl Findings {
+    /// Returns the warnings so far.
+    pub fn warnings(&self) -> Vec<String> {
+        self.entries().values().cloned().collect()
+    }
+
+    /// Replaces the warning of a subject.
+    pub(super) fn set(&self, subject: &'static str, warning: String) {
+        self.entries().insert(subject, warning);
+    }
+
+    fn entries(&self) -> MutexGuard<'_, BTreeMap<&'static str, String>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
 
 impl Footage {
     /// Collects `count` frames and their times. Properties, warnings and the rest of the provenance are added later.
@@ -41,10 +74,16 @@ impl Footage {
         count: u64,
         frames: impl Iterator<Item = Pixels> + Send + 'static,
     ) -> Self {
+        let stored = (0..).zip(frames).map(|(index, pixels)| Ok(Stored { index, pixels: pixels? }));
+        Self::of_stored(shape, timeline, count, Box::new(stored))
+    }
+
+    /// Collects frames of which some of the `count` stored ones may be left out.
+    pub(super) fn of_stored(shape: Shape, timeline: Timeline, count: u64, frames: Frames) -> Self {
         let Shape { width_px, height_px, format } = shape;
         let provenance = Provenance::new(timeline.source.clone(), timeline.gaps(), format);
         let frame_rate_hz = timeline.rate_hz;
-        let (description, warnings, frames) = (BTreeMap::new(), Vec::new(), Box::new(frames));
+        let (description, warnings, findings) = (BTreeMap::new(), Vec::new(), Findings::default());
         Self {
             width_px,
             height_px,
@@ -54,9 +93,9 @@ impl Footage {
             provenance,
             description,
             warnings,
+            findings,
             timeline,
             frames,
-            next: 0,
         }
     }
 
@@ -66,7 +105,8 @@ impl Footage {
 
     /// Replaces every frame by `change` of it, which has the shape `shape`.
     pub(super) fn changed(self, shape: Shape, change: impl Fn(Vec<u8>) -> Vec<u8> + Send + 'static) -> Self {
-        let frames = Box::new(self.frames.map(move |pixels| pixels.map(&change)));
+        let changed = move |frame: Stored| Stored { pixels: change(frame.pixels), ..frame };
+        let frames = Box::new(self.frames.map(move |frame| frame.map(&changed)));
         let Shape { width_px, height_px, format } = shape;
         Self { width_px, height_px, format, frames, ..self }
     }
@@ -90,7 +130,7 @@ impl Footage {
         }
         let Some(first) = self.frames.next() else { return Ok(self) };
         let first = first?;
-        let unused_bits = levels::unused_low_bits(&first);
+        let unused_bits = levels::unused_low_bits(&first.pixels);
         let frames = std::iter::once(Ok(first)).chain(self.frames);
         if unused_bits == 0 {
             self.frames = Box::new(frames);
@@ -100,8 +140,9 @@ impl Footage {
         self.warnings.push(format!("the lower {unused_bits} of 16 bits are empty: levels of {bits} bits are measured"));
         (self.format, self.provenance.bits) = (levels::format(bits), bits);
         let path = path.to_path_buf();
-        self.frames = Box::new(frames.map(move |pixels| {
-            let pixels = levels::shifted_down(pixels?, unused_bits);
+        self.frames = Box::new(frames.map(move |frame| {
+            let Stored { index, pixels } = frame?;
+            let pixels = levels::shifted_down(pixels, unused_bits).map(|pixels| Stored { index, pixels });
             pixels.ok_or_else(|| {
                 let reason = format!("a frame uses the lower {unused_bits} bits, which are empty in the first one");
                 ImportError::invalid(&path, reason)
@@ -121,6 +162,13 @@ impl Footage {
         };
         self.provenance.pixel_aspect = aspect;
         self.changed(shape, move |pixels| square::resample(stored, shape, pixels))
+    }
+
+    /// Leaves out frames of the file `path` that repeat the one before.
+    pub(super) fn without_repeats(mut self, path: &Path) -> Self {
+        let film = Repeats::of(path, self.shape(), self.timeline.clone(), self.findings.clone());
+        self.frames = Box::new(film.within(self.frames));
+        self
     }
 
     /// Describes in one line what is known about the film: rate and its source, frames, gaps, orientation, pixel shape,
@@ -161,9 +209,11 @@ impl Iterator for Footage {
     type Item = Result<(FrameMeta, Vec<u8>), ImportError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        let pixels = self.frames.next()?;
-        let moment = self.timeline.moment(self.next);
-        self.next += 1;
+        let stored = match self.frames.next()? {
+            Ok(stored) => stored,
+            Err(error) => return Some(Err(error)),
+        };
+        let moment = self.timeline.moment(stored.index);
         let meta = FrameMeta {
             sequence: moment.number,
             stamp_ns: moment.stamp_ns,
@@ -173,7 +223,7 @@ impl Iterator for Footage {
             format: self.format,
             ..FrameMeta::default()
         };
-        Some(pixels.map(|pixels| (meta, pixels)))
+        Some(Ok((meta, stored.pixels)))
     }
 }
 

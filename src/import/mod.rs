@@ -16,6 +16,7 @@ mod phantom;
 mod photron;
 mod provenance;
 mod rate;
+mod repeats;
 mod sequence;
 mod shape;
 mod square;
@@ -24,7 +25,7 @@ mod timeline;
 mod video;
 
 pub use error::ImportError;
-pub use footage::Footage;
+pub use footage::{Findings, Footage};
 pub use orientation::Orientation;
 pub use provenance::Provenance;
 pub use rate::RateSource;
@@ -44,9 +45,15 @@ pub fn is_importable(path: &Path) -> bool {
     is_recording || is_film(path) || is_image(path) || is_collection(path)
 }
 
+/// Endings of films.
+const FILMS: [&str; 19] = [
+    "3gp", "avi", "flv", "gif", "m2ts", "m4v", "mkv", "mov", "mp4", "mpeg", "mpg", "mts", "mxf", "nut", "ogv", "ts", "webm",
+    "wmv", "y4m",
+];
+
 /// Whether the ending is that of a film, which ffmpeg reads.
 fn is_film(path: &Path) -> bool {
-    matches!(extension(path).as_str(), "avi" | "mp4" | "m4v" | "mov" | "mkv")
+    FILMS.contains(&extension(path).as_str())
 }
 
 /// Opens footage: one Photron, Phantom or NumPy file, one film, one TIFF file of several pages, or a sequence of images
@@ -72,12 +79,12 @@ pub fn open_in_order(inputs: &[PathBuf], fps: Option<f64>, order: Order) -> Resu
     }
     let first = inputs.first().ok_or(ImportError::Nothing)?;
     if is_image(first) || is_collection(first) {
-        return sequence::open(inputs, fps, order);
+        return Ok(sequence::open(inputs, fps, order)?.without_repeats(first));
     }
     if order == Order::Reversed {
         return Err(ImportError::invalid(first, "only the images of a sequence can be reversed"));
     }
-    match (extension(first).as_str(), inputs.len()) {
+    let footage = match (extension(first).as_str(), inputs.len()) {
         ("cine", 1) => phantom::open(first, fps),
         ("npy", 1) => numpy::open(first, fps),
         ("npz", _) => {
@@ -90,7 +97,8 @@ pub fn open_in_order(inputs: &[PathBuf], fps: Option<f64>, order: Order) -> Resu
             Err(ImportError::invalid(first, "the file is a whole recording; pass one at a time"))
         }
         (other, _) => Err(ImportError::invalid(first, format!("files that end in {other:?} are not supported"))),
-    }
+    }?;
+    Ok(footage.without_repeats(first))
 }
 
 fn extension(path: &Path) -> String {

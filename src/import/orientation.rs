@@ -62,6 +62,20 @@ impl Orientation {
         if self.is_transposed { stored.recip() } else { stored }
     }
 
+    /// Returns the orientation that displays the rows of a stored image along `right` and its columns along `down`,
+    /// each (x, y) with y down; `None` where these are no axes of the display.
+    pub(super) fn of_axes(right: [i64; 2], down: [i64; 2]) -> Option<Self> {
+        match [right[0] != 0, right[1] != 0, down[0] != 0, down[1] != 0] {
+            [true, false, false, true] => {
+                Some(Self { is_transposed: false, is_mirrored: right[0] < 0, is_flipped: down[1] < 0 })
+            }
+            [false, true, true, false] => {
+                Some(Self { is_transposed: true, is_mirrored: down[0] < 0, is_flipped: right[1] < 0 })
+            }
+            _ => None,
+        }
+    }
+
     /// Returns the shape of the displayed image.
     pub(super) fn shape(self, stored: Shape) -> Shape {
         match self.is_transposed {

@@ -13,6 +13,8 @@ const CONTRADICTION: f64 = 0.01;
 const OFF_GRID: f64 = 0.25;
 /// Share of frames off the grid above which there is no grid, and no number of missing frames.
 const IRREGULAR: f64 = 0.1;
+/// Distance from the grid, in median distances, at which a frame does not belong to it.
+const OUTLIER: f64 = 4.0;
 /// Number of equal long intervals in a row that is another rate, and no gaps.
 const RATE_CHANGE: usize = 4;
 
@@ -42,12 +44,12 @@ pub(super) struct Timeline {
     pub(super) source: RateSource,
     /// Time of frame 0, ns.
     pub(super) first_ns: u64,
-    slots: Slots,
+    pub(super) slots: Slots,
 }
 
 /// The numbers and the times of frames.
 #[derive(Debug, Clone, PartialEq)]
-enum Slots {
+pub(super) enum Slots {
     /// One after the other at a constant rate.
     Consecutive,
     /// At a constant rate, with these numbers.
@@ -200,7 +202,19 @@ impl FrameTimes {
             let frames = (step as f64 / median_ns).round().max(1.0) as u64;
             numbers.push(numbers.last()? + frames);
         }
-        let (period_ns, start_ns) = line(&numbers, &self.since_first_ns())?;
+        let times = self.since_first_ns();
+        let (mut period_ns, mut start_ns) = line(&numbers, &times)?;
+        // Frames off the grid, such as an odd first one, bend the line: it is fitted again without them.
+        for _ in 0..2 {
+            let off_ns = |index: usize| (times[index] - start_ns - numbers[index] as f64 * period_ns).abs();
+            let mut sorted: Vec<f64> = (0..times.len()).map(off_ns).collect();
+            sorted.sort_unstable_by(f64::total_cmp);
+            let limit_ns = (OUTLIER * sorted[sorted.len() / 2]).max(self.resolution_ns);
+            let on_grid = (0..times.len()).filter(|index| off_ns(*index) <= limit_ns);
+            let (on_numbers, on_times): (Vec<u64>, Vec<f64>) =
+                on_grid.map(|index| (numbers[index], times[index])).unzip();
+            (period_ns, start_ns) = line(&on_numbers, &on_times).unwrap_or((period_ns, start_ns));
+        }
         Some(Grid { period_ns, start_ns, numbers })
     }
 
@@ -250,7 +264,12 @@ impl FrameTimes {
             ));
         }
         let number = |index: usize| if is_irregular { index as u64 } else { grid.numbers[index] };
-        let slots = times.iter().enumerate().map(|(index, time)| (number(index), (time * stretch).round() as u64));
+        // Times that are on the grid within their resolution are exact there.
+        let time_ns = |index: usize| match off_ns(index).abs() <= self.resolution_ns {
+            true => (times[index] - off_ns(index)).max(0.0),
+            false => times[index],
+        };
+        let slots = (0..times.len()).map(|index| (number(index), (time_ns(index) * stretch).round() as u64));
         Timeline { slots: Slots::Timed(slots.collect()), ..consecutive }
     }
 }

@@ -146,7 +146,7 @@ pub const ROOMS: &[Room] = &[
     ),
     pure("plot", &["results", "image"], &["image", "maud"]),
     open("report", &["results", "image", "numeric", "recording", "plot"], &["base64", "image", "maud"]),
-    open("import", &["failure", "image"], &["glob", "image", "thiserror", "tiff"]),
+    open("import", &["failure", "image"], &["glob", "image", "serde_json", "thiserror", "tiff"]),
     open(
         "camera",
         &["failure", "results", "image", "synth", "config", "message", "recording"],

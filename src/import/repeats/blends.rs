@@ -1,0 +1,49 @@
+//! Frames that were blended of their neighbours.
+
+use std::collections::VecDeque;
+
+/// Number of frames that count as recent.
+const RECENT: usize = 16;
+/// Share of the usual part of a frame that its neighbours do not explain, below which it was blended of them.
+const OF_USUAL: f64 = 1.0 / 16.0;
+/// Least number of blended frames that are reported.
+const MIN_COUNT: u64 = 4;
+/// Least share of a film that is reported.
+const MIN_SHARE: f64 = 0.1;
+
+/// Blended frames among those of a film.
+#[derive(Debug, Default)]
+pub(super) struct Blends {
+    /// The parts of recent frames that their neighbours do not explain, DN^2.
+    recent: VecDeque<f64>,
+    blended: u64,
+    all: u64,
+}
+
+impl Blends {
+    /// Adds a frame by the part of it that its neighbours do not explain.
+    pub(super) fn push(&mut self, own_part: f64) {
+        self.recent.push_back(own_part);
+        if self.recent.len() > RECENT {
+            self.recent.pop_front();
+        }
+        // Of a film at twice its rate, every second frame is blended: the upper quartile is of the others.
+        let mut sorted: Vec<f64> = self.recent.iter().copied().collect();
+        sorted.sort_unstable_by(f64::total_cmp);
+        let usual = sorted[sorted.len() * 3 / 4];
+        self.all += 1;
+        self.blended += u64::from(own_part < OF_USUAL * usual);
+    }
+
+    /// Returns the warning of a film with blended frames.
+    pub(super) fn warning(&self) -> Option<String> {
+        let (blended, all) = (self.blended, self.all);
+        let is_much = blended >= MIN_COUNT && blended as f64 > MIN_SHARE * all as f64;
+        is_much.then(|| {
+            format!(
+                "{blended} of {all} frames are blended of their neighbours: the film was converted to another rate, and \
+                 they show no moment; find the original"
+            )
+        })
+    }
+}

@@ -1,0 +1,181 @@
+//! Frames that repeat the one before.
+//!
+//! Capture programs repeat a frame when they cannot keep up, and converters do so to reach a higher rate. Nothing is
+//! known of the moment of a repeat: it is left out, and its number is missing. A repeat is equal to the frame before to
+//! the byte, or up to a compression. Real frames are equal only when nothing moves and there is no noise: in such a film
+//! a frame repeats only where it interrupts a motion.
+
+mod blends;
+mod change;
+mod conversion;
+mod film;
+mod repeated;
+
+use super::ImportError;
+use super::footage::{Findings, Frames, Shape, Stored};
+use super::timeline::Timeline;
+use blends::Blends;
+use change::{Change, Tiles};
+use conversion::MotionAfterRepeats;
+use film::RecentChanges;
+use repeated::Repeated;
+use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+
+/// Maximum length of a standstill that can be one of the film, in a film without noise.
+const MAX_STANDSTILL: usize = 16;
+/// Maximum size of the frames that wait for the end of a standstill, bytes.
+const MAX_HELD_BYTES: u64 = 256 << 20;
+/// The state of a film of which repeats are left out.
+pub(super) struct Repeats {
+    path: PathBuf,
+    shape: Shape,
+    tiles: Tiles,
+    timeline: Timeline,
+    findings: Findings,
+    /// The last two pictures that differ.
+    pictures: VecDeque<Vec<u8>>,
+    changes: RecentChanges,
+    /// The change that led to the last picture, unless that stood still.
+    last: Option<Change>,
+    /// Frames that may repeat the last picture, with their largest changes.
+    held: Vec<(Stored, f64)>,
+    ready: VecDeque<Stored>,
+    motions: MotionAfterRepeats,
+    repeats: Repeated,
+    blends: Blends,
+}
+
+impl Repeats {
+    /// Starts with a film of the file `path` whose frames have the shape `shape`.
+    pub(super) fn of(path: &Path, shape: Shape, timeline: Timeline, findings: Findings) -> Self {
+        Self {
+            path: path.to_path_buf(),
+            shape,
+            tiles: Tiles::new(shape.width_px as usize, shape.height_px as usize, shape.format),
+            timeline,
+            findings,
+            pictures: VecDeque::new(),
+            changes: RecentChanges::default(),
+            last: None,
+            held: Vec::new(),
+            ready: VecDeque::new(),
+            motions: MotionAfterRepeats::default(),
+            repeats: Repeated::default(),
+            blends: Blends::default(),
+        }
+    }
+
+    /// Returns the frames that repeat no other.
+    pub(super) fn within(mut self, mut frames: Frames) -> impl Iterator<Item = Result<Stored, ImportError>> + Send {
+        std::iter::from_fn(move || {
+            loop {
+                if let Some(frame) = self.ready.pop_front() {
+                    return Some(Ok(frame));
+                }
+                match frames.next() {
+                    Some(Ok(frame)) => match self.take(frame) {
+                        Ok(()) => {}
+                        Err(error) => return Some(Err(error)),
+                    },
+                    Some(Err(error)) => return Some(Err(error)),
+                    None if self.held.is_empty() => return None,
+                    None if self.changes.is_noisy() => self.leave_out(),
+                    None => self.release(),
+                }
+            }
+        })
+    }
+
+    /// Takes the next stored frame.
+    fn take(&mut self, frame: Stored) -> Result<(), ImportError> {
+        let Some(picture) = self.pictures.back() else {
+            self.pictures.push_back(frame.pixels.clone());
+            self.ready.push_back(frame);
+            return Ok(());
+        };
+        let change = self.tiles.change(picture, &frame.pixels);
+        if self.changes.is_repeat(&change) {
+            self.held.push((frame, change.peak()));
+            let is_long = self.held.len() > MAX_STANDSTILL || self.held.len() as u64 * self.shape.bytes() > MAX_HELD_BYTES;
+            if self.changes.is_noisy() {
+                self.leave_out();
+            } else if is_long {
+                self.release();
+            }
+            return Ok(());
+        }
+        self.take_change(frame, change)
+    }
+
+    /// Takes a frame that differs from the last picture, and with it decides on the frames between.
+    fn take_change(&mut self, frame: Stored, change: Change) -> Result<(), ImportError> {
+        let across = self.pictures.front().filter(|_| self.pictures.len() > 1);
+        let across = across.map(|picture| self.tiles.change(picture, &frame.pixels));
+        if !self.held.is_empty() {
+            match self.are_repeats(&change, across.as_ref()) {
+                true => self.leave_out(),
+                false => self.release(),
+            }
+        }
+        let repeats = std::mem::take(&mut self.repeats.run);
+        self.motions.push(repeats, change.motion(), across.as_ref().map(Change::motion));
+        if let (Some(last), Some(across), 0) = (&self.last, &across, repeats) {
+            self.blends.push(last.own_part(&change, across));
+            self.blends.warning().into_iter().for_each(|warning| self.findings.set("blends", warning));
+        }
+        self.changes.push(&change);
+        self.last = Some(change);
+        self.pictures.push_back(frame.pixels.clone());
+        if self.pictures.len() > 2 {
+            self.pictures.pop_front();
+        }
+        let index = frame.index;
+        self.ready.push_back(frame);
+        match repeats > 0 && self.motions.are_inserted() {
+            true => Err(self.converted(index)),
+            false => Ok(()),
+        }
+    }
+
+    /// Whether the held frames are repeats, and show nothing that stands still. `change` ends their run.
+    fn are_repeats(&self, change: &Change, across: Option<&Change>) -> bool {
+        if self.changes.is_empty() {
+            // The first change of a film shows whether it has noise.
+            return change.floor() > 0.0;
+        }
+        let largest = self.held.iter().map(|(_, peak)| *peak).fold(0.0, f64::max);
+        let interrupts = |across: &Change| self.changes.interrupts_motion(largest, change, across);
+        self.changes.is_noisy() || self.last.is_some() && across.is_some_and(interrupts)
+    }
+
+    /// The error of a film whose repeats took no time.
+    fn converted(&self, index: u64) -> ImportError {
+        let (repeats, number) = (self.repeats.count, self.timeline.moment(index).number);
+        let share = 1.0 - repeats as f64 / (index as f64 + 1.0);
+        let rate_hz = (self.timeline.rate_hz * share * 1e3).round() / 1e3;
+        ImportError::invalid(
+            &self.path,
+            format!(
+                "{repeats} of the frames up to number {number} repeat the one before, and no time passes in them: the \
+                 film was converted to a higher rate. Remove them with ffmpeg -i FILM -vf \
+                 mpdecimate=hi=1:lo=1:frac=1,setpts=N/{rate_hz}/TB -r {rate_hz} -c:v ffv1 NEW.avi, or find the \
+                 original (about {rate_hz} frames/s)"
+            ),
+        )
+    }
+
+    /// Leaves out the held frames.
+    fn leave_out(&mut self) {
+        for (frame, _) in self.held.drain(..) {
+            self.repeats.push(self.timeline.moment(frame.index).number);
+        }
+        self.findings.set("repeats", self.repeats.to_string());
+    }
+
+    /// Lets the held frames through: what they show stands still.
+    fn release(&mut self) {
+        self.ready.extend(self.held.drain(..).map(|(frame, _)| frame));
+        self.last = None;
+    }
+}

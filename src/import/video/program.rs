@@ -1,0 +1,124 @@
+//! The programs ffmpeg and ffprobe: started, read line by line, and stopped.
+
+use super::super::ImportError;
+use std::ffi::OsString;
+use std::io::{BufRead, BufReader, ErrorKind, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStderr, ChildStdout, Command, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
+use std::time::Duration;
+
+/// Maximum length of a line, bytes. The rest of a longer one is skipped.
+const LINE_BYTES: u64 = 4 << 10;
+/// Number of lines that may wait to be read.
+const WAITING_LINES: usize = 256;
+/// Maximum time without output, after which a program hangs.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A running program. It is stopped when it is dropped.
+pub(super) struct Program {
+    child: Child,
+    name: &'static str,
+    path: PathBuf,
+}
+
+impl Program {
+    /// Starts `name` with `options` separated by spaces, then with `arguments`.
+    ///
+    /// # Errors
+    ///
+    /// [`ImportError::Invalid`] when the program is not installed; [`ImportError::Io`] when it does not start.
+    pub(super) fn start(
+        name: &'static str,
+        options: &str,
+        arguments: &[OsString],
+        path: &Path,
+    ) -> Result<Self, ImportError> {
+        let child = Command::new(name)
+            .args(options.split_whitespace())
+            .args(arguments)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn();
+        let child = child.map_err(|error| match error.kind() {
+            ErrorKind::NotFound => ImportError::invalid(
+                path,
+                format!("needs the program {name}, which is not installed (Debian, Ubuntu: apt install ffmpeg)"),
+            ),
+            _ => ImportError::io("start ffmpeg for", path, error),
+        })?;
+        Ok(Self { child, name, path: path.to_path_buf() })
+    }
+
+    pub(super) fn stdout(&mut self) -> Option<ChildStdout> {
+        self.child.stdout.take()
+    }
+
+    pub(super) fn stderr(&mut self) -> Option<ChildStderr> {
+        self.child.stderr.take()
+    }
+
+    /// Receives what a thread reads from the program; `None` when the program has closed its output.
+    ///
+    /// # Errors
+    ///
+    /// [`ImportError::Invalid`] when the program hangs.
+    pub(super) fn receive<T>(&self, from: &Receiver<T>) -> Result<Option<T>, ImportError> {
+        match from.recv_timeout(PATIENCE) {
+            Ok(item) => Ok(Some(item)),
+            Err(RecvTimeoutError::Disconnected) => Ok(None),
+            Err(RecvTimeoutError::Timeout) => {
+                let reason = format!("{} hangs: no output for {} s", self.name, PATIENCE.as_secs());
+                Err(ImportError::invalid(&self.path, reason))
+            }
+        }
+    }
+
+    /// Waits for the end of a program that has closed its output, and returns whether it succeeded.
+    pub(super) fn has_succeeded(&mut self) -> Result<bool, ImportError> {
+        let status = self.child.wait().map_err(|error| ImportError::io("read", &self.path, error))?;
+        Ok(status.success())
+    }
+}
+
+impl Drop for Program {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Reads the lines of a pipe on a thread of its own, so that the program never waits for its reader.
+pub(super) fn lines(pipe: impl Read + Send + 'static) -> Receiver<String> {
+    let (sender, receiver) = sync_channel(WAITING_LINES);
+    std::thread::spawn(move || {
+        let mut pipe = BufReader::new(pipe);
+        while let Some(line) = read_line(&mut pipe) {
+            if sender.send(line).is_err() {
+                return;
+            }
+        }
+    });
+    receiver
+}
+
+/// Reads the next line, up to [`LINE_BYTES`]; `None` at the end.
+pub(super) fn read_line(pipe: &mut impl BufRead) -> Option<String> {
+    let mut line = Vec::new();
+    let read = pipe.by_ref().take(LINE_BYTES).read_until(b'\n', &mut line);
+    if read.ok().filter(|bytes| *bytes > 0).is_none() {
+        return None;
+    }
+    if !line.ends_with(b"\n") && line.len() as u64 == LINE_BYTES {
+        let _ = pipe.skip_until(b'\n');
+    }
+    Some(String::from_utf8_lossy(&line).trim_end().to_owned())
+}
+
+/// Returns the address of a file, which keeps ffmpeg from reading its name as an option or a protocol.
+pub(super) fn address(path: &Path) -> OsString {
+    let mut address = OsString::from("file:");
+    address.push(path);
+    address
+}

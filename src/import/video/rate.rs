@@ -1,0 +1,122 @@
+//! The rate of a film: that of its frames' times, of playback, or of capture.
+
+use super::super::timeline::{FrameTimes, Rate, Timeline};
+use super::super::{ImportError, RateSource};
+use super::capture::CaptureRate;
+use super::stream::Stream;
+use super::times::Ticks;
+use std::path::Path;
+
+/// Relative difference of two rates that contradict each other.
+const CONTRADICTION: f64 = 0.01;
+/// Ratio of the rates of capture and playback from which on a film is slow motion, or time lapse. Below it, a tag gives
+/// the nominal rate of a camera that lowered it in the dark, and the times of the frames are real.
+const SLOW_MOTION: f64 = 1.5;
+
+/// Numbers and times the frames of a film.
+///
+/// `fps` is the rate of capture that the user gives. Else a tag of the file may state it.
+pub(super) fn timeline(
+    path: &Path,
+    stream: &Stream,
+    ticks: &Ticks,
+    fps: Option<f64>,
+    warnings: &mut Vec<String>,
+) -> Result<Timeline, ImportError> {
+    let times = ticks.frame_times();
+    let captured = CaptureRate::find(path, &stream.tags)?;
+    let stated = stated_rate(stream, &times);
+    let (played, said) = match times.timeline(stated.clone(), None) {
+        Some(timed) => timed,
+        None => coarse(path, stated, &times, fps)?,
+    };
+    warnings.extend(said);
+    let playback_hz = played.rate_hz;
+    let at_rate = |hz: f64| match times.timeline(stated_rate(stream, &times), Some(hz)) {
+        Some((timeline, _)) => timeline,
+        None => Timeline { rate_hz: hz, ..played.clone() },
+    };
+    if let Some(hz) = fps {
+        return Ok(Timeline { source: RateSource::Option, ..at_rate(hz) });
+    }
+    let [first, rest @ ..] = &captured[..] else {
+        warnings.push(format!(
+            "the file plays at {playback_hz} frames/s; if it was filmed at another rate, pass that as --fps"
+        ));
+        return Ok(Timeline { source: RateSource::Playback, ..played });
+    };
+    warnings.extend(rest.iter().filter(|other| differ(other.hz, first.hz)).map(|other| {
+        let (CaptureRate { hz, tag }, other_hz, other_tag) = (first, other.hz, &other.tag);
+        format!("{tag} says {hz} frames/s, but {other_tag} says {other_hz}; pass the right one as --fps")
+    }));
+    let (CaptureRate { hz, tag }, slowness) = (first, first.hz / playback_hz);
+    if slowness.max(1.0 / slowness) >= SLOW_MOTION {
+        return Ok(Timeline { source: RateSource::Header(tag.clone()), ..at_rate(*hz) });
+    }
+    if differ(*hz, playback_hz) {
+        warnings.push(format!("{tag} says {hz} frames/s, but the frames were taken at {playback_hz:.3} frames/s"));
+    }
+    // The tag confirms that the times are those of the scene.
+    Ok(Timeline { source: RateSource::FrameTimes, ..played })
+}
+
+fn differ(one_hz: f64, other_hz: f64) -> bool {
+    (one_hz / other_hz - 1.0).abs() >= CONTRADICTION
+}
+
+/// Returns the stated rate that is nearest to that of the frames.
+///
+/// `r_frame_rate` is ffmpeg's guess of a usual rate, `avg_frame_rate` a mean over gaps, or what the file states.
+fn stated_rate(stream: &Stream, times: &FrameTimes) -> Option<Rate> {
+    let stated = ["avg_frame_rate", "r_frame_rate"].into_iter().filter_map(|key| {
+        let hz = stream.ratio(key)?.value();
+        Rate::of_header(hz, key)
+    });
+    let interval_ns = median_interval_ns(times);
+    let distance = |rate: &Rate| (rate.hz * interval_ns / 1e9).ln().abs();
+    match interval_ns > 0.0 {
+        true => stated.min_by(|a, b| distance(a).total_cmp(&distance(b))),
+        false => stated.into_iter().next(),
+    }
+}
+
+/// Frames whose times are too coarse to tell them apart follow each other at the stated rate.
+fn coarse(
+    path: &Path,
+    stated: Option<Rate>,
+    times: &FrameTimes,
+    fps: Option<f64>,
+) -> Result<(Timeline, Vec<String>), ImportError> {
+    let mean_hz = mean_rate_hz(times);
+    let rate = Rate::known(path, None, stated.or(mean_hz.and_then(|hz| Rate::of_header(hz, "mean"))).or(
+        fps.map(|hz| Rate { hz, source: RateSource::Option }),
+    ))?;
+    let mut warnings = Vec::new();
+    if let Some(mean_hz) = mean_hz {
+        let (hz, tick_ms) = (rate.hz, times.resolution_ns / 1e6);
+        warnings.push(format!(
+            "the file stores times in steps of {tick_ms} ms, too coarse for gaps at {hz} frames/s to be found"
+        ));
+        let off_s = (times.times_ns.len() as f64 - 1.0) * (1.0 / hz - 1.0 / mean_hz);
+        if differ(hz, mean_hz) && off_s.abs() * 1e9 > 2.0 * times.resolution_ns {
+            warnings.push(format!(
+                "the file states {hz} frames/s, but its frames are {mean_hz:.3} frames/s by their times on average: \
+                 frames may be missing"
+            ));
+        }
+    }
+    Ok((Timeline::consecutive(rate), warnings))
+}
+
+fn median_interval_ns(times: &FrameTimes) -> f64 {
+    let mut steps: Vec<i64> = times.times_ns.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    steps.sort_unstable();
+    steps.get(steps.len() / 2).map_or(0.0, |median| *median as f64)
+}
+
+/// Returns the rate of the frames on average; `None` where they have no duration.
+fn mean_rate_hz(times: &FrameTimes) -> Option<f64> {
+    let (first, last) = (times.times_ns.first()?, times.times_ns.last()?);
+    let hz = (times.times_ns.len() - 1) as f64 / (last - first) as f64 * 1e9;
+    (hz.is_finite() && hz > 0.0).then_some(hz)
+}

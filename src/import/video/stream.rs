@@ -1,0 +1,112 @@
+//! The properties of a film, as ffprobe states them.
+
+use super::super::{ImportError, Orientation};
+use super::program::{Program, address, lines};
+use serde_json::Value;
+use std::path::Path;
+
+/// Maximum length of the properties, bytes.
+const OUTPUT_BYTES: usize = 1 << 20;
+
+/// The first video stream of a file that is no cover picture, and the tags of the file.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Stream {
+    /// The stream as JSON.
+    stream: Value,
+    /// Tags of the file, then of the stream: key and text.
+    pub(super) tags: Vec<(String, String)>,
+}
+
+impl Stream {
+    /// Asks ffprobe for the properties.
+    ///
+    /// # Errors
+    ///
+    /// [`ImportError::Invalid`] without ffprobe, or when the file has no video stream.
+    pub(super) fn probe(path: &Path) -> Result<Self, ImportError> {
+        let options = "-v error -protocol_whitelist file -select_streams V:0 -show_streams -show_format -of json";
+        let mut ffprobe = Program::start("ffprobe", options, &[address(path)], path)?;
+        let messages = ffprobe.stderr().map(lines);
+        let mut text = String::new();
+        if let Some(output) = ffprobe.stdout().map(lines) {
+            while let Some(line) = ffprobe.receive(&output)?.filter(|_| text.len() < OUTPUT_BYTES) {
+                text.push_str(&line);
+                text.push('\n');
+            }
+        }
+        let value: Value = serde_json::from_str(&text).unwrap_or_default();
+        let stream = value["streams"][0].clone();
+        if stream["width"].is_u64() {
+            let tags = [&value["format"]["tags"], &stream["tags"]].into_iter().flat_map(texts).collect();
+            return Ok(Self { stream, tags });
+        }
+        let last = messages.and_then(|messages| messages.try_iter().last());
+        Err(ImportError::invalid(path, last.unwrap_or_else(|| "the file has no video stream".into())))
+    }
+
+    /// Returns a property that is a text; empty when it is missing.
+    pub(super) fn text(&self, key: &str) -> &str {
+        self.stream[key].as_str().unwrap_or_default()
+    }
+
+    /// Returns a property that is a ratio: `30000/1001`, `16:15`.
+    pub(super) fn ratio(&self, key: &str) -> Option<Ratio> {
+        Ratio::parse(self.text(key))
+    }
+
+    /// Returns width and height, pixels.
+    pub(super) fn size_px(&self) -> [u64; 2] {
+        ["width", "height"].map(|key| self.stream[key].as_u64().unwrap_or_default())
+    }
+
+    /// Returns the width of a stored pixel over its height; 1 when it is unknown.
+    pub(super) fn pixel_aspect(&self) -> f64 {
+        self.ratio("sample_aspect_ratio").map_or(1.0, Ratio::value)
+    }
+
+    /// Returns the orientation that the display matrix of the stream states.
+    ///
+    /// The error is the angle of a picture that is turned by no quarter, degrees.
+    pub(super) fn orientation(&self) -> Result<Orientation, f64> {
+        let data = self.stream["side_data_list"].as_array();
+        let matrix = data.into_iter().flatten().find(|data| data["displaymatrix"].is_string());
+        let Some(matrix) = matrix else { return Ok(Orientation::AS_STORED) };
+        let text = matrix["displaymatrix"].as_str().unwrap_or_default();
+        let rows = text.lines().filter_map(|line| line.split_once(':')).map(|(_, row)| row);
+        let numbers: Vec<i64> =
+            rows.flat_map(|row| row.split_whitespace().filter_map(|number| number.parse().ok())).collect();
+        let degrees = matrix["rotation"].as_f64().unwrap_or(f64::NAN);
+        match numbers[..] {
+            [right_x, right_y, _, down_x, down_y, ..] => {
+                Orientation::of_axes([right_x, right_y], [down_x, down_y]).ok_or(degrees)
+            }
+            _ => Err(degrees),
+        }
+    }
+}
+
+/// The entries of a JSON object that are texts.
+fn texts(object: &Value) -> Vec<(String, String)> {
+    let entries = object.as_object().into_iter().flatten();
+    entries.filter_map(|(key, value)| Some((key.clone(), value.as_str()?.to_owned()))).collect()
+}
+
+/// A ratio of two positive whole numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Ratio {
+    pub(super) over: u64,
+    pub(super) under: u64,
+}
+
+impl Ratio {
+    /// Reads `30000/1001` or `16:15`; `None` for no ratio of two positive numbers.
+    pub(super) fn parse(text: &str) -> Option<Self> {
+        let (over, under) = text.split_once(['/', ':'])?;
+        let (over, under) = (over.parse().ok()?, under.parse().ok()?);
+        (over > 0 && under > 0).then_some(Self { over, under })
+    }
+
+    pub(super) fn value(self) -> f64 {
+        self.over as f64 / self.under as f64
+    }
+}

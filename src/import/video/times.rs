@@ -1,0 +1,80 @@
+//! The times of the frames of a film, in the order in which they are shown.
+
+use super::super::ImportError;
+use super::super::timeline::FrameTimes;
+use super::decoder::Decoding;
+use super::program::{Program, address, lines};
+use super::stream::{Ratio, Stream};
+use std::path::Path;
+
+/// Times of frames in ticks of the stream's clock.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Ticks {
+    /// The time of each frame, rising or equal.
+    pub(super) times: Vec<i64>,
+    /// Length of a tick, s.
+    pub(super) tick: Ratio,
+}
+
+impl Ticks {
+    /// Reads the times from the packets of the file, without decoding them.
+    ///
+    /// Where a packet has no time, or may hold no visible frame, the film is decoded once for the times of its frames.
+    ///
+    /// # Errors
+    ///
+    /// [`ImportError::Invalid`] when the file has more packets than bytes, or ffprobe hangs.
+    pub(super) fn read(path: &Path, stream: &Stream, file_bytes: u64) -> Result<Self, ImportError> {
+        let tick = stream.ratio("time_base").unwrap_or(Ratio { over: 1, under: 1_000_000_000 });
+        // VP8 stores its alternative reference frames, which are never shown, as packets with times of their own.
+        let packets = match stream.text("codec_name") {
+            "vp8" => None,
+            _ => packet_times(path, file_bytes)?,
+        };
+        let mut times = match packets {
+            Some(times) => times,
+            None => Decoding::times(path, tick, file_bytes)?,
+        };
+        times.sort_unstable();
+        Ok(Self { times, tick })
+    }
+
+    /// Returns the times in nanoseconds.
+    pub(super) fn frame_times(&self) -> FrameTimes {
+        let tick_ns = self.tick.value() * 1e9;
+        let first = self.times.first().copied().unwrap_or_default();
+        let since_ns = |time: &i64| (time.saturating_sub(first) as f64 * tick_ns).round() as i64;
+        FrameTimes { times_ns: self.times.iter().map(since_ns).collect(), resolution_ns: tick_ns }
+    }
+
+    /// Returns the index of the frame with this time, at `from` or after it.
+    pub(super) fn index(&self, time: i64, from: usize) -> Option<usize> {
+        let rest = self.times.get(from..)?;
+        let at = from + rest.partition_point(|known| *known < time);
+        (self.times.get(at) == Some(&time)).then_some(at)
+    }
+}
+
+/// Returns the time of each packet that gives a picture; `None` when one has no time.
+fn packet_times(path: &Path, file_bytes: u64) -> Result<Option<Vec<i64>>, ImportError> {
+    let options = "-v error -protocol_whitelist file -select_streams V:0 -show_entries packet=pts,size,flags \
+        -of compact=print_section=0";
+    let mut ffprobe = Program::start("ffprobe", options, &[address(path)], path)?;
+    drop(ffprobe.stderr().map(lines));
+    let Some(output) = ffprobe.stdout().map(lines) else { return Ok(None) };
+    let mut times = Vec::new();
+    while let Some(line) = ffprobe.receive(&output)? {
+        let entry = |key: &str| line.split('|').find_map(|entry| entry.strip_prefix(key)?.strip_prefix('='));
+        let Some(time) = entry("pts") else { continue };
+        // An empty packet repeats the picture before: the camera lost this frame. An edit list discards others.
+        if entry("size") == Some("0") || entry("flags").is_some_and(|flags| flags.contains('D')) {
+            continue;
+        }
+        let Ok(time) = time.parse() else { return Ok(None) };
+        times.push(time);
+        if times.len() as u64 > file_bytes {
+            return Err(ImportError::invalid(path, "the file lists more frames than it has bytes"));
+        }
+    }
+    Ok(Some(times))
+}
