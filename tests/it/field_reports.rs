@@ -3,3 +3,4 @@
 
 mod ball;
 mod cameras;
+mod films;

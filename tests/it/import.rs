@@ -9,6 +9,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 pub mod encoders;
+pub mod films;
 pub mod pages;
 mod variants;
 
@@ -323,7 +324,7 @@ fn a_phantom_file_truncated_anywhere_is_refused_in_one_line() {
 }
 
 /// A NumPy array of these bytes.
-fn npy(kind: &str, order: &str, shape: &str, data: &[u8]) -> Vec<u8> {
+pub fn npy(kind: &str, order: &str, shape: &str, data: &[u8]) -> Vec<u8> {
     let mut text = format!("{{'descr': '{kind}', 'fortran_order': {order}, 'shape': {shape}, }}");
     text.extend(std::iter::repeat_n(' ', 127 - 10 - text.len()));
     text.push('\n');

@@ -1,0 +1,11 @@
+//! Films of every container, made by ffmpeg and changed by hand: times, geometry, grey levels, repeats.
+
+mod geometry;
+mod hostile;
+mod levels;
+mod maker;
+mod repeats;
+pub mod scene;
+mod times;
+
+pub use maker::{Film, frame, has_ffmpeg, patched_matrix};

@@ -1,0 +1,195 @@
+//! Rates, gaps, odd intervals and capture rates.
+
+use super::maker::{Film, frames, has_ffmpeg, open, recognised};
+use ricochet::import::{self, RateSource};
+
+/// A container with an encoder, and the step of its clock at 50 frames per second, s.
+const CONTAINERS: [(&str, &str, f64); 10] = [
+    ("avi", "-c:v mjpeg -q:v 2", 0.02),
+    ("mp4", "-c:v libx264 -crf 12 -pix_fmt yuv420p -video_track_timescale 90000", 1.0 / 90_000.0),
+    ("mov", "-c:v mjpeg -q:v 2 -video_track_timescale 90000", 1.0 / 90_000.0),
+    ("mkv", "-c:v ffv1", 0.001),
+    ("webm", "-c:v libvpx-vp9 -b:v 1M -deadline realtime", 0.001),
+    ("ts", "-c:v libx264 -crf 12 -pix_fmt yuv420p", 1.0 / 90_000.0),
+    ("mts", "-f mpegts -c:v mpeg2video -q:v 2 -bf 2", 1.0 / 90_000.0),
+    ("gif", "-c:v gif", 0.01),
+    ("nut", "-c:v ffv1", 1.0 / 90_000.0),
+    ("flv", "-c:v flv -q:v 2", 0.001),
+];
+const RATE_HZ: f64 = 50.0;
+
+/// Makes a film whose frame `n` has the time `expression`, in frames, and checks pixels, numbers and times.
+///
+/// `time` returns that of a frame, frames, and `number` its number.
+fn check(name: &str, expression: &str, time: impl Fn(u32) -> f64, number: impl Fn(u32) -> u64) {
+    let folder = tempfile::tempdir().unwrap();
+    for (ending, codec, tick_s) in CONTAINERS {
+        let filters = format!("settb=1/90000,setpts=({expression})/50/TB");
+        // AVI and NUT take the clock of the encoder.
+        let clock = if tick_s > 0.015 { "-enc_time_base 1:50" } else { "-enc_time_base 1:90000" };
+        let codec = format!("{codec} {clock}");
+        let film = Film { ending, codec: &codec, filters: &filters, numbers: (0..16).collect(), ..Film::default() };
+        let footage = open(&film.write(folder.path()));
+        let (summary, rate_hz) = (footage.summary(), footage.frame_rate_hz);
+        let read = frames(footage);
+        println!("{name}, {ending}: {summary}");
+        assert!((rate_hz / RATE_HZ - 1.0).abs() < 0.002, "{name}, {ending}: {summary}");
+        assert_eq!(read.len(), 16, "{name}, {ending}: {summary}");
+        for (n, (meta, pixels)) in (0..).zip(&read) {
+            assert_eq!(recognised(pixels), n, "{name}, {ending}");
+            let expected_s = (time(n) - time(0)) / RATE_HZ;
+            let off_s = meta.stamp_ns as f64 / 1e9 - expected_s;
+            assert!(off_s.abs() <= tick_s + 1e-6, "{name}, {ending}, frame {n}: {off_s} s off; {summary}");
+            if tick_s < 0.015 {
+                assert_eq!(meta.sequence, number(n), "{name}, {ending}, frame {n}: {summary}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_constant_rate_is_exact_in_every_container() {
+    if has_ffmpeg() {
+        check("constant", "N", f64::from, u64::from);
+    }
+}
+
+#[test]
+fn a_film_that_does_not_begin_at_0_is_timed_from_its_first_frame() {
+    if has_ffmpeg() {
+        check("late", "N+37", f64::from, u64::from);
+    }
+}
+
+#[test]
+fn a_gap_in_the_times_is_a_number_of_missing_frames() {
+    if has_ffmpeg() {
+        let number = |n: u32| u64::from(if n < 6 { n } else { n + 3 });
+        check("gap", "N+3*gte(N\\,6)", |n| number(n) as f64, number);
+    }
+}
+
+#[test]
+fn an_odd_first_interval_moves_no_other_frame() {
+    if has_ffmpeg() {
+        let time = |n: u32| if n == 0 { 0.0 } else { f64::from(n) + 0.6 };
+        check("odd first frame", "N+0.6*gte(N\\,1)", time, |n| u64::from(if n == 0 { 0 } else { n + 1 }));
+    }
+}
+
+/// The moments of a phone film, whose frames come irregularly.
+#[test]
+fn frames_at_irregular_times_keep_them() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let codec = "-c:v libx264 -crf 12 -pix_fmt yuv420p -enc_time_base 1:90000 -video_track_timescale 90000";
+    let filters = "settb=1/90000,setpts=(N+0.35*sin(2.1*N))/50/TB";
+    let film = Film { ending: "mp4", codec, filters, numbers: (0..30).collect(), ..Film::default() };
+    let footage = open(&film.write(folder.path()));
+    println!("{} {:?}", footage.summary(), footage.warnings);
+    assert!(footage.warnings.iter().any(|warning| warning.contains("the rate varies")));
+    for (n, (meta, _)) in (0_u32..).zip(frames(footage)) {
+        let expected_s = (f64::from(n) + 0.35 * (2.1 * f64::from(n)).sin()) / 50.0;
+        assert!((meta.stamp_ns as f64 / 1e9 - expected_s).abs() < 2e-5, "frame {n}");
+    }
+}
+
+/// Chunks without bytes, as VirtualDub writes them in place of dropped frames.
+#[test]
+fn an_empty_chunk_of_an_avi_film_is_a_missing_frame() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let film = Film { ending: "avi", codec: "-c:v rawvideo", numbers: (0..10).collect(), ..Film::default() };
+    let path = film.write(folder.path());
+    let mut bytes = std::fs::read(&path).unwrap();
+    // The index lists each chunk by name, flags, offset and size: chunk 4 is made empty there and in its header.
+    let index = bytes.windows(4).position(|name| name == b"idx1").unwrap();
+    let entry = index + 8 + 16 * 4;
+    assert_eq!(&bytes[entry..entry + 2], b"00");
+    bytes[entry + 12..entry + 16].fill(0);
+    std::fs::write(&path, bytes).unwrap();
+    let footage = open(&path);
+    println!("{}", footage.summary());
+    assert_eq!((footage.provenance.missing, footage.provenance.gaps), (1, 1));
+    let numbers: Vec<u64> = frames(footage).iter().map(|(meta, _)| meta.sequence).collect();
+    assert_eq!(numbers, [0, 1, 2, 3, 5, 6, 7, 8, 9]);
+}
+
+#[test]
+fn times_in_milliseconds_of_a_fast_film_are_named_and_its_rate_decides() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let film = Film { rate: "5000", ..Film::default() };
+    let path = film.write(folder.path());
+    let footage = open(&path);
+    assert_eq!(footage.frame_rate_hz, 5000.0, "{}", footage.summary());
+    assert!(footage.warnings.iter().any(|warning| warning.contains("too coarse")), "{:?}", footage.warnings);
+    let read = frames(footage);
+    assert_eq!(read.iter().map(|(meta, _)| meta.stamp_ns).collect::<Vec<_>>(), (0..12).map(|n| n * 200_000).collect::<Vec<_>>());
+    let read: Vec<_> = import::open(&[path], Some(20_000.0)).unwrap().map(Result::unwrap).collect();
+    assert_eq!(read[11].0.stamp_ns, 550_000);
+}
+
+#[test]
+fn a_tag_of_the_rate_of_capture_stretches_the_times_of_playback() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let x264 = "-c:v libx264 -pix_fmt yuv420p -movflags use_metadata_tags -metadata com.android.capture.fps=";
+    let cases = [
+        // Played at 30, captured at 240 and at 959.8: slow motion.
+        ("30", "240.000000", 240.0, "com.android.capture.fps"),
+        ("30", "959.8", 959.8, "com.android.capture.fps"),
+        // A film that plays in real time.
+        ("240", "240", 240.0, "times"),
+        // A camera that lowered its rate in the dark.
+        ("24", "30", 24.0, "times"),
+    ];
+    for (rate, tag, expected_hz, source) in cases {
+        let codec = format!("{x264}{tag}");
+        // A gap of two frames stays one.
+        let filters = format!("setpts=(N+2*gte(N\\,5))/{rate}/TB");
+        let film = Film { ending: "mp4", codec: &codec, rate, filters: &filters, ..Film::default() };
+        let path = film.write(folder.path());
+        let footage = open(&path);
+        println!("{rate} {tag}: {} {:?}", footage.summary(), footage.warnings);
+        assert!((footage.frame_rate_hz / expected_hz - 1.0).abs() < 1e-9, "{}", footage.summary());
+        assert!(footage.provenance.rate.to_string().contains(source), "{}", footage.summary());
+        assert_eq!(footage.provenance.missing, 2);
+        assert!(!footage.warnings.iter().any(|warning| warning.contains("--fps")), "{:?}", footage.warnings);
+        let read = frames(footage);
+        let last_s = read[11].0.stamp_ns as f64 / 1e9;
+        assert!((last_s * expected_hz - 13.0).abs() < 1e-3, "{last_s}");
+        // The rate of the user stands above the tag.
+        let footage = import::open(&[path], Some(1000.0)).unwrap();
+        assert_eq!((footage.frame_rate_hz, &footage.provenance.rate), (1000.0, &RateSource::Option));
+        assert_eq!(footage.map(Result::unwrap).last().unwrap().0.stamp_ns, 13_000_000);
+    }
+}
+
+/// Sony cameras store an XML text next to the film.
+#[test]
+fn a_rate_of_capture_in_xml_is_found() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let film = Film { ending: "mp4", codec: "-c:v libx264 -pix_fmt yuv420p", rate: "25", ..Film::default() };
+    let path = film.write(folder.path());
+    let xml = b"<VideoFrame videoCodec=\"AVC\" captureFps=\"100.00p\" formatFps=\"25p\"/>";
+    let mut bytes = std::fs::read(&path).unwrap();
+    bytes.extend((8 + xml.len() as u32).to_be_bytes());
+    bytes.extend(b"uuid");
+    bytes.extend(xml);
+    std::fs::write(&path, bytes).unwrap();
+    let footage = open(&path);
+    assert_eq!(footage.frame_rate_hz, 100.0, "{}", footage.summary());
+    assert!(footage.summary().contains("captureFps"), "{}", footage.summary());
+}
