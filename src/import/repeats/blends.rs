@@ -41,8 +41,8 @@ impl Blends {
         let is_much = blended >= MIN_COUNT && blended as f64 > MIN_SHARE * all as f64;
         is_much.then(|| {
             format!(
-                "{blended} of {all} frames are blended of their neighbours: the film was converted to another rate, and \
-                 they show no moment; find the original"
+                "{blended} of {all} frames are blended of their neighbours, by a conversion to another rate or by a strong \
+                 compression, and show no moment of their own; measure the original"
             )
         })
     }

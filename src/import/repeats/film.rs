@@ -7,13 +7,18 @@ use std::collections::VecDeque;
 const RECENT: usize = 16;
 /// A change of less than this share of the noise is no other exposure: the noise of a tile is known within a fifth.
 const OF_NOISE: f64 = 0.25;
-/// Share of the changes before and after it, as a mean square, below which a change in a film without noise is one of
-/// the compression: an eighth of their amplitude.
-const OF_MOTION: f64 = 1.0 / 64.0;
+/// Share of a motion, as a mean square, below which a change is a standstill or one of the compression: a quarter of its
+/// amplitude.
+const OF_MOTION: f64 = 1.0 / 16.0;
 /// Share of a usual change, as a mean square, that is still a motion at full speed: half of its amplitude.
 const FULL_SPEED: f64 = 0.25;
 /// Change that rounding to whole grey levels alone can make, DN^2.
 const ROUNDING: f64 = 1.0 / 6.0;
+
+/// Whether the floor of a change is that of a camera's noise.
+pub(super) fn is_noise(floor: f64) -> bool {
+    floor > ROUNDING
+}
 
 /// The recent changes that were no repeats.
 #[derive(Debug, Default)]
@@ -36,33 +41,32 @@ impl RecentChanges {
         self.peaks.is_empty()
     }
 
-    /// Whether two frames of this film always differ by their noise.
-    pub(super) fn is_noisy(&self) -> bool {
-        self.floor() > 0.0
-    }
-
     fn floor(&self) -> f64 {
         median(self.floors.iter().copied().collect())
     }
 
-    /// Whether a change is so small that the frame may repeat the one before.
-    pub(super) fn is_repeat(&self, change: &Change) -> bool {
-        let peak = change.peak();
-        let before = self.peaks.back().copied().unwrap_or_default();
-        peak == 0.0 || peak < OF_NOISE * self.floor() || !self.is_noisy() && peak < OF_MOTION * before
+    /// Whether a change is less than the noise of this film, so that the frame is no other exposure.
+    pub(super) fn is_copy(&self, change: &Change) -> bool {
+        let floor = self.floor();
+        is_noise(floor) && change.peak() < OF_NOISE * floor
     }
 
-    /// Whether a standstill of a film without noise is one of the film, and not of what it shows.
+    /// Whether a change is so small that the frame may repeat the one before.
+    pub(super) fn is_standstill(&self, change: &Change) -> bool {
+        let before = self.peaks.back().copied().unwrap_or_default();
+        change.peak() == 0.0 || change.peak() < OF_MOTION * before
+    }
+
+    /// Whether a standstill is one of the film, and not of what it shows.
     ///
     /// A body in motion does not stand still for some frames and then move on at full speed. `largest` is the largest
     /// change within the standstill, `after` the one that ends it, and `across` leads from the frame before the last
-    /// motion to the frame after the standstill. Where these are alike, the motion has turned back.
+    /// motion to the frame after the standstill. Where these two are alike, the motion has turned back.
     pub(super) fn interrupts_motion(&self, largest: f64, after: &Change, across: &Change) -> bool {
-        let (Some(before), after, across) = (self.peaks.back().copied(), after.peak(), across.peak()) else {
-            return false;
-        };
+        let Some(before) = self.peaks.back().copied() else { return false };
         let usual = median(self.peaks.iter().copied().collect());
-        let slower = before.min(after);
-        slower > ROUNDING && slower >= FULL_SPEED * usual && largest <= OF_MOTION * slower && across > slower / 2.0
+        let (slower, faster) = (before.min(after.peak()), before.max(after.peak()));
+        let is_fast = slower > ROUNDING && slower >= FULL_SPEED * usual && largest <= OF_MOTION * slower;
+        is_fast && across.peak() > faster / 2.0
     }
 }

@@ -17,7 +17,7 @@ use super::timeline::Timeline;
 use blends::Blends;
 use change::{Change, Tiles};
 use conversion::MotionAfterRepeats;
-use film::RecentChanges;
+use film::{RecentChanges, is_noise};
 use repeated::Repeated;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
@@ -80,7 +80,6 @@ impl Repeats {
                     },
                     Some(Err(error)) => return Some(Err(error)),
                     None if self.held.is_empty() => return None,
-                    None if self.changes.is_noisy() => self.leave_out(),
                     None => self.release(),
                 }
             }
@@ -95,12 +94,15 @@ impl Repeats {
             return Ok(());
         };
         let change = self.tiles.change(picture, &frame.pixels);
-        if self.changes.is_repeat(&change) {
+        if self.changes.is_copy(&change) {
             self.held.push((frame, change.peak()));
-            let is_long = self.held.len() > MAX_STANDSTILL || self.held.len() as u64 * self.shape.bytes() > MAX_HELD_BYTES;
-            if self.changes.is_noisy() {
-                self.leave_out();
-            } else if is_long {
+            self.leave_out();
+            return Ok(());
+        }
+        if self.changes.is_standstill(&change) {
+            self.held.push((frame, change.peak()));
+            let held_bytes = self.held.len() as u64 * self.shape.bytes();
+            if self.held.len() > MAX_STANDSTILL || held_bytes > MAX_HELD_BYTES {
                 self.release();
             }
             return Ok(());
@@ -142,11 +144,11 @@ impl Repeats {
     fn are_repeats(&self, change: &Change, across: Option<&Change>) -> bool {
         if self.changes.is_empty() {
             // The first change of a film shows whether it has noise.
-            return change.floor() > 0.0;
+            return is_noise(change.floor());
         }
         let largest = self.held.iter().map(|(_, peak)| *peak).fold(0.0, f64::max);
         let interrupts = |across: &Change| self.changes.interrupts_motion(largest, change, across);
-        self.changes.is_noisy() || self.last.is_some() && across.is_some_and(interrupts)
+        self.last.is_some() && across.is_some_and(interrupts)
     }
 
     /// The error of a film whose repeats took no time.

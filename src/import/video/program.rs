@@ -103,6 +103,19 @@ pub(super) fn lines(pipe: impl Read + Send + 'static) -> Receiver<String> {
     receiver
 }
 
+/// Reads a pipe to its end on a thread of its own, so that the program never stops at a full one, and sends the first
+/// `bytes` of its text.
+pub(super) fn text(mut pipe: impl Read + Send + 'static, bytes: u64) -> Receiver<String> {
+    let (sender, receiver) = sync_channel(1);
+    std::thread::spawn(move || {
+        let mut text = Vec::new();
+        let _ = pipe.by_ref().take(bytes).read_to_end(&mut text);
+        let _ = std::io::copy(&mut pipe, &mut std::io::sink());
+        let _ = sender.send(String::from_utf8_lossy(&text).into_owned());
+    });
+    receiver
+}
+
 /// Reads the next line, up to [`LINE_BYTES`]; `None` at the end.
 pub(super) fn read_line(pipe: &mut impl BufRead) -> Option<String> {
     let mut line = Vec::new();

@@ -1,12 +1,15 @@
 //! The properties of a film, as ffprobe states them.
 
 use super::super::{ImportError, Orientation};
-use super::program::{Program, address, lines};
+use super::program::{Program, address, text};
 use serde_json::Value;
 use std::path::Path;
+use std::sync::mpsc::Receiver;
 
 /// Maximum length of the properties, bytes.
-const OUTPUT_BYTES: usize = 1 << 20;
+const OUTPUT_BYTES: u64 = 1 << 20;
+/// Maximum length of the messages of ffprobe, bytes.
+const MESSAGE_BYTES: u64 = 64 << 10;
 
 /// The first video stream of a file that is no cover picture, and the tags of the file.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,22 +29,21 @@ impl Stream {
     pub(super) fn probe(path: &Path) -> Result<Self, ImportError> {
         let options = "-v error -protocol_whitelist file -select_streams V:0 -show_streams -show_format -of json";
         let mut ffprobe = Program::start("ffprobe", options, &[address(path)], path)?;
-        let messages = ffprobe.stderr().map(lines);
-        let mut text = String::new();
-        if let Some(output) = ffprobe.stdout().map(lines) {
-            while let Some(line) = ffprobe.receive(&output)?.filter(|_| text.len() < OUTPUT_BYTES) {
-                text.push_str(&line);
-                text.push('\n');
-            }
-        }
-        let value: Value = serde_json::from_str(&text).unwrap_or_default();
+        let messages = ffprobe.stderr().map(|pipe| text(pipe, MESSAGE_BYTES));
+        let output = ffprobe.stdout().map(|pipe| text(pipe, OUTPUT_BYTES));
+        let read = |from: Option<Receiver<String>>| match from {
+            Some(from) => Ok(ffprobe.receive(&from)?.unwrap_or_default()),
+            None => Ok(String::new()),
+        };
+        let (output, messages) = (read(output)?, read(messages)?);
+        let value: Value = serde_json::from_str(&output).unwrap_or_default();
         let stream = value["streams"][0].clone();
         if stream["width"].is_u64() {
             let tags = [&value["format"]["tags"], &stream["tags"]].into_iter().flat_map(texts).collect();
             return Ok(Self { stream, tags });
         }
-        let last = messages.and_then(|messages| messages.try_iter().last());
-        Err(ImportError::invalid(path, last.unwrap_or_else(|| "the file has no video stream".into())))
+        let last = messages.lines().map(str::trim).rfind(|line| !line.is_empty());
+        Err(ImportError::invalid(path, last.unwrap_or("the file has no video stream")))
     }
 
     /// Returns a property that is a text; empty when it is missing.

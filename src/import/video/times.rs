@@ -3,7 +3,7 @@
 use super::super::ImportError;
 use super::super::timeline::FrameTimes;
 use super::decoder::Decoding;
-use super::program::{Program, address, lines};
+use super::program::{Program, address, lines, text};
 use super::stream::{Ratio, Stream};
 use std::path::Path;
 
@@ -60,7 +60,7 @@ fn packet_times(path: &Path, file_bytes: u64) -> Result<Option<Vec<i64>>, Import
     let options = "-v error -protocol_whitelist file -select_streams V:0 -show_entries packet=pts,size,flags \
         -of compact=print_section=0";
     let mut ffprobe = Program::start("ffprobe", options, &[address(path)], path)?;
-    drop(ffprobe.stderr().map(lines));
+    let _messages = ffprobe.stderr().map(|pipe| text(pipe, 0));
     let Some(output) = ffprobe.stdout().map(lines) else { return Ok(None) };
     let mut times = Vec::new();
     while let Some(line) = ffprobe.receive(&output)? {
