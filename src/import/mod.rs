@@ -47,8 +47,8 @@ pub fn is_importable(path: &Path) -> bool {
 
 /// Endings of films.
 const FILMS: [&str; 19] = [
-    "3gp", "avi", "flv", "gif", "m2ts", "m4v", "mkv", "mov", "mp4", "mpeg", "mpg", "mts", "mxf", "nut", "ogv", "ts", "webm",
-    "wmv", "y4m",
+    "3gp", "avi", "flv", "gif", "m2ts", "m4v", "mkv", "mov", "mp4", "mpeg", "mpg", "mts", "mxf", "nut", "ogv", "ts",
+    "webm", "wmv", "y4m",
 ];
 
 /// Whether the ending is that of a film, which ffmpeg reads.

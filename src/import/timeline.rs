@@ -209,7 +209,7 @@ impl FrameTimes {
             let off_ns = |index: usize| (times[index] - start_ns - numbers[index] as f64 * period_ns).abs();
             let mut sorted: Vec<f64> = (0..times.len()).map(off_ns).collect();
             sorted.sort_unstable_by(f64::total_cmp);
-            let limit_ns = (OUTLIER * sorted[sorted.len() / 2]).max(self.resolution_ns);
+            let limit_ns = (OUTLIER * sorted[sorted.len() / 2]).max(1.0);
             let on_grid = (0..times.len()).filter(|index| off_ns(*index) <= limit_ns);
             let (on_numbers, on_times): (Vec<u64>, Vec<f64>) =
                 on_grid.map(|index| (numbers[index], times[index])).unzip();

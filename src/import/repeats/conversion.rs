@@ -21,7 +21,8 @@ pub(super) struct MotionAfterRepeats {
 
 impl MotionAfterRepeats {
     pub(super) fn push(&mut self, repeats: usize, motion: f64, across: Option<f64>) {
-        for (kept, motion) in [(self.by_repeats.entry(repeats).or_default(), Some(motion)), (&mut self.across, across)] {
+        for (kept, motion) in [(self.by_repeats.entry(repeats).or_default(), Some(motion)), (&mut self.across, across)]
+        {
             kept.extend(motion.filter(|_| kept.len() < MAX_KEPT));
         }
     }

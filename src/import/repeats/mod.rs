@@ -12,7 +12,8 @@ mod film;
 mod repeated;
 
 use super::ImportError;
-use super::footage::{Findings, Frames, Shape, Stored};
+use super::footage::{Findings, Frames, Stored};
+use super::shape::Shape;
 use super::timeline::Timeline;
 use blends::Blends;
 use change::{Change, Tiles};

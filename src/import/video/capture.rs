@@ -42,7 +42,8 @@ impl CaptureRate {
 }
 
 fn is_capture_tag(key: &str) -> bool {
-    let key: String = key.chars().filter(char::is_ascii_alphanumeric).map(|letter| letter.to_ascii_lowercase()).collect();
+    let key: String =
+        key.chars().filter(char::is_ascii_alphanumeric).map(|letter| letter.to_ascii_lowercase()).collect();
     TAGS.iter().any(|tag| key.ends_with(tag))
 }
 

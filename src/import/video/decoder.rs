@@ -1,7 +1,8 @@
 //! The frames of a film, decoded by ffmpeg, each with the time that it was decoded with.
 
 use super::super::ImportError;
-use super::super::footage::{Findings, Shape, Stored};
+use super::super::footage::{Findings, Stored};
+use super::super::shape::Shape;
 use super::program::{Program, address, read_line};
 use super::stream::Ratio;
 use super::times::Ticks;

@@ -11,7 +11,8 @@ mod rate;
 mod stream;
 mod times;
 
-use super::footage::{Findings, Footage, Shape};
+use super::footage::{Findings, Footage};
+use super::shape::Shape;
 use super::{ImportError, Orientation, memory_limit_bytes, open_file};
 use decoder::{Decoder, Decoding, INTERLACED};
 use levels::Levels;
@@ -40,7 +41,10 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
     let [width_px, height_px] = stream.size_px();
     let stored = Shape::new(path, width_px, height_px, levels.format)?;
     if stored.bytes() > memory_limit_bytes(file_bytes) {
-        return Err(ImportError::invalid(path, format!("frames of {} bytes in a file of {file_bytes}", stored.bytes())));
+        return Err(ImportError::invalid(
+            path,
+            format!("frames of {} bytes in a file of {file_bytes}", stored.bytes()),
+        ));
     }
     let output = format!("-f rawvideo -pix_fmt {} pipe:1", levels.grey_layout());
     let decoding = Decoding::start(path, ticks.tick, &levels.filters(), &output)?;

@@ -1,6 +1,7 @@
 //! The rate of a film: that of its frames' times, of playback, or of capture.
 
-use super::super::timeline::{FrameTimes, Rate, Timeline};
+use super::super::rate::Rate;
+use super::super::timeline::{FrameTimes, Timeline};
 use super::super::{ImportError, RateSource};
 use super::capture::CaptureRate;
 use super::stream::Stream;
@@ -12,6 +13,9 @@ const CONTRADICTION: f64 = 0.01;
 /// Ratio of the rates of capture and playback from which on a film is slow motion, or time lapse. Below it, a tag gives
 /// the nominal rate of a camera that lowered it in the dark, and the times of the frames are real.
 const SLOW_MOTION: f64 = 1.5;
+
+/// A timeline with warnings.
+type Timed = (Timeline, Vec<String>);
 
 /// Numbers and times the frames of a film.
 ///
@@ -25,10 +29,10 @@ pub(super) fn timeline(
 ) -> Result<Timeline, ImportError> {
     let times = ticks.frame_times();
     let captured = CaptureRate::find(path, &stream.tags)?;
-    let stated = stated_rate(stream, &times);
-    let (played, said) = match times.timeline(stated.clone(), None) {
+    let (played, said) = match times.timeline(stated_rate(stream, &times), None) {
         Some(timed) => timed,
-        None => coarse(path, stated, &times, fps)?,
+        // The other rate is ffmpeg's guess from the times.
+        None => coarse(path, stated(stream, "avg_frame_rate"), &times, fps)?,
     };
     warnings.extend(said);
     let playback_hz = played.rate_hz;
@@ -68,42 +72,33 @@ fn differ(one_hz: f64, other_hz: f64) -> bool {
 ///
 /// `r_frame_rate` is ffmpeg's guess of a usual rate, `avg_frame_rate` a mean over gaps, or what the file states.
 fn stated_rate(stream: &Stream, times: &FrameTimes) -> Option<Rate> {
-    let stated = ["avg_frame_rate", "r_frame_rate"].into_iter().filter_map(|key| {
-        let hz = stream.ratio(key)?.value();
-        Rate::of_header(hz, key)
-    });
+    let stated = ["avg_frame_rate", "r_frame_rate"].into_iter().filter_map(|key| stated(stream, key));
     let interval_ns = median_interval_ns(times);
     let distance = |rate: &Rate| (rate.hz * interval_ns / 1e9).ln().abs();
-    match interval_ns > 0.0 {
-        true => stated.min_by(|a, b| distance(a).total_cmp(&distance(b))),
-        false => stated.into_iter().next(),
-    }
+    stated.min_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
 
-/// Frames whose times are too coarse to tell them apart follow each other at the stated rate.
-fn coarse(
-    path: &Path,
-    stated: Option<Rate>,
-    times: &FrameTimes,
-    fps: Option<f64>,
-) -> Result<(Timeline, Vec<String>), ImportError> {
-    let mean_hz = mean_rate_hz(times);
-    let rate = Rate::known(path, None, stated.or(mean_hz.and_then(|hz| Rate::of_header(hz, "mean"))).or(
-        fps.map(|hz| Rate { hz, source: RateSource::Option }),
-    ))?;
-    let mut warnings = Vec::new();
-    if let Some(mean_hz) = mean_hz {
-        let (hz, tick_ms) = (rate.hz, times.resolution_ns / 1e6);
+fn stated(stream: &Stream, key: &str) -> Option<Rate> {
+    Rate::of_header(stream.ratio(key)?.value(), key)
+}
+
+/// Frames whose times are too coarse to tell them apart follow each other at the stated rate, or else at their mean rate.
+fn coarse(path: &Path, stated: Option<Rate>, times: &FrameTimes, fps: Option<f64>) -> Result<Timed, ImportError> {
+    let Some(mean_hz) = mean_rate_hz(times) else {
+        let by_user = fps.map(|hz| Rate { hz, source: RateSource::Option });
+        return Ok((Timeline::consecutive(Rate::known(path, None, stated.or(by_user))?), Vec::new()));
+    };
+    let rate = stated.unwrap_or(Rate { hz: mean_hz, source: RateSource::FrameTimes });
+    let (hz, tick_ms) = (rate.hz, times.resolution_ns / 1e6);
+    let mut warnings = vec![format!(
+        "the file stores times in steps of {tick_ms} ms, too coarse for gaps at {hz} frames/s to be found"
+    )];
+    let off_s = (times.times_ns.len() as f64 - 1.0) * (1.0 / hz - 1.0 / mean_hz);
+    if differ(hz, mean_hz) && off_s.abs() * 1e9 > 2.0 * times.resolution_ns {
         warnings.push(format!(
-            "the file stores times in steps of {tick_ms} ms, too coarse for gaps at {hz} frames/s to be found"
+            "the file states {hz} frames/s, but by their times its frames come at {mean_hz:.3} frames/s on average: \
+             frames may be missing"
         ));
-        let off_s = (times.times_ns.len() as f64 - 1.0) * (1.0 / hz - 1.0 / mean_hz);
-        if differ(hz, mean_hz) && off_s.abs() * 1e9 > 2.0 * times.resolution_ns {
-            warnings.push(format!(
-                "the file states {hz} frames/s, but its frames are {mean_hz:.3} frames/s by their times on average: \
-                 frames may be missing"
-            ));
-        }
     }
     Ok((Timeline::consecutive(rate), warnings))
 }

@@ -14,6 +14,8 @@ pub(super) struct Ticks {
     pub(super) times: Vec<i64>,
     /// Length of a tick, s.
     pub(super) tick: Ratio,
+    /// Whether the clock counts frames, so that times are exact.
+    counts_frames: bool,
 }
 
 impl Ticks {
@@ -36,7 +38,10 @@ impl Ticks {
             None => Decoding::times(path, tick, file_bytes)?,
         };
         times.sort_unstable();
-        Ok(Self { times, tick })
+        let rate = stream.ratio("avg_frame_rate");
+        let counts_frames =
+            rate.is_some_and(|rate| rate.over.checked_mul(tick.over) == rate.under.checked_mul(tick.under));
+        Ok(Self { times, tick, counts_frames })
     }
 
     /// Returns the times in nanoseconds.
@@ -44,7 +49,8 @@ impl Ticks {
         let tick_ns = self.tick.value() * 1e9;
         let first = self.times.first().copied().unwrap_or_default();
         let since_ns = |time: &i64| (time.saturating_sub(first) as f64 * tick_ns).round() as i64;
-        FrameTimes { times_ns: self.times.iter().map(since_ns).collect(), resolution_ns: tick_ns }
+        let resolution_ns = if self.counts_frames { 1.0 } else { tick_ns };
+        FrameTimes { times_ns: self.times.iter().map(since_ns).collect(), resolution_ns }
     }
 
     /// Returns the index of the frame with this time, at `from` or after it.

@@ -16,7 +16,8 @@ const SQUARE: u32 = 8;
 /// The frame with this number: squares of random grey levels.
 pub fn frame(number: u32) -> Vec<u8> {
     let level = |x: u32, y: u32| {
-        let seed = number.wrapping_mul(7919) ^ (x / SQUARE).wrapping_mul(104_729) ^ (y / SQUARE).wrapping_mul(1_299_709);
+        let seed =
+            number.wrapping_mul(7919) ^ (x / SQUARE).wrapping_mul(104_729) ^ (y / SQUARE).wrapping_mul(1_299_709);
         let mixed = (seed ^ (seed >> 7)).wrapping_mul(0x9E37_79B1);
         50 + ((mixed >> 16) % 150) as u8
     };

@@ -8,4 +8,4 @@ mod repeats;
 pub mod scene;
 mod times;
 
-pub use maker::{Film, frame, has_ffmpeg, patched_matrix};
+pub use maker::{Film, has_ffmpeg, patched_matrix};

@@ -34,7 +34,8 @@ impl Ball {
     pub fn picture(&self, time: f64, number: u32) -> Vec<u8> {
         let [width, height] = Self::SIZE;
         let levels = self.speckles(time);
-        let noise = |at: u32| f64::from(hash(number.wrapping_mul(65_537) ^ at) % (2 * self.noise + 1)) - f64::from(self.noise);
+        let noise =
+            |at: u32| f64::from(hash(number.wrapping_mul(65_537) ^ at) % (2 * self.noise + 1)) - f64::from(self.noise);
         let center = [0, 1].map(|axis| self.start_px[axis] + self.step_px[axis] * time);
         let level = |x: u32, y: u32| {
             let at = y * width + x;
