@@ -120,9 +120,7 @@ pub(super) fn text(mut pipe: impl Read + Send + 'static, bytes: u64) -> Receiver
 pub(super) fn read_line(pipe: &mut impl BufRead) -> Option<String> {
     let mut line = Vec::new();
     let read = pipe.by_ref().take(LINE_BYTES).read_until(b'\n', &mut line);
-    if read.ok().filter(|bytes| *bytes > 0).is_none() {
-        return None;
-    }
+    read.ok().filter(|bytes| *bytes > 0)?;
     if !line.ends_with(b"\n") && line.len() as u64 == LINE_BYTES {
         let _ = pipe.skip_until(b'\n');
     }

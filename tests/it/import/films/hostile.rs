@@ -24,7 +24,7 @@ fn damaged_headers_give_one_line_or_frames() {
             let mut bytes = whole.clone();
             bytes[at..(at + 4).min(whole.len())].iter_mut().for_each(|byte| *byte ^= 0x5A);
             std::fs::write(&path, bytes).unwrap();
-            let Ok(footage) = import::open(&[path.clone()], None).inspect_err(|error| {
+            let Ok(footage) = import::open(std::slice::from_ref(&path), None).inspect_err(|error| {
                 assert!(!error.to_string().contains('\n'), "{error}");
             }) else {
                 continue;

@@ -22,7 +22,7 @@ fn every_depth_keeps_its_levels() {
             }
             // The lowest bits are in use.
             let levels =
-                frame(number).into_iter().zip(0_u16..).map(|(level, at)| u16::from(level) << (bits - 8) | at % 4);
+                frame(number).into_iter().zip(0_u16..).map(|(level, at)| (u16::from(level) << (bits - 8)) | (at % 4));
             levels.flat_map(u16::to_le_bytes).collect()
         };
         for ending in ["mkv", "nut", "avi"] {

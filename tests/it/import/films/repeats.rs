@@ -141,10 +141,10 @@ fn blended_frames_are_named() {
     let ball = Ball::default();
     let blended = |k: u32| -> Vec<u8> {
         let [a, b] = [k / 2, k / 2 + 1].map(|at| ball.picture(2.0 * f64::from(at), at));
-        if k % 2 == 0 {
+        if k.is_multiple_of(2) {
             a
         } else {
-            a.iter().zip(&b).map(|(a, b)| ((u16::from(*a) + u16::from(*b) + 1) / 2) as u8).collect()
+            a.iter().zip(&b).map(|(a, b)| (u16::from(*a) + u16::from(*b)).div_ceil(2) as u8).collect()
         }
     };
     let path = stack(folder.path(), (0..40).map(blended));
