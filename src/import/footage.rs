@@ -1,6 +1,5 @@
 //! The frames of a file, with the number and the time of each.
 
-use super::repeats::Repeats;
 use super::shape::Shape;
 use super::{ImportError, Orientation, Provenance, RateSource, levels, square, timeline::Timeline};
 use crate::image::{FrameMeta, PixelFormat};
@@ -99,7 +98,7 @@ impl Footage {
         }
     }
 
-    fn shape(&self) -> Shape {
+    pub(super) fn shape(&self) -> Shape {
         Shape { width_px: self.width_px, height_px: self.height_px, format: self.format }
     }
 
@@ -162,13 +161,6 @@ impl Footage {
         };
         self.provenance.pixel_aspect = aspect;
         self.changed(shape, move |pixels| square::resample(stored, shape, pixels))
-    }
-
-    /// Leaves out frames of the file `path` that repeat the one before.
-    pub(super) fn without_repeats(mut self, path: &Path) -> Self {
-        let film = Repeats::of(path, self.shape(), self.timeline.clone(), self.findings.clone());
-        self.frames = Box::new(film.within(self.frames));
-        self
     }
 
     /// Describes in one line what is known about the film: rate and its source, frames, gaps, orientation, pixel shape,

@@ -7,8 +7,8 @@ use std::collections::BTreeMap;
 const ENOUGH: usize = 4;
 /// Maximum number of changes that are kept for each length.
 const MAX_KEPT: usize = 1024;
-/// Least growth of a change over twice the time with which times can be told from changes: half of what a small motion
-/// has. Beyond the size of the texture, changes grow no more.
+/// Minimum growth of a change over twice the time that shows how much time a change took: half of that of a small motion.
+/// Beyond the size of the texture, changes grow no more.
 const MIN_GROWTH: f64 = 2.0;
 
 /// The motion from one picture to the next, by the number of repeats between them.

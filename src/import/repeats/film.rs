@@ -5,8 +5,8 @@ use std::collections::VecDeque;
 
 /// Number of changes that count as recent.
 const RECENT: usize = 16;
-/// A change of less than this share of the noise is no other exposure: the noise of a tile is known within a fifth.
-const OF_NOISE: f64 = 0.25;
+/// Number of changes that show whether a film has noise: one alone may be that of the light.
+const ENOUGH: usize = 4;
 /// Share of a motion, as a mean square, below which a change is a standstill or one of the compression: a quarter of its
 /// amplitude.
 const OF_MOTION: f64 = 1.0 / 16.0;
@@ -41,14 +41,10 @@ impl RecentChanges {
         self.peaks.is_empty()
     }
 
-    fn floor(&self) -> f64 {
-        median(self.floors.iter().copied().collect())
-    }
-
-    /// Whether a change is less than the noise of this film, so that the frame is no other exposure.
+    /// Whether no change at all is less than the noise of this film, so that the frame is no other exposure.
     pub(super) fn is_copy(&self, change: &Change) -> bool {
-        let floor = self.floor();
-        is_noise(floor) && change.peak() < OF_NOISE * floor
+        let floor = median(self.floors.iter().copied().collect());
+        change.peak() == 0.0 && self.floors.len() >= ENOUGH && is_noise(floor)
     }
 
     /// Whether a change is so small that the frame may repeat the one before.

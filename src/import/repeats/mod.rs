@@ -12,7 +12,7 @@ mod film;
 mod repeated;
 
 use super::ImportError;
-use super::footage::{Findings, Frames, Stored};
+use super::footage::{Findings, Footage, Frames, Stored};
 use super::shape::Shape;
 use super::timeline::Timeline;
 use blends::Blends;
@@ -27,8 +27,17 @@ use std::path::{Path, PathBuf};
 const MAX_STANDSTILL: usize = 16;
 /// Maximum size of the frames that wait for the end of a standstill, bytes.
 const MAX_HELD_BYTES: u64 = 256 << 20;
+impl Footage {
+    /// Leaves out frames of the file `path` that repeat the one before.
+    pub(super) fn without_repeats(mut self, path: &Path) -> Self {
+        let film = Repeats::of(path, self.shape(), self.timeline.clone(), self.findings.clone());
+        self.frames = Box::new(film.within(self.frames));
+        self
+    }
+}
+
 /// The state of a film of which repeats are left out.
-pub(super) struct Repeats {
+struct Repeats {
     path: PathBuf,
     shape: Shape,
     tiles: Tiles,
@@ -49,7 +58,7 @@ pub(super) struct Repeats {
 
 impl Repeats {
     /// Starts with a film of the file `path` whose frames have the shape `shape`.
-    pub(super) fn of(path: &Path, shape: Shape, timeline: Timeline, findings: Findings) -> Self {
+    fn of(path: &Path, shape: Shape, timeline: Timeline, findings: Findings) -> Self {
         Self {
             path: path.to_path_buf(),
             shape,
@@ -68,7 +77,7 @@ impl Repeats {
     }
 
     /// Returns the frames that repeat no other.
-    pub(super) fn within(mut self, mut frames: Frames) -> impl Iterator<Item = Result<Stored, ImportError>> + Send {
+    fn within(mut self, mut frames: Frames) -> impl Iterator<Item = Result<Stored, ImportError>> + Send {
         std::iter::from_fn(move || {
             loop {
                 if let Some(frame) = self.ready.pop_front() {

@@ -12,7 +12,7 @@ pub(super) struct Levels {
     pub(super) bits: u32,
     /// Format of the grey levels.
     pub(super) format: PixelFormat,
-    /// How the levels are made; empty for a grey film.
+    /// The rule that makes the levels; empty for a grey film.
     pub(super) rule: String,
 }
 

@@ -5,6 +5,7 @@
 
 mod capture;
 mod decoder;
+mod decoding;
 mod levels;
 mod program;
 mod rate;
@@ -14,7 +15,8 @@ mod times;
 use super::footage::{Findings, Footage};
 use super::shape::Shape;
 use super::{ImportError, Orientation, memory_limit_bytes, open_file};
-use decoder::{Decoder, Decoding, INTERLACED};
+use decoder::{Decoder, INTERLACED};
+use decoding::Decoding;
 use levels::Levels;
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -2,7 +2,7 @@
 
 use super::super::ImportError;
 use super::super::timeline::FrameTimes;
-use super::decoder::Decoding;
+use super::decoding::Decoding;
 use super::program::{Program, address, lines, text};
 use super::stream::{Ratio, Stream};
 use std::path::Path;
