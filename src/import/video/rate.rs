@@ -82,7 +82,7 @@ fn stated(stream: &Stream, key: &str) -> Option<Rate> {
     Rate::of_header(stream.ratio(key)?.value(), key)
 }
 
-/// Frames whose times are too coarse to tell them apart follow each other at the stated rate, or else at their mean rate.
+/// Frames whose times are too coarse to separate them follow each other at the stated rate, or else at their mean rate.
 fn coarse(path: &Path, stated: Option<Rate>, times: &FrameTimes, fps: Option<f64>) -> Result<Timed, ImportError> {
     let Some(mean_hz) = mean_rate_hz(times) else {
         let by_user = fps.map(|hz| Rate { hz, source: RateSource::Option });

@@ -17,7 +17,7 @@ const PER_FRAME: [f64; 3] = [0.4e-3, -0.15e-3, std::f64::consts::PI / 360.0];
 
 /// A film that was measured.
 struct Measured {
-    /// What the program printed on standard error.
+    /// The standard error of the program.
     said: String,
     /// Values and standard uncertainties of vx, vy and omega: the medians of the film.
     values: [[f64; 2]; 3],

@@ -1,4 +1,4 @@
-//! Films whose frames can be told apart after any compression.
+//! Films whose frames are recognised after any compression.
 
 use ricochet::image::FrameMeta;
 use ricochet::import::{self, Footage};
