@@ -17,6 +17,7 @@ use crate::command::recover::{self, RecoverOptions};
 use crate::command::replay::{self, ReplayOptions};
 use crate::command::report::{self, ReportOptions};
 use crate::command::rig::{self, RoleOptions};
+use crate::command::serve::{self, ServeOptions};
 use crate::command::setup::{self, SetupOptions};
 use crate::command::simulate::{self, SimulateOptions};
 use crate::command::status;
@@ -65,6 +66,9 @@ pub enum Command {
     /// Run one process of a rig: the recorder writes recordings.
     #[command(after_help = "Example: ricochet record rig.toml")]
     Record(RoleOptions),
+    /// Serve the operator's page of a rig, and its topics as streams for other programs.
+    #[command(after_help = "Example: ricochet serve rig.toml")]
+    Serve(ServeOptions),
     /// List the available cameras with their formats and frame rates.
     #[command(after_help = "Example: ricochet cameras --features 192.168.1.20")]
     Cameras(CamerasOptions),
@@ -186,6 +190,7 @@ pub fn run(command: Command, stop: &Stop) -> Result<Outcome, Failure> {
         Command::Correlate(options) => rig::role(Role::Correlate, &options, stop),
         Command::Track(options) => rig::role(Role::Track, &options, stop),
         Command::Record(options) => rig::role(Role::Record, &options, stop),
+        Command::Serve(options) => serve::run(&options, stop),
         Command::Cameras(options) => cameras::run(&options),
         Command::Check(options) => check::run(&options, stop),
         Command::Status(options) => status::run(&options),

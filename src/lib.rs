@@ -58,6 +58,8 @@ pub mod bus;
 
 pub mod process;
 
+pub mod serve;
+
 pub mod console;
 
 pub mod command;

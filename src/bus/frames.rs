@@ -192,4 +192,21 @@ impl Bus {
             .map_err(self.failure("read", TOPIC))?;
         Ok(FrameSubscriber { port, _service: service })
     }
+
+    /// Creates a subscriber for any other program, whose queue holds the newest frame alone.
+    ///
+    /// # Errors
+    ///
+    /// [`BusError::NoRig`] when the rig is not running.
+    pub fn listen_newest_frame(&self) -> Result<FrameSubscriber, BusError> {
+        let service = self
+            .node
+            .service_builder(&self.service_name(TOPIC)?)
+            .publish_subscribe::<[u8]>()
+            .user_header::<FrameHeader>()
+            .open()
+            .map_err(|_| BusError::NoRig { rig: self.rig.clone(), service: self.full_name(TOPIC) })?;
+        let port = service.subscriber_builder().buffer_size(1).create().map_err(self.failure("read", TOPIC))?;
+        Ok(FrameSubscriber { port, _service: service })
+    }
 }

@@ -21,14 +21,14 @@ pub mod report;
 mod result_film;
 pub mod rig;
 mod rod;
+pub mod serve;
 pub mod setup;
 pub mod simulate;
 pub mod status;
 
 use crate::config::Config;
 use crate::console::UsageError;
-use crate::results::{Cell, Column};
-use serde_json::Value;
+use crate::serve::json_cells;
 
 /// Selects the configuration of one camera by name, or that of the first camera.
 ///
@@ -41,16 +41,4 @@ pub(crate) fn view_config(config: Config, camera: Option<&str>) -> Result<Config
     let known = if views.is_empty() { "it has one camera".into() } else { format!("it has {views:?}") };
     let refusal = UsageError(format!("--camera {name}: {} has no such [view], {known}", config.origin));
     config.views.into_iter().find(|view| view.name == name).map(|view| view.config).ok_or(refusal)
-}
-
-/// Returns the cells of a row as JSON, each with the name of its column; a missing number is null.
-fn json_cells<R>(row: &R, columns: &[Column<R>]) -> impl Iterator<Item = (&'static str, Value)> {
-    let json = |cell| match cell {
-        Cell::Integer(number) => i64::try_from(number).map_or(Value::Null, Value::from),
-        Cell::Stamp(stamp_ns) => Value::from(stamp_ns),
-        Cell::Double(number) => Value::from(number),
-        Cell::Single(number) => Value::from(number),
-        Cell::Text(text) => Value::from(text),
-    };
-    columns.iter().map(move |column| (column.heading.name, json((column.cell)(row))))
 }

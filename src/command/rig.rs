@@ -1,5 +1,6 @@
 //! `ricochet run` and the commands that run one process of a rig.
 
+use super::serve::PageProcess;
 use crate::config::Config;
 use crate::console::Outcome;
 use crate::failure::Failure;
@@ -83,7 +84,9 @@ pub fn role(role: Role, options: &RoleOptions, stop: &Stop) -> Result<Outcome, F
 ///
 /// When a process cannot be started or cannot continue.
 pub fn run(config: &Path, stop: &Stop) -> Result<Outcome, Failure> {
-    let config = load(config, None)?;
+    let path = config;
+    let config = load(path, None)?;
+    let _page = PageProcess::start(&config, path)?;
     let summary = process::supervise(&config, stop, |_| ())?;
     // Older recordings may have been deleted to make room.
     for path in summary.recordings.iter().filter(|path| path.exists()) {

@@ -33,6 +33,7 @@ mod error;
 mod geometry;
 mod plan;
 mod raw;
+mod serve;
 mod text;
 mod trigger;
 mod view;
@@ -44,6 +45,7 @@ pub use camera::{Camera, FeatureValue, Pulse, Source};
 pub use capture::{Compression, Record, Workers};
 pub use error::{ConfigError, Problem};
 pub use geometry::{Surface, Velocity};
+pub use serve::Serve;
 pub use trigger::{Trigger, TriggerMode};
 pub use view::View;
 
@@ -102,6 +104,8 @@ pub struct Config {
     pub record: Option<Record>,
     /// `[workers]`: the division of the work.
     pub workers: Workers,
+    /// `[serve]`: the operator's page and the streams.
+    pub serve: Serve,
     /// `[view.NAME]`: further cameras, at most 8, in order of their names.
     pub views: Vec<View>,
     /// The text of the file, with calibration files replaced by their numbers. It is attached to every recording.
@@ -143,10 +147,8 @@ impl Config {
     pub fn parse(text: &str, origin: &str) -> Result<Self, ConfigError> {
         let file = Text::new(text, origin)?;
         let raw = file.raw()?;
-        for (path, given) in [("serve", raw.serve.is_some()), ("bridge", raw.bridge.is_some())] {
-            if given {
-                return Err(file.unsupported(path));
-            }
+        if raw.bridge.is_some() {
+            return Err(file.unsupported("bridge"));
         }
         let record = raw.record.map(|record| capture::record(&Table::new(&file, "record"), record)).transpose()?;
         let rig = rig(&Table::new(&file, "rig"), raw.rig.name)?;
@@ -173,6 +175,7 @@ impl Config {
             rotation: picture.rotation,
             velocity: picture.velocity,
             workers: capture::workers(&Table::new(&file, "workers"), &raw.workers)?,
+            serve: serve::serve(&Table::new(&file, "serve"), raw.serve)?,
             camera: picture.camera,
             record,
             calibration: picture.calibration,

@@ -93,6 +93,6 @@ tables! {
         max_bytes: i64, split_bytes: i64,
     }
     RawWorkers { count: i64, block_frames: i64, }
-    RawServe { http: String, foxglove: String, }
+    RawServe { http: String, foxglove: String, token_file: String, }
     RawBridge { zenoh: toml::Value, }
 }

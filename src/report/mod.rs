@@ -20,8 +20,10 @@ mod spread;
 
 pub use check::{CheckPicture, CheckRow, check_page};
 pub use diagnosis::{BodyDiagnosis, Change, Diagnosis, FrameDiagnosis, Panel, diagnosis_page};
+pub use page::utc;
 pub use paper_figures::{Comparison, Experiment, Figure, figures};
 pub use shot::{MeasuredBody, Shot, last_revisions};
+pub use spread::Spread;
 
 /// Returns the page of one shot, or of the repeatability of several.
 pub fn page(shots: &[Shot]) -> String {

@@ -322,7 +322,7 @@ fn grouped(number: f64) -> String {
 }
 
 /// Formats a stamp as date and time of day, from days since 1970-01-01 (H. Hinnant, `civil_from_days`).
-pub(super) fn utc(stamp_ns: u64) -> String {
+pub fn utc(stamp_ns: u64) -> String {
     let seconds = stamp_ns / 1_000_000_000;
     let (days, of_day) = (seconds / 86_400 + 719_468, seconds % 86_400);
     let (era, of_era) = (days / 146_097, days % 146_097);

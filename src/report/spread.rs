@@ -13,22 +13,22 @@ const VALUES_MIN: usize = 4;
 
 /// The mean and the spread of a number.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Spread {
+pub struct Spread {
     /// Whether each of the values is an outlier.
-    pub(super) outliers: Vec<bool>,
+    pub outliers: Vec<bool>,
     /// The number of values that are none.
-    pub(super) kept: usize,
+    pub kept: usize,
     /// Mean of the kept values.
-    pub(super) mean: f64,
+    pub mean: f64,
     /// Sample standard deviation of the kept values; `None` for a single value.
-    pub(super) sd: Option<f64>,
+    pub sd: Option<f64>,
     /// Root mean square of the stated uncertainties of the kept values.
-    pub(super) stated: f64,
+    pub stated: f64,
 }
 
 impl Spread {
     /// Computes the spread of values; `None` without any.
-    pub(super) fn of(values: &[Estimate]) -> Option<Self> {
+    pub fn of(values: &[Estimate]) -> Option<Self> {
         let outliers = outliers(values);
         let kept: Vec<&Estimate> =
             values.iter().zip(&outliers).filter(|(_, out)| !**out).map(|(value, _)| value).collect();

@@ -19,17 +19,22 @@ pub struct Shown {
     pub content_px: [f64; 2],
 }
 
-/// Shows a page and measures the elements of `selector`. Reports that the test was left out if there is no Chromium.
-pub fn show(page: &Path, selector: &str) -> Option<Shown> {
+/// The name of an installed Chromium; reports that the test was left out if there is none.
+pub fn program() -> Option<&'static str> {
     let program = ["chromium", "chromium-browser", "google-chrome"]
         .into_iter()
         .find(|name| Command::new(name).arg("--version").output().is_ok_and(|output| output.status.success()));
-    let Some(program) = program else {
+    if program.is_none() {
         let required = crate::support::is_required("CHROMIUM");
         assert!(!required, "Chromium is required but not installed");
         eprintln!("left out: no Chromium to render the page with");
-        return None;
-    };
+    }
+    program
+}
+
+/// Shows a page and measures the elements of `selector`. Reports that the test was left out if there is no Chromium.
+pub fn show(page: &Path, selector: &str) -> Option<Shown> {
+    let program = program()?;
     let folder = tempfile::tempdir().unwrap();
     let (picture, log) = (folder.path().join("page.png"), folder.path().join("net.json"));
     let options = [format!("--screenshot={}", picture.display()), format!("--log-net-log={}", log.display())];

@@ -69,6 +69,7 @@ mod rod;
 mod rolling_shutter;
 mod rotation_search;
 mod scenes;
+mod serve;
 mod several_cameras;
 mod simulated_camera;
 mod slots;

@@ -51,7 +51,7 @@ impl Setup {
 }
 
 /// The processor time of a process so far, s, or `None` after its end.
-fn cpu_s(pid: u64) -> Option<f64> {
+pub fn cpu_s(pid: u64) -> Option<f64> {
     let tasks = std::fs::read_dir(format!("/proc/{pid}/task")).ok()?;
     Some(tasks.map(|task| task_cpu_s(&task.unwrap().path())).sum())
 }

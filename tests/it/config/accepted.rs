@@ -36,6 +36,7 @@ velocity = { window_frames = 3, order = 1, gravity_m_s2 = 0, gravity_angle_deg =
 trigger = { mode = "motion", threshold_dn = 7, roi_px = [1, 2, 3, 4], pre_s = 0, post_s = 2, rearm = false }
 record = { directory = "a/b", compression = "zstd", raw_frames = false, ring_bytes_max = 1048576, keep_last = 3, max_bytes = 1048576, split_bytes = 1048576 }
 workers = { count = 64, block_frames = 256 }
+serve = { http = "[::]:0", token_file = "secret/token" }
 [camera]
 source = "genicam"
 id = "maker-1234"
@@ -114,6 +115,17 @@ fn every_key_of_the_measurement_is_used() {
     assert_eq!((record.raw_frames, record.ring_bytes_max), (false, Some(1 << 20)));
     assert_eq!((record.keep_last, record.max_bytes, record.split_bytes), (Some(3), Some(1 << 20), Some(1 << 20)));
     assert_eq!((config.workers.count, config.workers.block_frames), (64, 256));
+    assert_eq!(config.serve.http.unwrap().to_string(), "[::]:0");
+    assert_eq!(config.serve.token_file.as_deref(), Some(Path::new("secret/token")));
+}
+
+#[test]
+fn the_page_is_served_on_loopback_unless_the_file_turns_it_off() {
+    let served = |rest: &str| parse(&format!("{SIMULATED}{rest}")).serve.http.map(|address| address.to_string());
+    assert_eq!(served("").as_deref(), Some("127.0.0.1:8080"));
+    assert_eq!(served("[serve]\nhttp = \"[::1]:81\"\n").as_deref(), Some("[::1]:81"));
+    assert_eq!(served("[serve]\nhttp = \"off\"\n"), None);
+    assert!(!parse(SIMULATED).serve.is_given && parse(&format!("{SIMULATED}[serve]\n")).serve.is_given);
 }
 
 #[test]

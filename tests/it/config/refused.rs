@@ -267,11 +267,25 @@ fn an_incomplete_line_trigger_or_view_is_refused_with_its_line() {
 fn tables_that_this_version_does_not_offer_are_refused_by_name() {
     refused_on_a_simulated_rig(&[
         (
-            "[serve]\nhttp = \"127.0.0.1:8080\"",
-            ", line 3: the table [serve] is not supported by this version; leave it out",
+            "[serve]\nfoxglove = \"127.0.0.1:8765\"",
+            ", line 4: serve.foxglove = \"127.0.0.1:8765\": must be left out, because this version does not serve Foxglove",
         ),
         ("[bridge]\nzenoh = {}", ", line 3: the table [bridge] is not supported by this version; leave it out"),
     ]);
+}
+
+#[test]
+fn an_address_of_the_page_is_a_number_with_a_port_and_needs_a_token_where_others_reach_it() {
+    let allowed = "must be \"off\", or an address and a port, such as \"127.0.0.1:8080\"";
+    let token = "must be the path of a file with a token, because other computers reach serve.http";
+    for address in ["", "8080", "127.0.0.1", "localhost:8080", "http://127.0.0.1:8080", "127.0.0.1:99999"] {
+        let message = format!(", line 4: serve.http = \"{address}\": {allowed}");
+        refused_on_a_simulated_rig(&[(&format!("[serve]\nhttp = \"{address}\""), &message)]);
+    }
+    for address in ["0.0.0.0:8080", "192.168.0.7:80", "[::]:8080"] {
+        let message = format!(": serve.token_file is missing: {token}");
+        refused_on_a_simulated_rig(&[(&format!("[serve]\nhttp = \"{address}\""), &message)]);
+    }
 }
 
 #[test]

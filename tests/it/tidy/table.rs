@@ -65,6 +65,7 @@ const BELOW_COMMAND: &[&str] = &[
     "camera",
     "bus",
     "process",
+    "serve",
     "console",
 ];
 
@@ -91,6 +92,7 @@ const BELOW_STUDY: &[&str] = &[
     "camera",
     "bus",
     "process",
+    "serve",
     "console",
     "command",
 ];
@@ -158,6 +160,23 @@ pub const ROOMS: &[Room] = &[
         &["iceoryx2", "log", "rustix", "thiserror"],
     ),
     open("process", BELOW_PROCESS, &["log", "rustix", "serde_json", "thiserror", "ureq"]),
+    open(
+        "serve",
+        &["failure", "results", "image", "config", "message", "recording", "plot", "report", "bus", "process"],
+        &[
+            "axum",
+            "futures_util",
+            "hyper",
+            "hyper_util",
+            "image",
+            "log",
+            "maud",
+            "rustix",
+            "serde_json",
+            "thiserror",
+            "tokio",
+        ],
+    ),
     open("console", &["failure", "process"], &["csv", "indicatif", "serde_json", "thiserror"]),
     open(
         "command",
@@ -217,6 +236,7 @@ pub const SINGLE_NAMES: &[(&str, &str)] = &[("message", "iceoryx2::prelude::Zero
 
 /// The dependencies, as they are spelled in the source; `mcap` is what the tests hold our files against.
 pub const OUTSIDE: &[&str] = &[
+    "axum",
     "base64",
     "bytes",
     "clap",
@@ -224,7 +244,10 @@ pub const OUTSIDE: &[&str] = &[
     "csv",
     "env_logger",
     "foxglove",
+    "futures_util",
     "glob",
+    "hyper",
+    "hyper_util",
     "iceoryx2",
     "image",
     "indicatif",
@@ -248,6 +271,7 @@ pub const OUTSIDE: &[&str] = &[
     "signal_hook",
     "thiserror",
     "tiff",
+    "tokio",
     "toml",
     "toml_edit",
     "ureq",

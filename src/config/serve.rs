@@ -1,0 +1,48 @@
+//! `[serve]`: the operator's page and the streams.
+
+use super::check::Table;
+use super::error::ConfigError;
+use super::raw::RawServe;
+use std::net::{Ipv4Addr, SocketAddr};
+use std::path::PathBuf;
+
+/// The port of the page without a `[serve]` table.
+const HTTP_PORT: u16 = 8080;
+/// The word that serves nothing.
+const OFF: &str = "off";
+
+/// `[serve]`: the operator's page and the streams of topics.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Serve {
+    /// The address of page and streams, `ADDRESS:PORT` with a number as address, default `127.0.0.1:8080`. Port 0 takes a
+    /// free one. `"off"` serves nothing, and is `None` here.
+    pub http: Option<SocketAddr>,
+    /// The file whose first line is the token that every request must carry, 16 to 256 printable characters without
+    /// blanks. Required for an address that other computers reach. The token has a file of its own because the rig file is
+    /// attached to every recording.
+    pub token_file: Option<PathBuf>,
+    /// Whether the file has the table. `run` then serves the page too.
+    pub is_given: bool,
+}
+
+pub(super) fn serve(table: &Table<'_>, raw: Option<RawServe>) -> Result<Serve, ConfigError> {
+    let is_given = raw.is_some();
+    let raw = raw.unwrap_or_default();
+    if raw.foxglove.is_some() {
+        return Err(table.refuse("foxglove", "left out, because this version does not serve Foxglove"));
+    }
+    let http = match raw.http.as_deref() {
+        None => Some(SocketAddr::from((Ipv4Addr::LOCALHOST, HTTP_PORT))),
+        Some(OFF) => None,
+        Some(address) => {
+            let allowed = "\"off\", or an address and a port, such as \"127.0.0.1:8080\"";
+            Some(address.parse().map_err(|_| table.refuse("http", allowed))?)
+        }
+    };
+    let token_file = table.line("token_file", raw.token_file)?.map(PathBuf::from);
+    if token_file.is_none() && http.is_some_and(|address| !address.ip().is_loopback()) {
+        let allowed = "the path of a file with a token, because other computers reach serve.http";
+        return Err(table.refuse("token_file", allowed));
+    }
+    Ok(Serve { http, token_file, is_given })
+}

@@ -1,0 +1,137 @@
+//! The operator's page, and the topics of a rig as streams for other programs.
+//!
+//! One thread per topic waits on shared memory and hands over to the server, which is a single thread. A client that is
+//! slow, stalled or gone loses its own oldest rows. It never slows the threads, and the threads never slow the rig, because
+//! they are readers of the bus like any other.
+
+mod access;
+mod api;
+mod app;
+mod clock;
+mod control;
+mod feed;
+mod files;
+mod guard;
+mod numbers;
+mod page;
+mod picture;
+mod picture_feed;
+mod rig_state;
+mod routes;
+mod rows;
+mod series;
+mod server;
+mod shot_facts;
+mod shots;
+mod snapshot;
+mod streams;
+mod topics;
+mod watcher;
+
+pub use access::TokenError;
+pub use rows::json_cells;
+
+use crate::config::Config;
+use crate::failure::{ExitCode, Failure, Fatal};
+use crate::process::Stop;
+use access::Token;
+use app::App;
+use clock::now;
+use rows::RowContext;
+use shots::Shots;
+use std::net::{SocketAddr, TcpListener};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
+use std::time::{Duration, SystemTime};
+use topics::Link;
+use watcher::{Outputs, Watcher};
+
+/// The nice value of the server, so that it yields to the processes that film and measure.
+const NICE: i32 = 5;
+/// Interval of looking for recordings that other programs have changed.
+const LOOK: Duration = Duration::from_secs(2);
+/// Time for open requests at the end.
+const END_TIMEOUT: Duration = Duration::from_secs(1);
+
+/// The address of the page cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot serve the page at {address}: {reason}; set [serve] http to another address, or to \"off\"")]
+pub struct AddressError {
+    address: SocketAddr,
+    reason: std::io::Error,
+}
+
+impl Fatal for AddressError {
+    fn exit_code(&self) -> ExitCode {
+        ExitCode::Usage
+    }
+}
+
+/// Serves the page of a rig until a stop is requested. `ready` gets its address once it can be opened.
+///
+/// # Errors
+///
+/// When the address or the token cannot be used, or shared memory fails.
+pub fn run(config: &Config, address: SocketAddr, stop: &Stop, ready: impl FnOnce(SocketAddr)) -> Result<(), Failure> {
+    let token = config.serve.token_file.as_deref().map(Token::read).transpose()?;
+    let fail = |reason| AddressError { address, reason };
+    let listener = TcpListener::bind(address).map_err(fail)?;
+    listener.set_nonblocking(true)?;
+    let bound = listener.local_addr()?;
+    if let Err(error) = rustix::process::nice(NICE) {
+        log::info!("the page is served without a lower priority: {error}");
+    }
+    let app = Arc::new(App::new(Arc::new(config.clone()), token));
+    let link = Link::new(stop);
+    let (recorded, wake) = sync_channel(1);
+    let outputs =
+        Outputs { impact: app.impact.clone(), events: app.events.clone(), state: app.state.clone(), recorded };
+    std::thread::scope(|scope| {
+        let (app, link) = (&app, &link);
+        scope.spawn(move || read_shots(&app.shots, &wake, stop));
+        scope.spawn(|| {
+            let bodies = app.config.bodies.iter().map(|body| body.name.clone()).collect();
+            let context = RowContext { bodies, origin_ns: None };
+            topics::velocities(&app.config.rig.name, context, &app.velocity, link);
+        });
+        scope.spawn(|| picture_feed::run(&app.config, &app.pictures, link));
+        scope.spawn(|| Watcher::new(&app.config, link, &app.shots, &app.control, outputs).run());
+        ready(bound);
+        let served = serve_until(listener, app, stop);
+        // The threads end too.
+        stop.request();
+        served
+    })
+}
+
+/// Runs the server on the thread that calls it.
+fn serve_until(listener: TcpListener, app: &Arc<App>, stop: &Stop) -> Result<(), Failure> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;
+    runtime.block_on(async {
+        let listener = tokio::net::TcpListener::from_std(listener)?;
+        server::serve(listener, routes::router(Arc::clone(app)), stop).await;
+        Ok::<(), std::io::Error>(())
+    })?;
+    runtime.shutdown_timeout(END_TIMEOUT);
+    Ok(())
+}
+
+/// Lists and reads recordings when one was made, and when the folder has changed otherwise.
+fn read_shots(shots: &Shots, wake: &Receiver<()>, stop: &Stop) {
+    let mut seen = None::<SystemTime>;
+    let mut looked = None;
+    while !stop.requested() {
+        let is_due = looked.is_none_or(|at: std::time::Instant| at.elapsed() >= LOOK);
+        let changed = shots.directory().and_then(|path| std::fs::metadata(path).ok()?.modified().ok());
+        if is_due && changed != seen {
+            (seen, looked) = (changed, Some(now()));
+            shots.list();
+            shots.read();
+        }
+        match wake.recv_timeout(Duration::from_millis(100)) {
+            Ok(()) => shots.read(),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => std::thread::sleep(Duration::from_millis(100)),
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! The operator's page: its frame. `page.js` fills it, `picture.js` draws the live picture.
+
+use maud::{DOCTYPE, Markup, html};
+
+/// The commands, each with its key.
+const COMMANDS: [(&str, &str); 3] = [("arm", "A"), ("trigger", "T"), ("disarm", "D")];
+
+/// Returns the page of a rig.
+pub(super) fn page_html(rig: &str) -> String {
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta name="color-scheme" content="light dark";
+                title { (rig) " – ricochet" }
+                link rel="icon" href="data:,";
+                link rel="stylesheet" href="page.css";
+                script src="picture.js" defer {}
+                script src="page.js" defer {}
+            }
+            body data-state="OFFLINE" {
+                header id="state" {
+                    svg id="shape" viewBox="0 0 100 100" aria-hidden="true" { path id="outline" {} path id="solid" {} }
+                    div {
+                        p id="word" role="status" aria-live="assertive" { "CONNECTING" }
+                        p id="detail" {}
+                    }
+                    p id="rig" { (rig) }
+                }
+                main {
+                    (live())
+                    (last())
+                    (side())
+                }
+                (shots())
+                (reject())
+                noscript { "This page needs JavaScript. The same is at /api/status." }
+            }
+        }
+    };
+    page.into_string() + "\n"
+}
+
+fn live() -> Markup {
+    html! {
+        section id="live" aria-label="Live picture" {
+            canvas id="picture" width="512" height="512" {}
+            p id="picture-note" {}
+        }
+    }
+}
+
+fn last() -> Markup {
+    html! {
+        section id="last" aria-label="Last shot" {
+            h2 { span id="last-title" { "Last shot" } span id="last-place" {} }
+            p id="last-reason" {}
+            dl id="numbers" {}
+        }
+    }
+}
+
+fn side() -> Markup {
+    html! {
+        aside {
+            section id="controls" aria-label="Commands" {
+                @for (command, key) in COMMANDS {
+                    button type="button" id=(command) data-command=(command) hidden {
+                        (command.to_uppercase()) kbd { (key) }
+                    }
+                }
+                p id="idle" {}
+                p id="holder" {}
+                button type="button" id="take" hidden { "Take control" }
+                p id="answer" role="alert" {}
+            }
+            section id="bars" aria-label="Reserves" {
+                @for (id, label) in [("ring", "Ring"), ("disk", "Disk"), ("lag", "Lag"), ("lost", "Lost frames"), ("rate", "Frames")] {
+                    div class="bar" id=(format!("bar-{id}")) {
+                        span class="label" { (label) }
+                        span class="value" { "–" }
+                        @if !matches!(id, "lost" | "rate") { meter min="0" max="1" value="0" aria-label=(label) {} }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn shots() -> Markup {
+    html! {
+        section id="shots" aria-label="Shots" {
+            table {
+                thead { tr id="shot-heads" { th { "Shot" } th { "Time" } } tr id="series" {} }
+                tbody id="shot-rows" {}
+            }
+        }
+    }
+}
+
+fn reject() -> Markup {
+    html! {
+        dialog id="reject" {
+            form method="dialog" {
+                h2 { "Reject shot " span id="reject-number" {} }
+                p { "It no longer counts in the mean. Its file stays." }
+                label { "Reason" input id="reason" name="reason" maxlength="200" required autocomplete="off"; }
+                menu {
+                    button type="submit" value="reject" { "Reject" }
+                    button type="submit" value="cancel" formnovalidate { "Cancel" }
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_page_asks_nothing_of_other_hosts_and_runs_nothing_that_stands_in_it() {
+        let page = page_html("<b>&\"rig");
+        assert!(page.contains("&lt;b&gt;&amp;") && !page.contains("<b>"));
+        for foreign in ["http:", "https:", "//", "style=", "onclick", "<style"] {
+            assert!(!page.contains(foreign), "{foreign}");
+        }
+    }
+}

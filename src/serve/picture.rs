@@ -1,0 +1,111 @@
+//! The live picture: a frame, scaled down and compressed for the page.
+
+use crate::image::{Frame, Image};
+use axum::body::Bytes;
+use image::codecs::jpeg::JpegEncoder;
+use image::{ExtendedColorType, ImageEncoder};
+use serde_json::Value;
+
+/// The maximum side of the picture, px. Larger frames are averaged down to it.
+const MAX_SIDE_PX: usize = 512;
+/// The quality of the compression, 1 to 100. Speckles must survive it, and the page finds saturated pixels in it.
+const QUALITY: u8 = 85;
+/// The grey level of a block with a saturated pixel, and the maximum of all others: so far apart that the page can
+/// distinguish them after compression.
+const SATURATED: u8 = 255;
+const UNSATURATED_MAX: f32 = 235.0;
+
+/// A picture with its description.
+#[derive(Debug, Clone)]
+pub(super) struct Picture {
+    /// The frame, its size, the scale of the picture, and the bodies in it.
+    pub(super) header: Value,
+    pub(super) jpeg: Bytes,
+}
+
+impl Picture {
+    /// Returns the message of a WebSocket: the length of the header as a 32-bit number (little-endian), the header, the
+    /// JPEG file.
+    pub(super) fn message(&self) -> Bytes {
+        let header = self.header.to_string();
+        let mut message = Vec::with_capacity(4 + header.len() + self.jpeg.len());
+        message.extend((header.len() as u32).to_le_bytes());
+        message.extend(header.as_bytes());
+        message.extend(&self.jpeg[..]);
+        message.into()
+    }
+}
+
+/// Scales and compresses frames; reuses its memory.
+#[derive(Debug, Default)]
+pub(super) struct PictureEncoder {
+    image: Image,
+    grey: Vec<u8>,
+}
+
+/// A compressed frame.
+#[derive(Debug)]
+pub(super) struct Encoded {
+    pub(super) jpeg: Vec<u8>,
+    /// Pixels of the frame per pixel of the picture.
+    pub(super) scale: usize,
+    /// The share of blocks with a saturated pixel, 0 to 1.
+    pub(super) saturated_fraction: f64,
+}
+
+impl PictureEncoder {
+    /// Encodes a frame as a grey JPEG file; `None` for a frame that does not unpack.
+    pub(super) fn encode(&mut self, frame: &Frame<'_>) -> Option<Encoded> {
+        frame.unpack(&mut self.image).ok()?;
+        let view = self.image.view();
+        let scale = view.width().max(view.height()).div_ceil(MAX_SIDE_PX).max(1);
+        let (columns, rows) = (view.width() / scale, view.height() / scale);
+        let full = ((1_u32 << frame.meta.format.bits()) - 1) as f32;
+        self.grey.clear();
+        for row in 0..rows {
+            for column in 0..columns {
+                let lines =
+                    (row * scale..(row + 1) * scale).map(|y| &view.row(y)[column * scale..(column + 1) * scale]);
+                let (mut sum, mut highest) = (0.0, 0.0_f32);
+                for level in lines.flatten() {
+                    sum += level;
+                    highest = highest.max(*level);
+                }
+                let mean = sum / (scale * scale) as f32;
+                let grey = (mean * (UNSATURATED_MAX / full)).round() as u8;
+                self.grey.push(if highest >= full { SATURATED } else { grey });
+            }
+        }
+        let saturated = self.grey.iter().filter(|grey| **grey == SATURATED).count();
+        let mut jpeg = Vec::new();
+        let encoder = JpegEncoder::new_with_quality(&mut jpeg, QUALITY);
+        encoder.write_image(&self.grey, columns as u32, rows as u32, ExtendedColorType::L8).ok()?;
+        Some(Encoded { jpeg, scale, saturated_fraction: saturated as f64 / self.grey.len().max(1) as f64 })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::{FrameMeta, PixelFormat};
+
+    #[test]
+    fn a_large_frame_is_averaged_and_a_saturated_pixel_stands_out() {
+        let (width_px, height_px) = (1200_u32, 600_u32);
+        let mut levels = vec![1000_u16; (width_px * height_px) as usize];
+        // One saturated pixel in a block, far from the others.
+        for y in 300..306 {
+            levels[y * 1200 + 600..y * 1200 + 612].fill(4095);
+        }
+        let bytes: Vec<u8> = levels.iter().flat_map(|level| level.to_le_bytes()).collect();
+        let format = PixelFormat::Mono12;
+        let meta = FrameMeta { width_px, height_px, stride_bytes: 2 * width_px, format, ..FrameMeta::default() };
+        let encoded = PictureEncoder::default().encode(&Frame { meta, bytes: &bytes }).unwrap();
+        let picture = image::load_from_memory(&encoded.jpeg).unwrap().to_luma8();
+        assert_eq!((encoded.scale, picture.dimensions()), (3, (400, 200)));
+        assert!((i32::from(picture.get_pixel(20, 20).0[0]) - 57).abs() <= 2, "{:?}", picture.get_pixel(20, 20));
+        assert!(picture.get_pixel(201, 101).0[0] > 245);
+        assert!((encoded.saturated_fraction - 8.0 / 80_000.0).abs() < 1e-9, "{}", encoded.saturated_fraction);
+        assert!(PictureEncoder::default().encode(&Frame { meta, bytes: &bytes[..9] }).is_none());
+    }
+}

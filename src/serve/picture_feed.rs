@@ -1,0 +1,140 @@
+//! The thread that takes pictures of the live frames while somebody watches.
+
+use super::clock::now;
+use super::picture::{Picture, PictureEncoder};
+use super::topics::{Link, follow_rig};
+use crate::bus::{Bus, BusError, FrameSubscriber, Subscriber};
+use crate::config::{Config, Scale};
+use crate::image::Frame;
+use crate::message::TrackMessage;
+use crate::results::{TrackSample, segments};
+use serde_json::{Value, json};
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::watch::Sender;
+
+/// The period of the pictures.
+const PERIOD: Duration = Duration::from_millis(50);
+/// A picture takes at most this share of a processor, 1 to it; otherwise pictures come less often.
+const MAX_SHARE: u32 = 16;
+/// Time that a picture waits for the positions of the bodies in it.
+const MAX_WAIT: Duration = Duration::from_millis(100);
+const PAUSE: Duration = Duration::from_millis(5);
+/// Interval of asking whether somebody watches.
+const IDLE: Duration = Duration::from_millis(100);
+/// The maximum number of positions that are kept, those of the newest frames.
+const MAX_ROWS: usize = 8192;
+
+/// The pictures that the page shows; the number of its receivers is the number of viewers.
+pub(super) type Pictures = Sender<Option<Arc<Picture>>>;
+
+/// Publishes pictures until a stop is requested.
+pub(super) fn run(config: &Config, pictures: &Pictures, link: &Link) {
+    let mut encoder = PictureEncoder::default();
+    follow_rig(&config.rig.name, link, |bus| {
+        while link.is_up() {
+            if pictures.receiver_count() == 0 {
+                std::thread::sleep(IDLE);
+                continue;
+            }
+            show(&View::open(bus, config)?, &mut encoder, pictures, link)?;
+        }
+        Ok(())
+    });
+}
+
+/// The live topics behind the picture. They are read only while somebody watches.
+struct View<'a> {
+    config: &'a Config,
+    frames: FrameSubscriber,
+    tracks: Subscriber<TrackMessage>,
+}
+
+impl<'a> View<'a> {
+    fn open(bus: &Bus, config: &'a Config) -> Result<Self, BusError> {
+        Ok(Self { config, frames: bus.listen_newest_frame()?, tracks: bus.listen()? })
+    }
+}
+
+/// Publishes pictures as long as somebody watches.
+fn show(view: &View<'_>, encoder: &mut PictureEncoder, pictures: &Pictures, link: &Link) -> Result<(), BusError> {
+    let mut rows = VecDeque::new();
+    while link.is_up() && pictures.receiver_count() > 0 {
+        let begin = now();
+        let Some(picture) = take(view, encoder, &mut rows)? else {
+            std::thread::sleep(PAUSE);
+            continue;
+        };
+        let spent = picture.spent;
+        pictures.send_replace(Some(Arc::new(picture.picture)));
+        let period = PERIOD.max(spent * MAX_SHARE);
+        std::thread::sleep(period.saturating_sub(begin.elapsed()));
+    }
+    Ok(())
+}
+
+/// A picture and the time that it took to encode.
+struct Taken {
+    picture: Picture,
+    spent: Duration,
+}
+
+/// Takes a picture of the newest frame, with the positions of the bodies in it if they are measured in time.
+fn take(
+    view: &View<'_>,
+    encoder: &mut PictureEncoder,
+    rows: &mut VecDeque<TrackSample>,
+) -> Result<Option<Taken>, BusError> {
+    let Some(sample) = view.frames.take()? else { return Ok(None) };
+    let begin = now();
+    let Some(meta) = sample.header().meta() else { return Ok(None) };
+    let Some(encoded) = encoder.encode(&Frame { meta, bytes: sample.bytes() }) else { return Ok(None) };
+    // The slot goes back to the ring before the wait.
+    drop(sample);
+    let spent = begin.elapsed();
+    let count = if view.config.workers.count > 0 { view.config.bodies.len() } else { 0 };
+    let in_frame = |rows: &VecDeque<TrackSample>| -> Vec<TrackSample> {
+        rows.iter().filter(|row| row.frame == meta.sequence).copied().collect()
+    };
+    let mut found = Vec::new();
+    while found.len() < count && begin.elapsed() < MAX_WAIT {
+        while let Some(message) = view.tracks.take()? {
+            rows.extend(message.sample());
+            rows.drain(..rows.len().saturating_sub(MAX_ROWS));
+        }
+        found = in_frame(rows);
+        // A row of a later frame shows that none of this one will come.
+        if found.len() < count && rows.back().is_some_and(|row| row.frame > meta.sequence) {
+            break;
+        }
+        std::thread::sleep(PAUSE);
+    }
+    let header = json!({
+        "frame": meta.sequence, "stamp_ns": meta.stamp_ns, "width_px": meta.width_px, "height_px": meta.height_px,
+        "scale": encoded.scale, "saturated_fraction": encoded.saturated_fraction,
+        "mm_per_px": mm_per_px(view.config, &found),
+        "bodies": found.iter().map(|row| body(view.config, row)).collect::<Vec<_>>(),
+    });
+    Ok(Some(Taken { picture: Picture { header, jpeg: encoded.jpeg.into() }, spent }))
+}
+
+/// Returns the scale of the picture, as configured or from the measured radius.
+fn mm_per_px(config: &Config, rows: &[TrackSample]) -> Option<f64> {
+    match config.scale? {
+        Scale::MmPerPx(mm_per_px) => Some(mm_per_px),
+        Scale::BallDiameterMm(diameter_mm) => {
+            rows.iter().find_map(|row| row.radius_px).map(|radius_px| 0.5 * diameter_mm / radius_px)
+        }
+        Scale::Unknown => None,
+    }
+}
+
+/// Describes a body for the drawing: its circle, or the lines of a rod.
+fn body(config: &Config, row: &TrackSample) -> Value {
+    let name = config.bodies.get(row.body as usize).map_or("", |body| body.name.as_str());
+    json!({
+        "name": name, "status": row.status.as_str(), "x_px": row.center_x_px, "y_px": row.center_y_px,
+        "radius_px": row.radius_px, "lines_px": row.rod.as_ref().map(segments),
+    })
+}

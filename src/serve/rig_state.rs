@@ -1,0 +1,273 @@
+//! The state of a rig in one word, from its events and the reports of its processes.
+
+use crate::config::{Config, TriggerMode};
+use crate::message::{Event, EventKind, Role, StatusMessage};
+use crate::results::{Estimate, Impact};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Time that a saved shot is shown before the rig counts as ready again, s.
+const SAVED_S: f64 = 4.0;
+/// Time without a report of the camera's process after which it is at fault, s.
+const SILENCE_S: f64 = 2.0;
+/// The maximum number of collisions that are kept.
+const MAX_IMPACTS: usize = 64;
+
+/// The state of a rig.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Word {
+    Starting,
+    Disarmed,
+    Filling,
+    Ready,
+    Triggered,
+    Measuring,
+    Saved,
+    Ended,
+    Fault,
+}
+
+impl Word {
+    /// Returns the word that the page shows.
+    pub(super) fn as_str(self) -> &'static str {
+        match self {
+            Self::Starting => "STARTING",
+            Self::Disarmed => "DISARMED",
+            Self::Filling => "FILLING",
+            Self::Ready => "READY",
+            Self::Triggered => "TRIGGERED",
+            Self::Measuring => "MEASURING",
+            Self::Saved => "SAVED",
+            Self::Ended => "ENDED",
+            Self::Fault => "FAULT",
+        }
+    }
+}
+
+/// A word with its explanation.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct State {
+    pub(super) word: Word,
+    pub(super) detail: String,
+}
+
+/// A shot: when it was triggered, and when and under which number it was saved.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct ShotState {
+    /// The stamp of the frame that triggered it, ns since the Unix epoch.
+    pub(super) trigger_ns: u64,
+    pub(super) saved: Option<Saved>,
+}
+
+/// The end of a shot.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Saved {
+    pub(super) number: u32,
+    /// The time of the page's clock, s.
+    pub(super) at_s: f64,
+}
+
+/// The state of a rig, derived from the topics `events`, `status` and `impact`.
+///
+/// Times are those of the page's clock, in seconds. They come with each call, so that the state is a function of its input.
+#[derive(Debug)]
+pub(super) struct RigState {
+    config: Arc<Config>,
+    pub(super) is_running: bool,
+    /// The stamp of the stream's first frame, ns since the Unix epoch.
+    pub(super) origin_ns: Option<u64>,
+    has_ended: bool,
+    pub(super) is_armed: bool,
+    /// The oldest frame that the ring may hold for the next shot, ns since the Unix epoch.
+    fills_from_ns: u64,
+    pub(super) shot: Option<ShotState>,
+    storage: String,
+    /// The camera's fault and the number of frames at that time.
+    camera: Option<(String, u64)>,
+    pub(super) statuses: BTreeMap<(u32, u32), StatusMessage>,
+    heard_s: f64,
+    /// The latest revision of each collision, the newest collision last.
+    impacts: Vec<Impact>,
+}
+
+impl RigState {
+    pub(super) fn new(config: Arc<Config>) -> Self {
+        // A rig without a recorder reacts to every trigger.
+        let is_armed = config.record.is_none() && config.trigger.mode != TriggerMode::Off;
+        Self {
+            config,
+            is_running: false,
+            origin_ns: None,
+            has_ended: false,
+            is_armed,
+            fills_from_ns: 0,
+            shot: None,
+            storage: String::new(),
+            camera: None,
+            statuses: BTreeMap::new(),
+            heard_s: 0.0,
+            impacts: Vec::new(),
+        }
+    }
+
+    /// Forgets a rig that is gone.
+    pub(super) fn reset(&mut self) {
+        *self = Self { impacts: std::mem::take(&mut self.impacts), ..Self::new(Arc::clone(&self.config)) };
+    }
+
+    /// Takes an event; a recording that it completes has this number.
+    pub(super) fn event(&mut self, event: &Event, number: impl FnOnce() -> u32, now_s: f64) {
+        match event.kind() {
+            Some(EventKind::Prepared) if event.sequence == 0 => {
+                (self.origin_ns, self.has_ended, self.shot) = (None, false, None);
+                self.impacts.clear();
+            }
+            Some(EventKind::Started) if self.origin_ns.is_none() => {
+                (self.origin_ns, self.fills_from_ns) = (Some(event.stamp_ns), event.stamp_ns);
+            }
+            Some(EventKind::Ended) => self.has_ended = true,
+            Some(EventKind::Armed) => self.is_armed = true,
+            Some(EventKind::Disarmed) => {
+                self.is_armed = false;
+                // Disarmed by a person, not by the end of the shot.
+                let saved = self.shot.and_then(|shot| shot.saved);
+                if saved.is_some_and(|saved| now_s - saved.at_s > 1.0) {
+                    self.shot = None;
+                }
+            }
+            Some(EventKind::Triggered) => {
+                self.shot = Some(ShotState { trigger_ns: event.stamp_ns, saved: None });
+            }
+            Some(EventKind::Recorded) => {
+                let trigger_ns = self.shot.map_or(event.stamp_ns, |shot| shot.trigger_ns);
+                let saved = Some(Saved { number: number(), at_s: now_s });
+                self.shot = Some(ShotState { trigger_ns, saved });
+                self.fills_from_ns = event.stamp_ns;
+            }
+            Some(EventKind::Storage) => self.storage = event.text(),
+            Some(EventKind::Camera) => self.camera = Some((event.text(), self.acquire().map_or(0, |s| s.taken))),
+            _ => {}
+        }
+    }
+
+    /// Takes the report of a process.
+    pub(super) fn status(&mut self, status: &StatusMessage, now_s: f64) {
+        self.statuses.insert((status.role, status.index), *status);
+        match Role::from_number(status.role) {
+            Some(Role::Record) => self.is_armed = status.state & 1 != 0,
+            Some(Role::Acquire) => {
+                self.heard_s = now_s;
+                // A camera that delivers again is no longer at fault.
+                self.camera.take_if(|(_, taken)| *taken != status.taken);
+            }
+            _ => {}
+        }
+    }
+
+    /// Takes a revision of a collision.
+    pub(super) fn impact(&mut self, impact: Impact) {
+        self.impacts.retain(|kept| (kept.body, kept.number) != (impact.body, impact.number));
+        self.impacts.push(impact);
+        if self.impacts.len() > MAX_IMPACTS {
+            self.impacts.remove(0);
+        }
+    }
+
+    /// Returns the report of the camera's process.
+    pub(super) fn acquire(&self) -> Option<&StatusMessage> {
+        self.statuses.get(&(Role::Acquire as u32, 0))
+    }
+
+    /// Returns the newest collision that reaches into the last shot; without a shot, the newest of the stream.
+    pub(super) fn last_impact(&self) -> Option<&Impact> {
+        let trigger = &self.config.trigger;
+        let is_timed = !matches!(trigger.mode, TriggerMode::Off | TriggerMode::Hardware);
+        let window = self.shot.filter(|_| is_timed).map(|shot| {
+            let ns = |seconds: f64| (seconds * 1e9) as u64;
+            shot.trigger_ns.saturating_sub(ns(trigger.pre_s))..=shot.trigger_ns.saturating_add(ns(trigger.post_s))
+        });
+        self.impacts.iter().rev().find(|impact| {
+            let stamp_ns = |moment: Estimate| impact.origin_ns.saturating_add_signed((moment.value * 1e9) as i64);
+            let mut moments =
+                ["start_s", "deepest_s", "end_s"].iter().filter_map(|name| impact.get(name)).map(stamp_ns);
+            window.as_ref().is_none_or(|window| moments.any(|stamp_ns| window.contains(&stamp_ns)))
+        })
+    }
+
+    /// Returns the share of the time before a trigger that the ring holds, 0 to 1.
+    pub(super) fn ring_fraction(&self) -> f64 {
+        let pre_s = self.config.trigger.pre_s;
+        if self.config.record.is_none() || self.config.pre_trigger_frames(1e6) == 0 {
+            return 1.0;
+        }
+        let newest_ns = self.acquire().map_or(0, |status| status.stamp_ns);
+        (newest_ns.saturating_sub(self.fills_from_ns) as f64 * 1e-9 / pre_s).clamp(0.0, 1.0)
+    }
+
+    /// Returns the commands that the rig accepts now.
+    pub(super) fn actions(&self) -> &'static [&'static str] {
+        let mode = self.config.trigger.mode;
+        let is_open = self.shot.is_some_and(|shot| shot.saved.is_none());
+        if !self.is_running || self.has_ended || mode == TriggerMode::Off || self.config.record.is_none() {
+            return &[];
+        }
+        match self.is_armed {
+            false => &["arm"],
+            true if is_open || mode == TriggerMode::Hardware || self.origin_ns.is_none() => &["disarm"],
+            true => &["disarm", "trigger"],
+        }
+    }
+
+    /// Returns the word of the state, and its explanation.
+    pub(super) fn state(&self, now_s: f64) -> State {
+        let state = |word: Word, detail: String| State { word, detail };
+        if let Some(fault) = self.fault(now_s) {
+            return state(Word::Fault, fault);
+        }
+        let saved = self.shot.and_then(|shot| shot.saved);
+        let is_open = self.shot.is_some() && saved.is_none();
+        match (self.config.trigger.mode, &self.config.record) {
+            _ if self.origin_ns.is_none() => state(Word::Starting, "waiting for the first frame".into()),
+            _ if is_open => self.open_shot(),
+            _ if self.has_ended && saved.is_none() => state(Word::Ended, "the camera delivers no more frames".into()),
+            _ if self.has_ended => state(Word::Saved, "the camera delivers no more frames".into()),
+            (TriggerMode::Off, Some(_)) => state(Word::Measuring, "the whole stream is recorded".into()),
+            (TriggerMode::Off, None) => state(Word::Measuring, "nothing is recorded".into()),
+            _ if saved.is_some_and(|saved| !self.is_armed || now_s - saved.at_s < SAVED_S) => {
+                let then = if self.is_armed { "the rig is armed again" } else { "the rig is disarmed" };
+                state(Word::Saved, then.into())
+            }
+            _ if !self.is_armed => state(Word::Disarmed, "triggers are ignored".into()),
+            _ if self.ring_fraction() < 1.0 => state(Word::Filling, "the ring of frames fills".into()),
+            (mode, _) => state(Word::Ready, format!("waiting for the trigger ({})", mode.as_str())),
+        }
+    }
+
+    fn open_shot(&self) -> State {
+        let end_ns = self.shot.map_or(0, |shot| shot.trigger_ns) + (self.config.trigger.post_s * 1e9) as u64;
+        match self.acquire().is_some_and(|status| status.stamp_ns >= end_ns) {
+            true => State { word: Word::Measuring, detail: "the shot is measured and written".into() },
+            false => State { word: Word::Triggered, detail: "the shot is filmed".into() },
+        }
+    }
+
+    /// Returns the reason why the rig cannot take a shot.
+    fn fault(&self, now_s: f64) -> Option<String> {
+        if !self.is_running {
+            return Some(format!("rig {} is not running", self.config.rig.name));
+        }
+        if let Some((text, _)) = self.camera.as_ref().filter(|_| !self.has_ended) {
+            return Some(format!("camera: {text}"));
+        }
+        let recorder = self.statuses.get(&(Role::Record as u32, 0));
+        if recorder.is_some_and(|status| status.state & 2 != 0) {
+            let unknown = "recordings do not fit or cannot be written";
+            return Some(if self.storage.is_empty() { unknown.into() } else { self.storage.clone() });
+        }
+        let is_silent = self.acquire().is_some() && now_s - self.heard_s > SILENCE_S;
+        (is_silent && !self.has_ended).then(|| "the camera process does not report".into())
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,83 @@
+//! The state of the rig as the page and programs read it.
+
+use super::control::Control;
+use super::numbers::{numbers, reason};
+use super::rig_state::{RigState, Word};
+use super::shots::Shots;
+use crate::config::Config;
+use crate::message::{Role, StatusMessage};
+use serde_json::{Value, json};
+
+/// Returns the state of the rig as a JSON object.
+pub(super) fn snapshot(config: &Config, rig: &RigState, shots: &Shots, control: &Control, now_s: f64) -> Value {
+    let state = rig.state(now_s);
+    let saved = rig.shot.and_then(|shot| shot.saved).map(|saved| saved.number);
+    json!({
+        "rig": config.rig.name,
+        "version": env!("CARGO_PKG_VERSION"),
+        "state": state.word.as_str(),
+        "detail": state.detail,
+        "shot": saved,
+        "percent": (state.word == Word::Filling).then(|| (100.0 * rig.ring_fraction()).floor()),
+        "armed": rig.is_armed,
+        "actions": rig.actions(),
+        "trigger": config.trigger.mode.as_str(),
+        "holder": control.holder(),
+        "bars": bars(config, rig, shots),
+        "last": last(config, rig, saved),
+        "shots_revision": shots.revision(),
+        "processes": rig.statuses.values().map(process).collect::<Vec<_>>(),
+    })
+}
+
+fn bars(config: &Config, rig: &RigState, shots: &Shots) -> Value {
+    let of = |role: Role| rig.statuses.values().filter(move |status| status.role == role as u32);
+    let lost = |status: &StatusMessage| status.lost + status.dropped;
+    let slowest = of(Role::Correlate).max_by_key(|status| status.waiting);
+    let free_bytes = shots.directory().and_then(|directory| {
+        let about = rustix::fs::statvfs(directory).ok()?;
+        Some(about.f_bavail.saturating_mul(about.f_frsize))
+    });
+    let shot_bytes = shots.newest_bytes().filter(|bytes| *bytes > 0);
+    json!({
+        "ring_fraction": rig.ring_fraction(),
+        "ring_s": (config.pre_trigger_frames(1e6) > 0).then_some(config.trigger.pre_s),
+        "disk_bytes": free_bytes,
+        "disk_shots": free_bytes.zip(shot_bytes).map(|(free, shot)| free / shot),
+        "lost_camera": of(Role::Acquire).map(lost).sum::<u64>(),
+        "lost_measured": of(Role::Correlate).chain(of(Role::Track)).map(lost).sum::<u64>(),
+        "lost_recorded": of(Role::Record).map(lost).sum::<u64>(),
+        "lag_frames": slowest.map(|status| status.waiting),
+        "lag_capacity_frames": slowest.map(|status| status.capacity),
+        "rate_hz": rig.acquire().map(|status| status.rate_hz),
+        "frames": rig.acquire().map(|status| status.taken),
+    })
+}
+
+/// Returns the numbers of the last collision, or the reason why there are none.
+fn last(config: &Config, rig: &RigState, saved: Option<u32>) -> Value {
+    let Some(impact) = rig.last_impact() else {
+        let reason = match rig.shot {
+            Some(shot) if shot.saved.is_none() => "the shot is being measured",
+            Some(_) => "no collision was found in this shot",
+            None if config.workers.count == 0 => "this rig films and records, but does not measure",
+            None => "no collision yet",
+        };
+        return json!({ "shot": saved, "reason": reason, "numbers": [] });
+    };
+    let body = config.bodies.get(impact.body as usize).map(|body| body.name.as_str());
+    json!({
+        "shot": saved, "body": body, "number": impact.number, "revision": impact.revision,
+        "status": impact.status.as_str(), "reason": reason(impact.status), "numbers": numbers(impact),
+    })
+}
+
+fn process(status: &StatusMessage) -> Value {
+    json!({
+        "process": Role::from_number(status.role).map_or("?", Role::as_str), "index": status.index,
+        "pid": status.pid, "sequence": status.sequence, "stamp_ns": status.stamp_ns, "rate_hz": status.rate_hz,
+        "taken": status.taken, "given": status.given, "lost": status.lost, "dropped": status.dropped,
+        "waiting": status.waiting, "capacity": status.capacity, "latency_s": status.latency_s,
+        "restarts": status.restarts,
+    })
+}

@@ -1,0 +1,152 @@
+//! Topics and pictures as streams: server-sent events and WebSockets.
+
+use super::app::App;
+use super::control::page_name;
+use super::feed::{Delivery, Feed, Follower};
+use axum::body::{Body, Bytes};
+use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
+use axum::extract::{Request, State};
+use axum::http::{StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use futures_util::{SinkExt, Stream, stream};
+use std::convert::Infallible;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::time::timeout;
+
+/// Interval of a sign of life on a stream without rows, so that a client that is gone is noticed.
+const SIGN_OF_LIFE: Duration = Duration::from_secs(10);
+/// The maximum size of a message from a client, bytes. Clients have nothing to say.
+const MAX_MESSAGE_BYTES: usize = 1024;
+/// Time for the first picture.
+const PICTURE_TIMEOUT: Duration = Duration::from_secs(2);
+
+/// Answers with server-sent events.
+fn events(stream: impl Stream<Item = Result<Bytes, Infallible>> + Send + 'static) -> Response {
+    ([(header::CONTENT_TYPE, "text/event-stream")], Body::from_stream(stream)).into_response()
+}
+
+fn topic_events(feed: &Feed) -> Response {
+    events(stream::unfold(feed.follow(), |mut follower| async move {
+        let bytes = match timeout(SIGN_OF_LIFE, follower.next()).await {
+            Err(_) => Bytes::from_static(b":\n\n"),
+            Ok(None) => return None,
+            Ok(Some(Delivery { lost: 0, batch })) => batch.events.clone(),
+            Ok(Some(Delivery { lost, batch })) => {
+                let notice = format!("event: lost\ndata: {{\"lost\":{lost}}}\n\n");
+                [notice.as_bytes(), &batch.events[..]].concat().into()
+            }
+        };
+        Some((Ok(bytes), follower))
+    }))
+}
+
+pub(super) async fn velocity_events(State(app): State<Arc<App>>) -> Response {
+    topic_events(&app.velocity)
+}
+
+pub(super) async fn impact_events(State(app): State<Arc<App>>) -> Response {
+    topic_events(&app.impact)
+}
+
+pub(super) async fn event_events(State(app): State<Arc<App>>) -> Response {
+    topic_events(&app.events)
+}
+
+/// Sends the state of the rig at every change and four times per second. The connection stands for an open page.
+pub(super) async fn state_events(State(app): State<Arc<App>>, request: Request) -> Response {
+    let page = request.uri().query().and_then(|query| query.strip_prefix("page=")).and_then(page_name);
+    let open = page.map(|page| app.control.open(page));
+    let mut receiver = app.state.subscribe();
+    receiver.mark_changed();
+    events(stream::unfold((receiver, open), |(mut receiver, open)| async move {
+        receiver.changed().await.ok()?;
+        let bytes = Bytes::from(format!("data: {}\n\n", *receiver.borrow_and_update()));
+        Some((Ok(bytes), (receiver, open)))
+    }))
+}
+
+fn topic_socket(feed: &Feed, upgrade: WebSocketUpgrade) -> Response {
+    let follower = feed.follow();
+    limited(upgrade).on_upgrade(|socket| send_rows(socket, follower))
+}
+
+fn limited(upgrade: WebSocketUpgrade) -> WebSocketUpgrade {
+    upgrade.max_message_size(MAX_MESSAGE_BYTES).max_frame_size(MAX_MESSAGE_BYTES)
+}
+
+pub(super) async fn velocity_socket(State(app): State<Arc<App>>, upgrade: WebSocketUpgrade) -> Response {
+    topic_socket(&app.velocity, upgrade)
+}
+
+pub(super) async fn impact_socket(State(app): State<Arc<App>>, upgrade: WebSocketUpgrade) -> Response {
+    topic_socket(&app.impact, upgrade)
+}
+
+pub(super) async fn event_socket(State(app): State<Arc<App>>, upgrade: WebSocketUpgrade) -> Response {
+    topic_socket(&app.events, upgrade)
+}
+
+/// Sends rows until the client is gone; `{"lost": N}` stands for rows that it was too slow for.
+async fn send_rows(mut socket: WebSocket, mut follower: Follower) {
+    loop {
+        let delivery = tokio::select! {
+            message = socket.recv() => match message {
+                Some(Ok(Message::Close(_)) | Err(_)) | None => return,
+                Some(Ok(_)) => continue,
+            },
+            delivery = timeout(SIGN_OF_LIFE, follower.next()) => delivery,
+        };
+        let sent = match delivery {
+            Err(_) => socket.send(Message::Ping(Bytes::new())).await,
+            Ok(None) => return,
+            Ok(Some(delivery)) => send_delivery(&mut socket, &delivery).await,
+        };
+        if sent.is_err() {
+            return;
+        }
+    }
+}
+
+async fn send_delivery(socket: &mut WebSocket, delivery: &Delivery) -> Result<(), axum::Error> {
+    if delivery.lost > 0 {
+        socket.feed(Message::text(format!("{{\"lost\":{}}}", delivery.lost))).await?;
+    }
+    for row in &delivery.batch.rows {
+        socket.feed(Message::Text(row.clone())).await?;
+    }
+    socket.flush().await
+}
+
+/// Sends the newest picture whenever there is one, as fast as the client takes them.
+pub(super) async fn picture_socket(State(app): State<Arc<App>>, upgrade: WebSocketUpgrade) -> Response {
+    let mut receiver = app.pictures.subscribe();
+    limited(upgrade).on_upgrade(|mut socket| async move {
+        loop {
+            tokio::select! {
+                message = socket.recv() => match message {
+                    Some(Ok(Message::Close(_)) | Err(_)) | None => return,
+                    Some(Ok(_)) => {}
+                },
+                changed = receiver.changed() => {
+                    let picture = receiver.borrow_and_update().clone();
+                    let Some(picture) = picture.filter(|_| changed.is_ok()) else { return };
+                    if socket.send(Message::Binary(picture.message())).await.is_err() {
+                        return;
+                    }
+                }
+            }
+        }
+    })
+}
+
+/// Answers with one picture of the present.
+pub(super) async fn picture(State(app): State<Arc<App>>) -> Response {
+    let mut receiver = app.pictures.subscribe();
+    let changed = timeout(PICTURE_TIMEOUT, receiver.changed()).await;
+    let picture = receiver.borrow().clone();
+    match picture.filter(|_| matches!(changed, Ok(Ok(())))) {
+        Some(picture) => ([(header::CONTENT_TYPE, "image/jpeg")], Body::from(picture.jpeg.clone())).into_response(),
+        None => (StatusCode::SERVICE_UNAVAILABLE, "no frame comes\n").into_response(),
+    }
+}

@@ -1,0 +1,175 @@
+//! The thread that follows the state of the rig, its events and its collisions.
+
+use super::clock::now;
+use super::control::Control;
+use super::feed::{BATCH_ROWS, Feed};
+use super::rig_state::RigState;
+use super::rows::{self, RowContext};
+use super::shots::Shots;
+use super::snapshot::snapshot;
+use super::topics::Link;
+use crate::bus::{Bus, BusError, Subscriber, Topic};
+use crate::config::Config;
+use crate::message::{Event, ImpactMessage, StatusMessage};
+use serde_json::{Map, Value};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::sync::watch;
+
+/// Interval of reading the topics.
+const PERIOD: Duration = Duration::from_millis(10);
+/// Interval of looking at the reports of processes. Events and collisions are published at once.
+const STATUS_PERIOD: Duration = Duration::from_millis(100);
+/// Interval of publishing a state that has not changed, so that a page notices within a second that the server is gone.
+const REPEAT: Duration = Duration::from_millis(250);
+/// Interval of checking whether a process of the rig is alive.
+const ALIVE_PERIOD: Duration = Duration::from_millis(250);
+
+/// The outputs of the watcher.
+pub(super) struct Outputs {
+    pub(super) impact: Feed,
+    pub(super) events: Feed,
+    /// The state as JSON.
+    pub(super) state: watch::Sender<Arc<str>>,
+    /// Wakes the reader of the recordings.
+    pub(super) recorded: std::sync::mpsc::SyncSender<()>,
+}
+
+/// The topics of a running rig.
+struct Topics {
+    // Drop order: the topics go before the bus that they were opened on.
+    events: Subscriber<Event>,
+    impacts: Subscriber<ImpactMessage>,
+    statuses: Subscriber<StatusMessage>,
+    bus: Bus,
+}
+
+impl Topics {
+    /// Opens the topics of a rig; `None` when it does not run.
+    fn open(rig: &str) -> Result<Option<Self>, BusError> {
+        let bus = Bus::join(rig, "serve")?;
+        if !bus.is_alive() {
+            return Ok(None);
+        }
+        Ok(Some(Self { events: bus.listen()?, impacts: bus.listen()?, statuses: bus.listen()?, bus }))
+    }
+}
+
+/// Follows the rig.
+pub(super) struct Watcher<'a> {
+    config: &'a Config,
+    link: &'a Link,
+    shots: &'a Shots,
+    control: &'a Control,
+    outputs: Outputs,
+    context: RowContext,
+    rig: RigState,
+    began: Instant,
+}
+
+impl<'a> Watcher<'a> {
+    pub(super) fn new(
+        config: &'a Arc<Config>,
+        link: &'a Link,
+        shots: &'a Shots,
+        control: &'a Control,
+        outputs: Outputs,
+    ) -> Self {
+        let bodies = config.bodies.iter().map(|body| body.name.clone()).collect();
+        let context = RowContext { bodies, origin_ns: None };
+        Self { link, shots, control, outputs, context, rig: RigState::new(Arc::clone(config)), began: now(), config }
+    }
+
+    fn now_s(&self) -> f64 {
+        self.began.elapsed().as_secs_f64()
+    }
+
+    /// Follows the rig until a stop is requested.
+    pub(super) fn run(mut self) {
+        let mut topics = None;
+        let (mut checked, mut looked, mut published) = (None::<Instant>, None::<Instant>, None::<Instant>);
+        let mut last = String::new();
+        while !self.link.stop.requested() {
+            let is_due = |at: Option<Instant>, period| at.is_none_or(|at: Instant| at.elapsed() >= period);
+            if is_due(checked, ALIVE_PERIOD) {
+                checked = Some(now());
+                self.check(&mut topics);
+            }
+            let news = topics.as_ref().map_or(Ok(false), |open| self.read(open)).unwrap_or_else(|error| {
+                log::warn!("{error}; trying again");
+                topics = None;
+                true
+            });
+            self.link.set(self.rig.is_running, self.rig.origin_ns);
+            if news || is_due(looked, STATUS_PERIOD) {
+                looked = Some(now());
+                let text = self.snapshot();
+                if text != last || is_due(published, REPEAT) {
+                    published = Some(now());
+                    self.outputs.state.send_replace(text.as_str().into());
+                    last = text;
+                }
+            }
+            std::thread::sleep(PERIOD);
+        }
+    }
+
+    /// Opens the topics of a rig that was started, and closes those of one that is gone.
+    ///
+    /// Nothing of a rig that is gone is held open, so that its successor can have other limits.
+    fn check(&mut self, topics: &mut Option<Topics>) {
+        if topics.as_ref().is_some_and(|open| !open.bus.is_alive()) {
+            *topics = None;
+            self.rig.reset();
+        }
+        if topics.is_none() {
+            *topics = Topics::open(&self.config.rig.name).unwrap_or_else(|error| {
+                // The processes may be about to create them.
+                log::debug!("{error}; trying again");
+                None
+            });
+        }
+        self.rig.is_running = topics.is_some();
+    }
+
+    /// Reads all topics; returns whether there was an event or a collision.
+    fn read(&mut self, topics: &Topics) -> Result<bool, BusError> {
+        let now_s = self.now_s();
+        for status in all(&topics.statuses)? {
+            self.rig.status(&status, now_s);
+        }
+        let events = all(&topics.events)?;
+        for event in &events {
+            let (shots, recorded) = (self.shots, &self.outputs.recorded);
+            let number = || {
+                // The reader may be at work already, and then finds the new recording too.
+                let _ = recorded.try_send(());
+                shots.list()
+            };
+            self.rig.event(event, number, now_s);
+        }
+        let impacts = all(&topics.impacts)?;
+        impacts.iter().filter_map(ImpactMessage::impact).for_each(|impact| self.rig.impact(impact));
+        self.context.origin_ns = self.rig.origin_ns;
+        send(&self.outputs.events, events.iter().filter_map(|event| rows::event(event, &self.context)));
+        send(&self.outputs.impact, impacts.iter().filter_map(|impact| rows::impact(impact, &self.context)));
+        Ok(!events.is_empty() || !impacts.is_empty())
+    }
+
+    fn snapshot(&self) -> String {
+        snapshot(self.config, &self.rig, self.shots, self.control, self.now_s()).to_string()
+    }
+}
+
+fn all<T: Topic>(topic: &Subscriber<T>) -> Result<Vec<T>, BusError> {
+    let mut all = Vec::new();
+    while let Some(message) = topic.take()? {
+        all.push(message);
+    }
+    Ok(all)
+}
+
+fn send(feed: &Feed, rows: impl Iterator<Item = Map<String, Value>>) {
+    let rows: Vec<_> = rows.collect();
+    rows.chunks(BATCH_ROWS).for_each(|batch| feed.send(batch));
+}
