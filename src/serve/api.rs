@@ -58,8 +58,8 @@ pub(super) async fn shots(State(app): State<Arc<App>>) -> Response {
 }
 
 /// Reads the body of a request, which must be small and come soon.
-async fn body(body: Body) -> Result<Bytes, Response> {
-    let text = |status, reason: &str| refuse(status, reason);
+async fn body(body: Body) -> Result<Bytes, Box<Response>> {
+    let text = |status, reason: &str| Box::new(refuse(status, reason));
     match tokio::time::timeout(BODY_TIMEOUT, to_bytes(body, MAX_BODY_BYTES)).await {
         Ok(Ok(bytes)) => Ok(bytes),
         Ok(Err(_)) => Err(text(StatusCode::PAYLOAD_TOO_LARGE, "the body has more than 4096 bytes, or was cut off")),
@@ -68,11 +68,11 @@ async fn body(body: Body) -> Result<Bytes, Response> {
 }
 
 /// Refuses the request of a page that does not hold control.
-fn check_control(app: &App, headers: &HeaderMap) -> Result<(), Response> {
+fn check_control(app: &App, headers: &HeaderMap) -> Result<(), Box<Response>> {
     let Some(page) = headers.get(PAGE) else { return Ok(()) };
     match page.to_str().ok().and_then(page_name) {
         Some(page) if app.control.may_act(page) => Ok(()),
-        _ => Err(refuse(StatusCode::CONFLICT, "another page holds control; take control first")),
+        _ => Err(Box::new(refuse(StatusCode::CONFLICT, "another page holds control; take control first"))),
     }
 }
 
@@ -80,7 +80,7 @@ async fn command(app: Arc<App>, request: Request, command: Command) -> Response 
     let (parts, rest) = request.into_parts();
     let checked = body(rest).await.and_then(|_| check_control(&app, &parts.headers));
     if let Err(refusal) = checked {
-        return refusal;
+        return *refusal;
     }
     let Ok(_turn) = app.requests.acquire().await else {
         return refuse(StatusCode::SERVICE_UNAVAILABLE, "the server ends");
@@ -143,7 +143,7 @@ pub(super) async fn reject(State(app): State<Arc<App>>, Path(name): Path<String>
     let (parts, rest) = request.into_parts();
     let bytes = match body(rest).await.and_then(|bytes| check_control(&app, &parts.headers).map(|()| bytes)) {
         Ok(bytes) => bytes,
-        Err(refusal) => return refusal,
+        Err(refusal) => return *refusal,
     };
     let reason = serde_json::from_slice::<Value>(&bytes).ok();
     let reason = reason.as_ref().and_then(|reason| reason["reason"].as_str()).unwrap_or_default();
@@ -155,6 +155,6 @@ pub(super) async fn accept(State(app): State<Arc<App>>, Path(name): Path<String>
     let (parts, rest) = request.into_parts();
     match body(rest).await.and_then(|_| check_control(&app, &parts.headers)) {
         Ok(()) => shot_answer(app.shots.accept(&name)),
-        Err(refusal) => refusal,
+        Err(refusal) => *refusal,
     }
 }

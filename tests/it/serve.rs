@@ -29,7 +29,10 @@ impl Server {
         let mut process = Background::start(ricochet([command.as_ref(), config.as_os_str()]));
         // Byte by byte, so that the rest of the output stays in the pipe.
         let output = process.0.stdout.as_mut().unwrap();
-        let line: Vec<u8> = output.bytes().map(Result::unwrap).take_while(|byte| *byte != b'\n').collect();
+        let (mut line, mut byte) = (Vec::new(), [0]);
+        while output.read(&mut byte).unwrap() == 1 && byte != *b"\n" {
+            line.push(byte[0]);
+        }
         let line = String::from_utf8(line).unwrap();
         let address = line.trim().strip_prefix("page: http://").and_then(|rest| rest.strip_suffix('/'));
         let address = address.unwrap_or_else(|| panic!("not an address: {line:?}")).to_owned();

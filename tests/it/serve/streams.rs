@@ -105,13 +105,17 @@ fn ten_clients_of_which_one_is_stalled_cost_the_rig_no_frame() {
     server.wait_for("READY");
     let pid = u64::from(server.process.0.id());
     let (cpu, began) = (cpu_s(pid).unwrap(), Instant::now());
-    let mut seen = 0;
+    let mut seen = 0_u32;
     while began.elapsed() < Duration::from_secs(5) {
         pictures.receive();
         seen += 1;
     }
     let (cpu, elapsed_s) = (cpu_s(pid).unwrap() - cpu, began.elapsed().as_secs_f64());
-    println!("pictures: {:.1} per second, serve: {:.1} % of a core", seen as f64 / elapsed_s, 100.0 * cpu / elapsed_s);
+    println!(
+        "pictures: {:.1} per second, serve: {:.1} % of a core",
+        f64::from(seen) / elapsed_s,
+        100.0 * cpu / elapsed_s
+    );
     let (code, _, stderr) = run.end();
     assert_eq!(code, Some(0), "no frame is lost: {stderr}");
     drop(stalled);
@@ -124,7 +128,7 @@ fn ten_clients_of_which_one_is_stalled_cost_the_rig_no_frame() {
         assert!(rows.len() as u64 > frames / 2, "{} rows", rows.len());
     }
     assert!(states.iter().all(|states| states.try_iter().count() > 10));
-    assert!(seen as f64 / elapsed_s >= 5.0, "{seen} pictures");
+    assert!(f64::from(seen) / elapsed_s >= 5.0, "{seen} pictures");
 }
 
 #[test]
