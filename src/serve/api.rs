@@ -6,7 +6,7 @@ use super::page::page_html;
 use super::shots::ShotError;
 use crate::bus::BusError;
 use crate::message::{Command, Reply, ReplyCode};
-use axum::body::{Body, Bytes, to_bytes};
+use axum::body::{Body, Bytes, HttpBody, to_bytes};
 use axum::extract::{Path, Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -60,6 +60,10 @@ pub(super) async fn shots(State(app): State<Arc<App>>) -> Response {
 /// Reads the body of a request, which must be small and come soon.
 async fn body(body: Body) -> Result<Bytes, Box<Response>> {
     let text = |status, reason: &str| Box::new(refuse(status, reason));
+    let announced = HttpBody::size_hint(&body).lower();
+    if announced > MAX_BODY_BYTES as u64 {
+        return Err(text(StatusCode::PAYLOAD_TOO_LARGE, "the body has more than 4096 bytes"));
+    }
     match tokio::time::timeout(BODY_TIMEOUT, to_bytes(body, MAX_BODY_BYTES)).await {
         Ok(Ok(bytes)) => Ok(bytes),
         Ok(Err(_)) => Err(text(StatusCode::PAYLOAD_TOO_LARGE, "the body has more than 4096 bytes, or was cut off")),

@@ -46,7 +46,8 @@ impl Server {
     /// The status and the body of an answer.
     pub fn get(&self, path: &str) -> (u16, String) {
         let mut answer = agent().get(self.url(path)).call().unwrap();
-        (answer.status().as_u16(), answer.body_mut().read_to_string().unwrap())
+        // A picture is no text.
+        (answer.status().as_u16(), String::from_utf8_lossy(&answer.body_mut().read_to_vec().unwrap()).into_owned())
     }
 
     pub fn json(&self, path: &str) -> Value {
