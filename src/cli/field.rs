@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use crate::command::field::{Begin, Corners, FieldOptions, Roi};
 use crate::config::{Config, ConfigError};
+use crate::console::Overwrite;
 use crate::dic::{self, CorrelationParams, Interpolation, Method, Shape, WindowShape};
 use crate::plot::Quantity;
 
@@ -67,6 +68,9 @@ pub struct Field {
     /// Draw a colour map of this quantity instead of the vectors.
     #[arg(long, value_parser = words(&Quantity::WORDS), requires = "picture")]
     map: Option<Quantity>,
+    /// Whether an output that exists is replaced.
+    #[command(flatten)]
+    overwrite: Overwrite,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -99,7 +103,7 @@ impl Field {
         let roi_px = self.roi.map(|roi| roi.0);
         let holes_px = self.hole.into_iter().map(|hole| hole.0).collect();
         let region = self.polygon.map(|outline| dic::Region::Polygon { outline_px: outline.0, holes_px });
-        let Field { reference, target, later, output, picture, json, map, start: begin, partial, .. } = self;
+        let Field { reference, target, later, output, picture, json, map, start: begin, partial, overwrite, .. } = self;
         Ok(FieldOptions {
             reference,
             target,
@@ -113,6 +117,7 @@ impl Field {
             picture,
             map,
             begin,
+            overwrite,
         })
     }
 }

@@ -5,7 +5,7 @@ use super::frame_source::{Film, GIVEN_ORDER, GIVEN_RATE, span};
 use super::json_cells;
 use crate::camera::{CameraIdentity, StreamFormat};
 use crate::config::Record;
-use crate::console::{Outcome, UsageError, check_absent, print_line, print_note, progress, table};
+use crate::console::{Outcome, Overwrite, UsageError, print_line, print_note, progress, table};
 use crate::failure::Failure;
 use crate::image::{Frame, FrameMeta, FrameRuns};
 use crate::import::Order;
@@ -78,7 +78,7 @@ pub fn run(options: &AnalyzeOptions, stop: &Stop) -> Result<Outcome, Failure> {
     }
     film.config.record = Some(results_record());
     let output = options.output.clone().unwrap_or_else(|| free_results_path(&options.inputs, camera));
-    check_absent(&output)?;
+    Overwrite::REFUSED.check(&output)?;
     let (truncated, format, config) = (film.truncated.clone(), film.format, film.config.clone());
     let measured = measure(film, &output, stop)?;
     let results = Recording::open(&measured.path)?;

@@ -1,7 +1,7 @@
 //! `ricochet report`: a report page of one or several recordings.
 
 use super::{body_summary, frame_source, result_film};
-use crate::console::{Outcome, UsageError, check_no_input, print_line, write_file};
+use crate::console::{Outcome, Overwrite, UsageError, check_no_input, print_line, write_file};
 use crate::failure::Failure;
 use crate::recording::Recording;
 use crate::report::{self, Shot};
@@ -22,6 +22,9 @@ pub struct ReportOptions {
     /// HTML page to write [default: next to the first recording].
     #[arg(short, long)]
     pub output: Option<PathBuf>,
+    /// Whether an output that exists is replaced.
+    #[command(flatten)]
+    pub overwrite: Overwrite,
 }
 
 /// Writes the page and prints its path.
@@ -35,6 +38,7 @@ pub fn run(options: &ReportOptions) -> Result<Outcome, Failure> {
     };
     let output = options.output.clone().unwrap_or_else(|| default_path(first, options.files.len()));
     check_no_input(&output, options.files.iter().chain(&options.film))?;
+    options.overwrite.check(&output)?;
     if !options.film.is_empty() && options.files.len() > 1 {
         return Err(UsageError("--film: only allowed with a single recording of results".into()).into());
     }
@@ -51,7 +55,7 @@ pub fn run(options: &ReportOptions) -> Result<Outcome, Failure> {
         }
         shots.push(shot);
     }
-    write_file(&output, report::page(&shots))?;
+    write_file(&output, report::page(&shots), options.overwrite)?;
     print_line(&output.display().to_string());
     Ok(Outcome::Clean)
 }

@@ -2,7 +2,7 @@
 
 use crate::camera::{CameraIdentity, StreamFormat, simulated};
 use crate::config::Config;
-use crate::console::{Outcome, UsageError, check_absent, print_line, progress};
+use crate::console::{Outcome, Overwrite, UsageError, print_line, progress};
 use crate::failure::Failure;
 use crate::image::Frame;
 use crate::process::recording_info;
@@ -47,7 +47,7 @@ pub fn run(options: &SimulateOptions) -> Result<Outcome, Failure> {
     let mut info = recording_info(&config, &format, &camera, "none: simulated");
     // A simulated film must not depend on the host.
     info.metadata.remove("host");
-    check_absent(&options.output)?;
+    Overwrite::REFUSED.check(&options.output)?;
     let mut writer = RecordingWriter::create(&options.output, &info, &WriterOptions::default())?;
     for impact in world.impacts() {
         writer.truth_impact(&impact)?;

@@ -2,8 +2,11 @@
 
 use super::UsageError;
 use crate::failure::{ExitCode, Failure, Fatal};
+use std::ffi::OsString;
 use std::fmt::Display;
-use std::path::Path;
+use std::fs::File;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
 
 /// An output that cannot be written.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -26,13 +29,124 @@ impl Fatal for WriteError {
     }
 }
 
-/// Writes a file, replacing an existing one.
+/// The rule for outputs that exist.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::Args)]
+pub struct Overwrite {
+    /// Replace an output that exists.
+    #[arg(short = 'y', long)]
+    pub force: bool,
+}
+
+impl Overwrite {
+    /// Refuses outputs that exist.
+    pub const REFUSED: Self = Self { force: false };
+    /// Replaces outputs that exist.
+    pub const ALLOWED: Self = Self { force: true };
+
+    /// Checks, before long work, that an output can be written.
+    ///
+    /// # Errors
+    ///
+    /// [`UsageError`] when it exists and is not to be replaced, or is a link or a directory, which are never replaced.
+    pub fn check(self, path: &Path) -> Result<(), UsageError> {
+        let refused = |reason: &str| Err(UsageError(format!("{}: cannot write: {reason}", path.display())));
+        match path.symlink_metadata() {
+            Err(_) => Ok(()),
+            Ok(found) if found.is_symlink() => refused("it is a symbolic link; name the file itself"),
+            Ok(found) if found.is_dir() => refused("it is a directory"),
+            // A device or a pipe keeps nothing that could be lost.
+            Ok(found) if !found.is_file() || self.force => Ok(()),
+            Ok(_) => refused("the file already exists; choose another name, or pass --force to replace it"),
+        }
+    }
+}
+
+/// An output that has its name only once it is complete.
+///
+/// The bytes go to a new file beside it, `.NAME.part-PID`, which is removed if the work ends before
+/// [`finish`](Self::finish).
+#[derive(Debug)]
+pub struct OutputFile {
+    path: PathBuf,
+    overwrite: Overwrite,
+    /// The new file; the output itself where it is a device or a pipe.
+    part: PathBuf,
+    file: File,
+}
+
+impl OutputFile {
+    /// Creates the new file.
+    ///
+    /// # Errors
+    ///
+    /// [`UsageError`] as [`Overwrite::check`]; [`WriteError`] when the directory takes no file.
+    pub fn create(path: &Path, overwrite: Overwrite) -> Result<Self, Failure> {
+        overwrite.check(path)?;
+        let failed = |error: io::Error| WriteError::new(path, error);
+        let is_special = path.symlink_metadata().is_ok_and(|found| !found.is_file());
+        let part = if is_special { path.to_owned() } else { part_path(path).map_err(failed)? };
+        let mut options = File::options();
+        let opened = options.write(true).create_new(!is_special).open(&part);
+        Ok(Self { file: opened.map_err(failed)?, path: path.to_owned(), overwrite, part })
+    }
+
+    /// Returns the path of the new file, for a program that writes it by name.
+    pub fn part(&self) -> &Path {
+        &self.part
+    }
+
+    /// Gives the complete file its name.
+    ///
+    /// # Errors
+    ///
+    /// When another file has taken the name meanwhile, or the file cannot be renamed.
+    pub fn finish(self) -> Result<(), Failure> {
+        if self.part == self.path {
+            return Ok(());
+        }
+        self.overwrite.check(&self.path)?;
+        let failed = |error| WriteError::new(&self.path, error);
+        Ok(std::fs::rename(&self.part, &self.path).map_err(failed)?)
+    }
+}
+
+impl Write for OutputFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.file.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl Drop for OutputFile {
+    /// Removes an unfinished file. A finished one has another name by now.
+    fn drop(&mut self) {
+        if self.part != self.path {
+            let _ = std::fs::remove_file(&self.part);
+        }
+    }
+}
+
+/// Returns the name of the new file beside `path`; the same for all outputs of this name in this process.
+fn part_path(path: &Path) -> io::Result<PathBuf> {
+    let name = path.file_name().ok_or_else(|| io::Error::other("the path names no file"))?;
+    let mut part = OsString::from(".");
+    part.push(name);
+    part.push(format!(".part-{}", std::process::id()));
+    Ok(path.with_file_name(part))
+}
+
+/// Writes a file as a whole: either all of it has the name afterwards, or nothing was changed.
 ///
 /// # Errors
 ///
-/// [`WriteError`] naming the file.
-pub fn write_file(path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), WriteError> {
-    std::fs::write(path, bytes).map_err(|error| WriteError::new(path, error))
+/// As [`OutputFile::create`]; [`WriteError`] when there is no space.
+pub fn write_file(path: &Path, bytes: impl AsRef<[u8]>, overwrite: Overwrite) -> Result<(), Failure> {
+    let mut output = OutputFile::create(path, overwrite)?;
+    output.write_all(bytes.as_ref()).map_err(|error| WriteError::new(path, error))?;
+    output.finish()
 }
 
 /// Creates the directory of an option if it is missing.
@@ -45,18 +159,6 @@ pub fn create_directory(option: &str, path: &Path) -> Result<(), Failure> {
         return Err(UsageError(format!("{option} {}: is a file, expected a directory", path.display())).into());
     }
     Ok(std::fs::create_dir_all(path).map_err(|error| WriteError::new(path, error))?)
-}
-
-/// Checks that an output does not exist yet.
-///
-/// # Errors
-///
-/// [`UsageError`] naming the file.
-pub fn check_absent(path: &Path) -> Result<(), UsageError> {
-    match path.exists() {
-        true => Err(UsageError(format!("{}: cannot write: the file already exists", path.display()))),
-        false => Ok(()),
-    }
 }
 
 /// Checks that an output is none of the inputs.
@@ -74,4 +176,47 @@ pub fn check_no_input<P: AsRef<Path>>(path: &Path, inputs: impl IntoIterator<Ite
 /// Whether both paths lead to the same existing file.
 fn is_same_file(a: &Path, b: &Path) -> bool {
     matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(directory: &Path) -> Vec<String> {
+        let entries = std::fs::read_dir(directory).unwrap();
+        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
+    }
+
+    #[test]
+    fn an_output_appears_whole_or_not_at_all() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.csv");
+        let mut output = OutputFile::create(&path, Overwrite::REFUSED).unwrap();
+        output.write_all(b"half").unwrap();
+        assert!(!path.exists());
+        drop(output);
+        assert!(names(directory.path()).is_empty(), "nothing is left");
+        write_file(&path, "whole", Overwrite::REFUSED).unwrap();
+        assert_eq!(names(directory.path()), ["a.csv"]);
+    }
+
+    #[test]
+    fn a_file_is_replaced_only_on_request_and_a_link_never() {
+        let directory = tempfile::tempdir().unwrap();
+        let [path, link] = ["a.csv", "b.csv"].map(|name| directory.path().join(name));
+        write_file(&path, "old", Overwrite::REFUSED).unwrap();
+        let refused = write_file(&path, "new", Overwrite::REFUSED).unwrap_err();
+        assert!(refused.to_string().contains("--force"), "{refused}");
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "old");
+        write_file(&path, "new", Overwrite::ALLOWED).unwrap();
+        std::os::unix::fs::symlink(&path, &link).unwrap();
+        let refused = write_file(&link, "evil", Overwrite::ALLOWED).unwrap_err();
+        assert!(refused.to_string().contains("symbolic link"), "{refused}");
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "new");
+    }
+
+    #[test]
+    fn a_device_takes_bytes_without_a_name() {
+        write_file(Path::new("/dev/null"), "x", Overwrite::REFUSED).unwrap();
+    }
 }

@@ -4,5 +4,5 @@ mod files;
 mod output;
 pub mod progress;
 
-pub use files::{WriteError, check_absent, check_no_input, create_directory, write_file};
+pub use files::{OutputFile, Overwrite, WriteError, check_no_input, create_directory, write_file};
 pub use output::{Outcome, UsageError, print_line, print_note, table};

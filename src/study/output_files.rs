@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde_json::{Map, Value};
 
-use crate::console::{WriteError, check_no_input, create_directory, print_line, table, write_file};
+use crate::console::{Overwrite, check_no_input, create_directory, print_line, table, write_file};
 
 /// A cell of a table: its column and its value, null if it is missing.
 pub(super) type Cell = (&'static str, Value);
@@ -65,15 +65,15 @@ pub(super) struct Report {
 }
 
 impl Report {
-    /// Writes the files into a directory, replacing existing ones, and prints the rest.
+    /// Writes the files into a directory and prints the rest.
     ///
     /// # Errors
     ///
-    /// [`WriteError`] naming the file that cannot be written.
-    pub(super) fn publish(&self, directory: Option<&Path>) -> Result<(), WriteError> {
+    /// As [`write_file`].
+    pub(super) fn publish(&self, directory: Option<&Path>, overwrite: Overwrite) -> Result<(), Failure> {
         if let Some(directory) = directory {
             for (name, bytes) in &self.files {
-                write_file(&directory.join(name), bytes)?;
+                write_file(&directory.join(name), bytes, overwrite)?;
             }
         }
         print_line(&self.printed);
@@ -85,11 +85,13 @@ impl Report {
 ///
 /// # Errors
 ///
-/// When the directory is a file or cannot be created, or a file would overwrite an input.
-pub(super) fn prepare(directory: &Path, files: &[&str], inputs: &[&Path]) -> Result<(), Failure> {
+/// When the directory is a file or cannot be created, or a file would overwrite an input or, unasked, an output.
+pub(super) fn prepare(directory: &Path, files: &[&str], inputs: &[&Path], overwrite: Overwrite) -> Result<(), Failure> {
     create_directory("--output", directory)?;
     for name in files {
-        check_no_input(&directory.join(name), inputs)?;
+        let path = directory.join(name);
+        check_no_input(&path, inputs)?;
+        overwrite.check(&path)?;
     }
     Ok(())
 }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use ricochet::command::field::{Begin, FieldOptions};
-use ricochet::console::Outcome;
+use ricochet::console::{Outcome, Overwrite};
 use ricochet::dic::{CorrelationParams, Correlator, Interpolation, Point, Region, find_at_any_angle};
 use ricochet::failure::Failure;
 use ricochet::image::Image;
@@ -24,6 +24,7 @@ fn options(reference: &Path, target: &Path) -> FieldOptions {
         picture: None,
         map: None,
         begin: Begin::Neighbor,
+        overwrite: Overwrite::ALLOWED,
     }
 }
 

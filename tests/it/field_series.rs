@@ -3,7 +3,7 @@
 use crate::rotation_search::{farthest, rows, write_frames};
 use crate::support::{Rig, run, succeed};
 use ricochet::command::field::{Begin, FieldOptions};
-use ricochet::console::Outcome;
+use ricochet::console::{Outcome, Overwrite};
 use ricochet::dic::CorrelationParams;
 use ricochet::process::Stop;
 use ricochet::results::PointStatus;
@@ -153,6 +153,7 @@ fn a_stop_ends_a_series_and_reports_how_many_are_missing() {
         picture: None,
         map: None,
         begin: Begin::Neighbor,
+        overwrite: Overwrite::ALLOWED,
     };
     let outcome = ricochet::command::field::run(&options, &stop).unwrap();
     let Outcome::Lost { count: 3, cause: Some(cause) } = outcome else { panic!("{outcome:?}") };

@@ -75,8 +75,8 @@ fn exported_results_show_the_frames_of_their_own_film_only() {
     let (shot, page) = (measured(&rig), rig.path("page.html"));
     let film = rig.path("film.mcap");
     let report = |film: &Path| {
-        let arguments = ["report".as_ref(), shot.as_os_str(), "--film".as_ref(), film.as_os_str(), "-o".as_ref()];
-        run(arguments.into_iter().chain([page.as_os_str()]))
+        let arguments = ["report".as_ref(), "--force".as_ref(), shot.as_os_str(), "--film".as_ref(), film.as_os_str()];
+        run(arguments.into_iter().chain(["-o".as_ref(), page.as_os_str()]))
     };
     let pictures = || std::fs::read_to_string(&page).unwrap().matches("data:image/png").count();
     succeed(["report".as_ref(), shot.as_os_str(), "-o".as_ref(), page.as_os_str()]);
@@ -212,6 +212,12 @@ fn a_page_never_overwrites_a_recording() {
     let output = run(["report".as_ref(), path.as_os_str(), "-o".as_ref(), path.as_os_str()]);
     assert_eq!(output.status.code(), Some(2), "{}", String::from_utf8_lossy(&output.stderr));
     assert_eq!(std::fs::read(&path).unwrap(), before);
+    let other = rig.path("other.mcap");
+    synthetic(&other, 3, 0.8, None);
+    let before = std::fs::read(&other).unwrap();
+    let output = run(["report".as_ref(), path.as_os_str(), "-o".as_ref(), other.as_os_str()]);
+    assert_eq!(output.status.code(), Some(2), "{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(std::fs::read(&other).unwrap(), before, "nor another one");
     let output = run(["report".as_ref(), rig.path("missing.mcap").as_os_str()]);
     assert_eq!(output.status.code(), Some(5));
 }

@@ -2,7 +2,7 @@
 
 use crate::support::{Rig, run};
 use ricochet::command::field::{Begin, FieldOptions};
-use ricochet::console::Outcome;
+use ricochet::console::{Outcome, Overwrite};
 use ricochet::dic::rigid_fit;
 use ricochet::dic::{CorrelationParams, Shape};
 use ricochet::failure::Failure;
@@ -63,6 +63,7 @@ fn options(pair: &(PathBuf, PathBuf), output: &Path) -> FieldOptions {
         picture: None,
         map: None,
         begin: Begin::AnyAngle,
+        overwrite: Overwrite::ALLOWED,
     }
 }
 

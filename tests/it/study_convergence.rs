@@ -103,12 +103,15 @@ fn two_files_are_studied_against_their_ic_gn_displacement() {
         assert!((u - 2.0).abs() < 0.01 && (v + 1.0).abs() < 0.01, "{row}");
         assert_eq!(row["rms_px"], Value::Null, "the truth of files is not known");
     }
-    // An earlier table in the directory is replaced.
+    // An earlier table in the directory is replaced on request only.
     let output = rig.path("settle");
     std::fs::create_dir(&output).unwrap();
     std::fs::write(output.join("convergence.csv"), "earlier\n".repeat(10_000)).unwrap();
-    let printed =
-        succeed(line(&["--subset", "21"]).into_iter().chain(["-o".into(), output.to_str().unwrap().to_owned()]));
+    let into =
+        |options: &[&'static str]| line(options).into_iter().chain(["-o".into(), output.to_str().unwrap().to_owned()]);
+    let refused = run(into(&["--subset", "21"]));
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("--force"), "{refused:?}");
+    let printed = succeed(into(&["--subset", "21", "--force"]));
     assert!(printed.contains("with the peak fit: converged"), "{printed}");
     let table = std::fs::read_to_string(output.join("convergence.csv")).unwrap();
     assert!(table.starts_with("method,") && !table.contains("earlier"));

@@ -12,7 +12,7 @@ mod texture;
 pub use finding::{Finding, Verdict};
 
 use crate::config::Config;
-use crate::console::{Outcome, UsageError, check_absent, print_line, table, write_file};
+use crate::console::{Outcome, Overwrite, UsageError, print_line, table, write_file};
 use crate::failure::{ExitCode, Failure, Fatal};
 use crate::image::FrameMeta;
 use crate::process::{Stop, analysis_params};
@@ -41,6 +41,9 @@ pub struct CheckOptions {
     /// HTML page to write.
     #[arg(short, long)]
     pub output: Option<PathBuf>,
+    /// Whether an output that exists is replaced.
+    #[command(flatten)]
+    pub overwrite: Overwrite,
     /// Print JSON.
     #[arg(long)]
     pub json: bool,
@@ -73,7 +76,7 @@ pub fn run(options: &CheckOptions, stop: &Stop) -> Result<Outcome, Failure> {
             UsageError(format!("--seconds {}: must be above 0 and at most {MAX_SECONDS}", options.seconds)).into()
         );
     }
-    options.output.as_deref().map_or(Ok(()), check_absent)?;
+    options.output.as_deref().map_or(Ok(()), |path| options.overwrite.check(path))?;
     let config = Config::load(&options.config)?;
     config.check_sources()?;
     let grabbed = grab::grab(&config, options.seconds, stop)?;
@@ -85,7 +88,7 @@ pub fn run(options: &CheckOptions, stop: &Stop) -> Result<Outcome, Failure> {
         print(&inspection.findings);
     }
     if let Some(output) = &options.output {
-        write_file(output, page(&config, &grabbed, &inspection))?;
+        write_file(output, page(&config, &grabbed, &inspection), options.overwrite)?;
         if !options.json {
             print_line(&output.display().to_string());
         }

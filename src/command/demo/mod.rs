@@ -4,7 +4,7 @@ mod paper_settings;
 
 use super::analyze::last_revisions;
 use crate::config::{BodyKind, Config, Scale};
-use crate::console::{Outcome, UsageError, print_line, progress, table, write_file};
+use crate::console::{Outcome, Overwrite, UsageError, print_line, progress, table, write_file};
 use crate::failure::Failure;
 use crate::message::Role;
 use crate::process::{self, Child, Stop};
@@ -161,7 +161,7 @@ fn figures(config: &Config, experiment: &str, path: &Path) -> Result<Vec<PathBuf
     let stem = path.file_stem().map_or_else(|| "demo".into(), |stem| stem.to_string_lossy().into_owned());
     let write = |figure: Figure| {
         let file = path.with_file_name(format!("{stem}-{}.svg", figure.name));
-        write_file(&file, figure.svg)?;
+        write_file(&file, figure.svg, Overwrite::REFUSED)?;
         Ok(file)
     };
     report::figures(&shot, &experiment).into_iter().map(write).collect()

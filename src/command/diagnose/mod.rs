@@ -11,7 +11,7 @@ use super::body_summary::{self, FilmShape};
 use super::film_survey::{self, FilmFiles, Surveyed, Visit};
 use super::frame_source::Film;
 use crate::config::Config;
-use crate::console::{Outcome, UsageError, print_note};
+use crate::console::{Outcome, Overwrite, UsageError, print_note};
 use crate::failure::Failure;
 use crate::image::{Frame, Image};
 use crate::import::{self, Order};
@@ -46,9 +46,9 @@ pub struct DiagnoseOptions {
     /// HTML page, or folder for the page and its pictures [default: a folder next to the film].
     #[arg(short, long)]
     pub output: Option<PathBuf>,
-    /// Replace existing files.
-    #[arg(long)]
-    pub force: bool,
+    /// Whether an output that exists is replaced.
+    #[command(flatten)]
+    pub overwrite: Overwrite,
     /// Print JSON.
     #[arg(long)]
     pub json: bool,
@@ -87,7 +87,7 @@ pub fn run(options: &DiagnoseOptions, stop: &Stop) -> Result<Outcome, Failure> {
         diagnosis.bodies = bodies(&film, measured, &surveyed, &options.frame, stop)?;
     }
     diagnosis.movement = drawing::movement(&film, &surveyed, stop)?;
-    target.write(&diagnosis, options.json)?;
+    target.write(&diagnosis, options)?;
     if !options.json {
         diagnosis.bodies.iter().for_each(|body| print_note(&body.line));
         diagnosis.movers.iter().filter(|_| measured.is_none()).for_each(|line| print_note(line));

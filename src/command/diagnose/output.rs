@@ -1,7 +1,7 @@
 //! The files of a diagnosis.
 
 use super::DiagnoseOptions;
-use crate::console::{UsageError, check_no_input, create_directory, print_line, write_file};
+use crate::console::{check_no_input, create_directory, print_line, write_file};
 use crate::failure::Failure;
 use crate::report::{Diagnosis, diagnosis_page};
 use serde_json::{Value, json};
@@ -23,11 +23,7 @@ impl Target {
             false => Self { page: output.join("index.html"), folder: Some(output) },
         };
         check_no_input(&target.page, &options.film)?;
-        if target.page.exists() && !options.force {
-            return Err(
-                UsageError(format!("{}: already exists; pass --force to replace it", target.page.display())).into()
-            );
-        }
+        options.overwrite.check(&target.page)?;
         if let Some(folder) = &target.folder {
             create_directory("-o", folder)?;
         }
@@ -41,22 +37,22 @@ impl Target {
     }
 
     /// Writes the page and the pictures, and prints where they are.
-    pub(super) fn write(&self, diagnosis: &Diagnosis, json: bool) -> Result<(), Failure> {
+    pub(super) fn write(&self, diagnosis: &Diagnosis, options: &DiagnoseOptions) -> Result<(), Failure> {
         if let Some(folder) = &self.folder {
             for body in &diagnosis.bodies {
                 for frame in &body.frames {
                     for (panel, kind) in frame.panels.iter().zip(["frame", "body"]) {
                         let name = format!("{}_{kind}_{:06}.png", body.name, frame.number);
-                        write_file(&folder.join(name), &panel.png)?;
+                        write_file(&folder.join(name), &panel.png, options.overwrite)?;
                     }
                 }
             }
             if let Some(movement) = &diagnosis.movement {
-                write_file(&folder.join("movement.png"), &movement.png)?;
+                write_file(&folder.join("movement.png"), &movement.png, options.overwrite)?;
             }
         }
-        write_file(&self.page, diagnosis_page(diagnosis))?;
-        if json {
+        write_file(&self.page, diagnosis_page(diagnosis), options.overwrite)?;
+        if options.json {
             print_line(&self.json(diagnosis).to_string());
         } else {
             print_line(&self.page.display().to_string());

@@ -8,13 +8,12 @@ mod sink;
 mod video;
 
 use crate::command::result_film::{self, Frames};
-use crate::console::check_no_input;
+use crate::console::{OutputFile, Overwrite, check_no_input};
 use crate::failure::{ExitCode, Failure, Fatal};
 use crate::recording::{self, Recording, RecordingError};
 use crate::results::named_enum;
 pub(super) use picture::grey_levels;
 use sink::Csv;
-use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
@@ -79,6 +78,9 @@ pub struct ExportOptions {
     /// Playback rate of a film, frames per second.
     #[arg(long = "fps", default_value_t = 25.0, value_name = "HZ")]
     pub playback_hz: f64,
+    /// Whether an output that exists is replaced.
+    #[command(flatten)]
+    pub overwrite: Overwrite,
 }
 
 impl ExportOptions {
@@ -111,6 +113,9 @@ pub enum ExportError {
     /// The film cannot be opened.
     #[error("{0}")]
     Film(Failure),
+    /// The output exists or cannot be created.
+    #[error("{0}")]
+    Output(Failure),
     /// The table cannot be written.
     #[error("cannot write {to}: {source}")]
     Write {
@@ -125,7 +130,7 @@ impl Fatal for ExportError {
     fn exit_code(&self) -> ExitCode {
         match self {
             Self::Usage(_) => ExitCode::Usage,
-            Self::Film(failure) => failure.exit_code(),
+            Self::Film(failure) | Self::Output(failure) => failure.exit_code(),
             Self::Recording(_) | Self::Write { .. } => ExitCode::Recording,
         }
     }
@@ -175,13 +180,10 @@ fn write(options: &ExportOptions) -> Result<u64, ExportError> {
             ExportError::Usage(format!("--format {}: needs a target, give it with -o", options.format.as_str()))
         })
     };
-    let create = |path: &Path| {
-        File::create(path).map_err(|source| ExportError::Write { to: path.display().to_string(), source })
-    };
     // The options are checked before a recording is read or a file is created.
     match options.format {
         Format::Png => picture::write_all(options, output()?),
-        Format::Mp4 | Format::Gif => video::write(options, output()?),
+        Format::Mp4 | Format::Gif => whole(options, output()?, |file| video::write(options, file.part())),
         Format::Mcap if options.camera.is_some() => {
             Err(ExportError::Usage("--camera: --format mcap keeps the results of all cameras".into()))
         }
@@ -190,23 +192,35 @@ fn write(options: &ExportOptions) -> Result<u64, ExportError> {
         Format::Parquet => {
             let path = output()?;
             let recording = options.recording()?;
-            parquet::write(&recording, topic, create(path)?, &path.display().to_string())
+            whole(options, path, |file| parquet::write(&recording, topic, file, &path.display().to_string()))
         }
         Format::Npz => {
             let path = output()?;
             let recording = options.recording()?;
-            npz::write(&recording, topic, create(path)?, &path.display().to_string())
+            whole(options, path, |file| npz::write(&recording, topic, file, &path.display().to_string()))
         }
         Format::Csv => {
             let recording = options.recording()?;
             match &options.output {
                 None => write_table(&recording, topic, io::stdout().lock(), "standard output"),
-                Some(path) => {
-                    write_table(&recording, topic, BufWriter::new(create(path)?), &path.display().to_string())
-                }
+                Some(path) => whole(options, path, |file| {
+                    write_table(&recording, topic, BufWriter::new(file), &path.display().to_string())
+                }),
             }
         }
     }
+}
+
+/// Writes a file that has its name only once it is complete; returns the number of rows or frames.
+fn whole(
+    options: &ExportOptions,
+    path: &Path,
+    write: impl FnOnce(&mut OutputFile) -> Result<u64, ExportError>,
+) -> Result<u64, ExportError> {
+    let mut file = OutputFile::create(path, options.overwrite).map_err(ExportError::Output)?;
+    let count = write(&mut file)?;
+    file.finish().map_err(ExportError::Output)?;
+    Ok(count)
 }
 
 /// Writes one of [`TABLES`] as CSV and returns the number of its rows. Errors call the target `name`.

@@ -4,10 +4,10 @@
 
 use super::sink::Sink;
 use super::{ExportError, rows};
+use crate::console::OutputFile;
 use crate::recording::Recording;
 use crate::results::{Cell, Heading, Kind};
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::{self, BufWriter, Write};
 
 /// The alignment of the data of an array, bytes.
@@ -16,7 +16,7 @@ const ALIGNMENT: usize = 64;
 const DATE: u16 = 1 << 5 | 1;
 
 /// Writes a table and returns the number of its rows. All columns are held in memory.
-pub(super) fn write(recording: &Recording, topic: &str, file: File, name: &str) -> Result<u64, ExportError> {
+pub(super) fn write(recording: &Recording, topic: &str, file: &mut OutputFile, name: &str) -> Result<u64, ExportError> {
     let mut table = Table { name, columns: Vec::new(), rows: 0 };
     rows::send(recording, topic, &mut table)?;
     let failure = |source| ExportError::Write { to: name.into(), source };

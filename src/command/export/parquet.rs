@@ -2,6 +2,7 @@
 
 use super::sink::Sink;
 use super::{ExportError, rows};
+use crate::console::OutputFile;
 use crate::recording::Recording;
 use crate::results::{Cell, Heading, Kind};
 use parquet::basic::{ConvertedType, Repetition, Type as Physical};
@@ -11,7 +12,6 @@ use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
 use parquet::schema::types::Type;
-use std::fs::File;
 use std::io;
 use std::sync::Arc;
 
@@ -19,7 +19,7 @@ use std::sync::Arc;
 const GROUP_ROWS: usize = 1 << 16;
 
 /// Writes a table and returns the number of its rows. The metadata of the recording become those of the file.
-pub(super) fn write(recording: &Recording, topic: &str, file: File, name: &str) -> Result<u64, ExportError> {
+pub(super) fn write(recording: &Recording, topic: &str, file: &mut OutputFile, name: &str) -> Result<u64, ExportError> {
     let entries = recording.metadata().iter();
     let metadata = entries.map(|(key, value)| KeyValue::new(format!("ricochet.{key}"), value.clone())).collect();
     let mut table =
@@ -35,9 +35,9 @@ pub(super) fn write(recording: &Recording, topic: &str, file: File, name: &str) 
 struct Table<'a> {
     name: &'a str,
     /// The file, until the header is known.
-    file: Option<File>,
+    file: Option<&'a mut OutputFile>,
     metadata: Vec<KeyValue>,
-    writer: Option<SerializedFileWriter<File>>,
+    writer: Option<SerializedFileWriter<&'a mut OutputFile>>,
     columns: Vec<Heading>,
     rows: Vec<Vec<Cell>>,
     count: u64,

@@ -2,14 +2,15 @@
 
 use super::{ExportError, ExportOptions};
 use crate::command::result_film::Frames;
+use crate::console::write_file;
 use crate::image::{Frame, FrameMeta, Image};
 use crate::plot::{Canvas, Color};
 use crate::recording::{Recording, RecordingError};
 use crate::results::segments;
 use crate::results::{PairField, TrackSample};
-use image::RgbImage;
+use image::{ImageFormat, RgbImage};
 use std::collections::BTreeMap;
-use std::io;
+use std::io::{self, Cursor};
 use std::path::Path;
 
 const OUTLINE: Color = [53, 224, 111];
@@ -27,7 +28,9 @@ pub(super) fn write_all(options: &ExportOptions, directory: &Path) -> Result<u64
         let picture = picture.map_err(failed)?;
         let number = sequence.saturating_sub(*first.get_or_insert(sequence));
         let path = directory.join(format!("{}_{number:06}.png", options.topic));
-        picture.save(&path).map_err(|error| failed(io::Error::other(error)))?;
+        let mut png = Cursor::new(Vec::new());
+        picture.write_to(&mut png, ImageFormat::Png).map_err(|error| failed(io::Error::other(error)))?;
+        write_file(&path, png.into_inner(), options.overwrite).map_err(ExportError::Output)?;
         count += 1;
         Ok(())
     })?;

@@ -6,10 +6,11 @@ mod start;
 mod stills;
 mod table;
 
-use std::io::BufWriter;
+use image::ImageFormat;
+use std::io::{BufWriter, Cursor};
 use std::path::{Path, PathBuf};
 
-use crate::console::{Outcome, WriteError, check_no_input};
+use crate::console::{Outcome, Overwrite, WriteError, check_no_input, write_file};
 use crate::dic::{CorrelationParams, Correlator, Region};
 use crate::failure::Failure;
 use crate::image::ImageView;
@@ -50,6 +51,8 @@ pub struct FieldOptions {
     pub map: Option<Quantity>,
     /// The initial guess.
     pub begin: Begin,
+    /// Whether an output that exists is replaced.
+    pub overwrite: Overwrite,
 }
 
 /// Measures the field, or those of a series, and writes tables, pictures and one summary line per field.
@@ -69,13 +72,14 @@ pub fn run(options: &FieldOptions, stop: &Stop) -> Result<Outcome, Failure> {
 fn pair(options: &FieldOptions) -> Result<(), Failure> {
     for path in [&options.output, &options.picture].into_iter().flatten() {
         check_no_input(path, [&options.reference, &options.target])?;
+        options.overwrite.check(path)?;
     }
     let (reference, target) = read_pair(&options.reference, &options.target)?;
     let (a, b) = (reference.view(), target.view());
     let (field, start) = measure(options, a, b)?;
     let layout = Layout { json: options.json, named: false };
     match &options.output {
-        Some(path) => layout.write_file(path, &field)?,
+        Some(path) => layout.write_file(path, &field, options.overwrite)?,
         None => {
             let mut out = BufWriter::new(std::io::stdout().lock());
             let written = layout.head(&mut out).and_then(|()| layout.rows(&field, &options.target, &mut out));
@@ -110,7 +114,9 @@ fn save_picture(
             (map.picture, Some(map.legend))
         }
     };
-    drawn.save(path).map_err(|error| WriteError::new(path, error))?;
+    let mut png = Cursor::new(Vec::new());
+    drawn.write_to(&mut png, ImageFormat::Png).map_err(|error| WriteError::new(path, error))?;
+    write_file(path, png.into_inner(), options.overwrite)?;
     Ok(legend)
 }
 

@@ -136,7 +136,7 @@ impl<'a> Outputs<'a> {
         field: &[FieldPoint],
     ) -> Result<Option<String>, Failure> {
         match self.table(index) {
-            Some(path) => self.layout().write_file(&path, field)?,
+            Some(path) => self.layout().write_file(&path, field, self.options.overwrite)?,
             None => {
                 let out = BufWriter::new(std::io::stdout().lock());
                 self.layout().rows(field, target, out).map_err(to_standard_output)?;

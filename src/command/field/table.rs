@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::Path;
 
 use crate::command::json_cells;
-use crate::console::write_file;
+use crate::console::{Overwrite, write_file};
 use crate::failure::Failure;
 use crate::results::FieldPoint;
 
@@ -56,15 +56,15 @@ impl Layout {
         Ok(())
     }
 
-    /// Writes the table of one field to a file, replacing an existing one.
+    /// Writes the table of one field to a file.
     ///
     /// # Errors
     ///
-    /// [`WriteError`](crate::console::WriteError) naming the file.
-    pub(super) fn write_file(self, path: &Path, field: &[FieldPoint]) -> Result<(), Failure> {
+    /// As [`write_file`].
+    pub(super) fn write_file(self, path: &Path, field: &[FieldPoint], overwrite: Overwrite) -> Result<(), Failure> {
         let (layout, mut bytes) = (Self { named: false, ..self }, Vec::new());
         layout.head(&mut bytes)?;
         layout.rows(field, path, &mut bytes)?;
-        Ok(write_file(path, bytes)?)
+        write_file(path, bytes, overwrite)
     }
 }

@@ -7,13 +7,14 @@ mod rig_text;
 
 use super::film_survey::{self, FilmFiles};
 use crate::config::Config;
-use crate::console::{Outcome, UsageError, WriteError, check_no_input, print_line, print_note, write_file};
+use crate::console::{Outcome, Overwrite, UsageError, WriteError, check_no_input, print_line, print_note, write_file};
 use crate::failure::{ExitCode, Failure, Fatal};
 use crate::image::Frame;
 use crate::process::Stop;
+use image::ImageFormat;
 use proposal::Proposal;
 use serde_json::json;
-use std::io::{IsTerminal, Write as _};
+use std::io::{Cursor, IsTerminal, Write as _};
 use std::path::{Path, PathBuf};
 
 /// The options of `ricochet setup`.
@@ -31,9 +32,9 @@ pub struct SetupOptions {
     /// Rig file to write; a picture of the proposal is written next to it.
     #[arg(short, long, default_value = "rig.toml")]
     pub output: PathBuf,
-    /// Replace existing files.
-    #[arg(long)]
-    pub force: bool,
+    /// Whether an output that exists is replaced.
+    #[command(flatten)]
+    pub overwrite: Overwrite,
     /// Print JSON.
     #[arg(long)]
     pub json: bool,
@@ -87,8 +88,10 @@ pub fn run(options: &SetupOptions, stop: &Stop) -> Result<Outcome, Failure> {
     Config::parse(&text, &options.output.display().to_string())?;
     let (meta, bytes) = film.frame(proposal.shown_frame, stop)?;
     let drawn = picture::draw(&proposal, &surveyed, &Frame { meta, bytes: &bytes })?;
-    write_file(&options.output, &text)?;
-    drawn.save(&picture_path).map_err(|error| WriteError::new(&picture_path, error))?;
+    write_file(&options.output, &text, options.overwrite)?;
+    let mut png = Cursor::new(Vec::new());
+    drawn.write_to(&mut png, ImageFormat::Png).map_err(|error| WriteError::new(&picture_path, error))?;
+    write_file(&picture_path, png.into_inner(), options.overwrite)?;
     print(options, &proposal, &picture_path, &command);
     match proposal.missing {
         Some(missing) => Err(Incomplete(format!("{}: {missing}", options.output.display())).into()),
@@ -100,9 +103,7 @@ pub fn run(options: &SetupOptions, stop: &Stop) -> Result<Outcome, Failure> {
 fn check_outputs(options: &SetupOptions, picture_path: &Path) -> Result<(), UsageError> {
     for path in [options.output.as_path(), picture_path] {
         check_no_input(path, &options.film)?;
-        if path.exists() && !options.force {
-            return Err(UsageError(format!("{}: already exists; pass --force to replace it", path.display())));
-        }
+        options.overwrite.check(path)?;
     }
     Ok(())
 }

@@ -11,7 +11,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
 use super::output_files;
-use crate::console::{Outcome, UsageError, progress};
+use crate::console::{Outcome, Overwrite, UsageError, progress};
 use crate::dic::{self, CorrelationParams, Correlator, PreparedFrame, Start};
 use crate::process::Stop;
 use criterion::{Answers, Change, Deviation, change, deviation, mean};
@@ -51,6 +51,9 @@ pub struct ConvergenceOptions {
     /// Directory for convergence.csv and convergence.svg; created if missing.
     #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
+    /// Whether an output that exists is replaced.
+    #[command(flatten)]
+    pub overwrite: Overwrite,
     /// Print JSON.
     #[arg(long)]
     pub json: bool,
@@ -140,11 +143,11 @@ pub fn run(options: &ConvergenceOptions, stop: &Stop) -> Result<Outcome, Failure
     if let Some(directory) = &options.output {
         let inputs: Vec<&Path> =
             options.files().into_iter().flat_map(|files| [files.reference, files.target]).collect();
-        output_files::prepare(directory, &[output::TABLE, output::FIGURE], &inputs)?;
+        output_files::prepare(directory, &[output::TABLE, output::FIGURE], &inputs, options.overwrite)?;
     }
     let methods = methods();
     let rows = measure(options, subject, &methods, stop)?;
-    output::Study { options, rows: &rows }.report()?.publish(options.output.as_deref())?;
+    output::Study { options, rows: &rows }.report()?.publish(options.output.as_deref(), options.overwrite)?;
     let missing = methods.len() - rows.len();
     Ok(match missing {
         0 => Outcome::Clean,
@@ -295,6 +298,7 @@ mod tests {
             search_px: 4,
             tolerance_px: 0.001,
             output: None,
+            overwrite: Overwrite::REFUSED,
             json: false,
         }
     }

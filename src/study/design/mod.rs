@@ -16,8 +16,9 @@ use std::path::PathBuf;
 use self::rig::Rig;
 use self::scatter::Prediction;
 use crate::config::Config;
-use crate::console::{Outcome, UsageError, create_directory, progress};
+use crate::console::{Outcome, Overwrite, UsageError, progress};
 use crate::process::Stop;
+use crate::study::output_files;
 
 pub use self::scatter::{Expected, spread};
 
@@ -45,6 +46,9 @@ pub struct DesignOptions {
     /// Directory for design.csv and design_advice.csv; created if missing.
     #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
+    /// Whether an output that exists is replaced.
+    #[command(flatten)]
+    pub overwrite: Overwrite,
     /// Print JSON.
     #[arg(long)]
     pub json: bool,
@@ -71,7 +75,12 @@ pub fn run(options: &DesignOptions, stop: &Stop) -> Result<Outcome, Failure> {
     }
     let config = Config::load(&options.config)?;
     if let Some(directory) = &options.output {
-        create_directory("--output", directory)?;
+        output_files::prepare(
+            directory,
+            &[output::TABLE, output::ADVICE_TABLE],
+            &[&options.config],
+            options.overwrite,
+        )?;
     }
     let rig = Rig::new(config, options.scenario.as_deref(), options.noise_dn)?;
     let stopped = || Outcome::Lost { count: 1, cause: Some("stopped before the prediction was complete".into()) };
@@ -85,6 +94,6 @@ pub fn run(options: &DesignOptions, stop: &Stop) -> Result<Outcome, Failure> {
     bar.finish_and_clear();
     let Some(advice) = advice else { return Ok(stopped()) };
     let study = output::Study { options, rig: &rig, prediction: &prediction, advice: &advice };
-    study.report()?.publish(options.output.as_deref())?;
+    study.report()?.publish(options.output.as_deref(), options.overwrite)?;
     Ok(Outcome::Clean)
 }

@@ -10,6 +10,11 @@ use crate::results::MotionMethod;
 use crate::study::output_files::{Report, Table};
 use serde_json::{Value, json};
 
+/// Name of the table of expected uncertainties.
+pub(super) const TABLE: &str = "design.csv";
+/// Name of the table of tried changes.
+pub(super) const ADVICE_TABLE: &str = "design_advice.csv";
+
 /// The results for a rig.
 pub(super) struct Study<'a> {
     pub(super) options: &'a DesignOptions,
@@ -47,8 +52,7 @@ impl Study<'_> {
             rows: self.advice.iter().map(row).collect(),
         };
         let printed = if self.options.json { self.as_json(&expected).to_string() } else { self.as_text() };
-        let files =
-            vec![("design.csv".to_owned(), expected.as_csv()?), ("design_advice.csv".to_owned(), advice.as_csv()?)];
+        let files = vec![(TABLE.to_owned(), expected.as_csv()?), (ADVICE_TABLE.to_owned(), advice.as_csv()?)];
         Ok(Report { files, printed })
     }
 

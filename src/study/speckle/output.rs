@@ -1,5 +1,6 @@
 //! The output of a completed speckle study.
 
+use crate::console::Overwrite;
 use crate::failure::Failure;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -43,7 +44,8 @@ impl Finished<'_> {
             files.push((format!("{}{ending}.csv", study.as_str()), table.as_csv()?));
         }
         let printed = if self.options.json { self.as_json(results.json).to_string() } else { results.text };
-        Ok(Report { files, printed }.publish(self.options.output.as_deref())?)
+        // The directory is that of this study, and holds the films that it resumes from.
+        Report { files, printed }.publish(self.options.output.as_deref(), Overwrite::ALLOWED)
     }
 
     fn groups(&self) -> Vec<Group> {

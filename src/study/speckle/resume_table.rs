@@ -14,7 +14,7 @@ use serde_json::Value;
 use super::films_plan::Film;
 use super::methods::Method;
 use super::row::Row;
-use crate::console::{UsageError, WriteError, create_directory, write_file};
+use crate::console::{Overwrite, UsageError, WriteError, create_directory, write_file};
 
 /// Advice for a table that cannot be resumed.
 const ADVICE: &str = "choose another directory, or delete both files to start again";
@@ -102,7 +102,8 @@ impl ResumeTable {
 fn check_settings(path: &Path, table: &Path, settings: &Value) -> Result<(), Failure> {
     if !table.exists() {
         let text = format!("{settings:#}\n");
-        return Ok(write_file(path, text)?);
+        // Settings without a table are those of a study that ended before its first film.
+        return write_file(path, text, Overwrite::ALLOWED);
     }
     let text = std::fs::read_to_string(path).map_err(|error| {
         UsageError(format!("{}: cannot read its settings ({}: {error}); {ADVICE}", table.display(), path.display()))

@@ -3,6 +3,7 @@
 use super::samples;
 use crate::support::python;
 use ricochet::command::{export, info};
+use ricochet::console::Overwrite;
 use ricochet::image::{Frame, PixelFormat};
 use ricochet::recording::{EventRow, Recording, RecordingWriter, WriterOptions};
 use ricochet::results::Estimate;
@@ -132,6 +133,7 @@ fn an_unknown_table_or_format_is_a_usage_error() {
         output: None,
         film: Vec::new(),
         playback_hz: 25.0,
+        overwrite: Overwrite::ALLOWED,
     };
     let error = export::run(&options).unwrap_err();
     assert!(matches!(error, export::ExportError::Usage(_)) && error.to_string().contains("velocity"), "{error}");
@@ -169,7 +171,16 @@ fn options(
     output: &std::path::Path,
 ) -> export::ExportOptions {
     let (file, topic, output) = (file.into(), topic.into(), Some(output.into()));
-    export::ExportOptions { file, topic, format, camera: None, output, film: Vec::new(), playback_hz: 25.0 }
+    export::ExportOptions {
+        file,
+        topic,
+        format,
+        camera: None,
+        output,
+        film: Vec::new(),
+        playback_hz: 25.0,
+        overwrite: Overwrite::ALLOWED,
+    }
 }
 
 /// The rows of a Parquet file as the texts of the CSV file, read with the crate's own reader.
@@ -280,6 +291,7 @@ fn numpy_reads_the_columns_of_the_csv() {
                 output,
                 film: Vec::new(),
                 playback_hz: 25.0,
+                overwrite: Overwrite::ALLOWED,
             })
             .unwrap();
         }

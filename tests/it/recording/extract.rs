@@ -3,14 +3,23 @@
 use super::samples;
 use crate::support::python;
 use ricochet::command::export::{self, ExportOptions, Format};
+use ricochet::console::Overwrite;
 use ricochet::image::{Frame, PixelFormat};
 use ricochet::recording::{Recording, RecordingWriter, WriterOptions};
 use std::path::Path;
 
 fn export_as(format: Format, topic: &str, file: &Path, output: &Path) -> Result<u64, String> {
     let (topic, output) = (topic.to_owned(), Some(output.to_owned()));
-    let options =
-        ExportOptions { file: file.into(), topic, format, camera: None, output, film: Vec::new(), playback_hz: 25.0 };
+    let options = ExportOptions {
+        file: file.into(),
+        topic,
+        format,
+        camera: None,
+        output,
+        film: Vec::new(),
+        playback_hz: 25.0,
+        overwrite: Overwrite::ALLOWED,
+    };
     export::run(&options).map(|exported| exported.rows).map_err(|error| error.to_string())
 }
 

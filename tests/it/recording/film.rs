@@ -3,6 +3,7 @@
 use super::samples;
 use crate::support::{ricochet, run, succeed};
 use ricochet::command::export::{self, ExportOptions, Format};
+use ricochet::console::Overwrite;
 use ricochet::image::{Frame, FrameMeta, PixelFormat};
 use ricochet::import;
 use ricochet::recording::{Recording, RecordingWriter, WriterOptions};
@@ -61,6 +62,7 @@ fn options(file: &Path, topic: &str, format: Format, output: &Path) -> ExportOpt
         output: Some(output.into()),
         film: Vec::new(),
         playback_hz: 25.0,
+        overwrite: Overwrite::ALLOWED,
     }
 }
 
