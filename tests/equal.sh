@@ -26,7 +26,9 @@ measure() {
     local name=$1 input=$2 workers
     shift 2
     for workers in 1 3; do
-        "$program" analyze "$input" "$@" --workers "$workers" --json -o "results-$workers.mcap" > "answer-$workers.json"
+        # A film in which nothing can be measured has its tables as well.
+        "$program" analyze "$input" "$@" --workers "$workers" --json -o "results-$workers.mcap" \
+            > "answer-$workers.json" 2> messages.txt || [[ $? == 7 ]] || { cat messages.txt >&2; exit 1; }
     done
     sed -i 's/"results":"[^"]*",\?//' answer-*.json
     for topic in velocity field track impact events; do

@@ -85,7 +85,10 @@ fn a_truncated_recording_is_measured_up_to_the_cut() {
         let rows = csv(&results, "velocity").lines().count() - 1;
         assert!(rows > 40 * share / 100 - 8 && rows < 40, "{rows} rows of {share} %");
         // `export` reports the loss as well.
-        let message = line(&run(["export", text(&cut), "--topic", "truth", "-o", text(&rig.path("truth.csv"))]), 6);
+        let message = line(
+            &run(["export", text(&cut), "--topic", "truth", "-o", text(&rig.path(&format!("truth-{share}.csv")))]),
+            6,
+        );
         assert!(message.contains(text(&cut)), "{message}");
         let shots = rig.path(&format!("shots-{share}"));
         let name = format!("{}-{share}", rig.name);

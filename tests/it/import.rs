@@ -397,12 +397,12 @@ fn a_stack_that_numpy_saved_has_its_pixels() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("stack.npy");
     let script =
-        "import numpy, sys; a = numpy.arange(5 * 6 * 7, dtype='u2').reshape(5, 6, 7) * 300; numpy.save(sys.argv[1], a)";
+        "import numpy, sys; a = numpy.arange(5 * 6 * 7, dtype='u2').reshape(5, 6, 7) * 301; numpy.save(sys.argv[1], a)";
     if crate::support::python(script, &[&path]).is_none() {
         return;
     }
     let pixels: Vec<u8> = frames(&[path], Some(1.0)).into_iter().flat_map(|(_, pixels)| pixels).collect();
-    let expected: Vec<u8> = (0..5 * 6 * 7_u16).flat_map(|k| k.wrapping_mul(300).to_le_bytes()).collect();
+    let expected: Vec<u8> = (0..5 * 6 * 7_u16).flat_map(|k| k.wrapping_mul(301).to_le_bytes()).collect();
     assert_eq!(pixels, expected);
 }
 

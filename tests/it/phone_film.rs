@@ -169,7 +169,10 @@ fn what_is_missing_is_named_and_nothing_is_overwritten() {
     assert!(text.contains("# ball_diameter_mm = ") && rig.path("rig.png").exists(), "{text}");
     let again = run(["setup", word(&film), "--diameter-mm", "36", "-o", word(&config)]);
     let stderr = String::from_utf8(again.stderr).unwrap();
-    assert!(again.status.code() == Some(2) && stderr.contains("already exists; pass --force"), "{stderr}");
+    assert!(
+        again.status.code() == Some(2) && stderr.contains("already exists") && stderr.contains("--force"),
+        "{stderr}"
+    );
     assert_eq!(std::fs::read_to_string(&config).unwrap(), text);
     let printed = succeed(["setup", word(&film), "--diameter-mm", "36", "-o", word(&config), "--force"]);
     // The scenario has 0.5 mm per pixel.

@@ -134,7 +134,8 @@ fn ten_clients_of_which_one_is_stalled_cost_the_rig_no_frame() {
 #[test]
 fn the_picture_shows_the_newest_frame_with_the_outline_measured_in_it() {
     let rig = Rig::new();
-    let (config, run) = drifting(&rig, 1500, 200.0, "");
+    let frames = 12_000;
+    let (config, run) = drifting(&rig, frames, 200.0, "");
     let server = Server::start(&config);
     server.wait_for("READY");
     let mut socket = Socket::open(&server.address, "/ws/picture", "").unwrap();
@@ -148,7 +149,7 @@ fn the_picture_shows_the_newest_frame_with_the_outline_measured_in_it() {
     });
     let body = &header["bodies"][0];
     let (frame, x_px) = (header["frame"].as_f64().unwrap(), body["x_px"].as_f64().unwrap());
-    assert!((x_px - (60.0 + frame * 16.0 / 1500.0)).abs() < 0.5, "{header}");
+    assert!((x_px - (60.0 + frame * 16.0 / frames as f64)).abs() < 0.5, "{header}");
     assert!((body["radius_px"].as_f64().unwrap() - 36.0).abs() < 0.5, "{header}");
     assert_eq!((&header["mm_per_px"], &header["scale"]), (&0.5.into(), &1.into()));
     let (status, _) = server.get("/api/picture");

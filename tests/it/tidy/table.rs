@@ -177,7 +177,7 @@ pub const ROOMS: &[Room] = &[
             "tokio",
         ],
     ),
-    open("console", &["failure", "process"], &["csv", "indicatif", "serde_json", "thiserror"]),
+    open("console", &["failure", "process"], &["clap", "csv", "indicatif", "serde_json", "thiserror"]),
     open(
         "command",
         BELOW_COMMAND,
