@@ -44,7 +44,9 @@ pub(super) enum Unnumbered {
 /// Returns the places of numbers that all names share.
 pub(super) fn columns(paths: &[PathBuf]) -> Result<Vec<Column>, Unnumbered> {
     let is_one_folder = paths.windows(2).all(|pair| pair[0].parent() == pair[1].parent());
-    let names: Vec<Name> = paths.iter().map(|path| Name::parse(&stem(path, is_one_folder))).collect();
+    // Folders belong to the names where they differ.
+    let stem = if is_one_folder { file_stem } else { path_stem };
+    let names: Vec<Name> = paths.iter().map(|path| Name::parse(&stem(path))).collect();
     let patterns: Vec<Vec<String>> = names.iter().map(Name::pattern).collect();
     let first = patterns.first().ok_or(Unnumbered::Unlike)?;
     if patterns.iter().any(|pattern| pattern != first) {
@@ -63,11 +65,14 @@ fn odd(patterns: &[Vec<String>]) -> Unnumbered {
     odd.map_or(Unnumbered::Unlike, Unnumbered::Odd)
 }
 
-/// The name without its ending; with its folder where the folders differ.
-fn stem(path: &Path, is_one_folder: bool) -> String {
-    let path = path.with_extension("");
-    let name = if is_one_folder { path.file_name().map(Path::new) } else { None };
-    name.unwrap_or(&path).to_string_lossy().into_owned()
+/// Returns the name without its ending and its folder.
+fn file_stem(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// Returns the path without the ending of its name.
+fn path_stem(path: &Path) -> String {
+    path.with_extension("").to_string_lossy().into_owned()
 }
 
 impl Name {

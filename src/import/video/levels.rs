@@ -26,8 +26,9 @@ impl Levels {
             11 | 12 => PixelFormat::Mono12,
             _ => PixelFormat::Mono16,
         };
-        let is_limited = stream.text("color_range") != "pc" && !layout.starts_with("yuvj");
-        Self { layout: layout.to_owned(), bits, format, rule: rule(layout, is_limited) }
+        let is_full = stream.text("color_range") == "pc" || layout.starts_with("yuvj");
+        let range = if is_full { Range::Full } else { Range::Limited };
+        Self { layout: layout.to_owned(), bits, format, rule: rule(layout, range) }
     }
 
     /// Returns the name of the grey layout that ffmpeg writes.
@@ -72,8 +73,17 @@ fn bits(layout: &str) -> u32 {
     }
 }
 
+/// The levels of luma that stand for black and white.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Range {
+    /// All levels.
+    Full,
+    /// 16 to 235 of 255.
+    Limited,
+}
+
 /// Describes how grey levels are made of a layout; empty for a grey one.
-fn rule(layout: &str, is_limited: bool) -> String {
+fn rule(layout: &str, range: Range) -> String {
     let has_alpha = ["yuva", "rgba", "bgra", "argb", "abgr", "gbrap", "ya"].iter().any(|name| layout.starts_with(name));
     let alpha = if has_alpha { ", without its transparency" } else { "" };
     let is_rgb = ["rgb", "bgr", "gbr", "argb", "abgr", "pal", "0rgb", "0bgr", "x2"].iter();
@@ -84,7 +94,7 @@ fn rule(layout: &str, is_limited: bool) -> String {
         format!("0.299 R + 0.587 G + 0.114 B of the interpolated Bayer filters {filters}")
     } else if is_rgb.clone().any(|name| layout.starts_with(name)) {
         format!("0.299 R + 0.587 G + 0.114 B of {layout}{alpha}")
-    } else if is_limited && !layout.starts_with("ya") {
+    } else if range == Range::Limited && !layout.starts_with("ya") {
         format!("the luma of {layout}, black 16 and white 235 of 255 stretched to the full range{alpha}")
     } else {
         format!("the luma of {layout}{alpha}")
