@@ -142,7 +142,7 @@ fn part_path(path: &Path) -> io::Result<PathBuf> {
 ///
 /// # Errors
 ///
-/// As [`OutputFile::create`]; [`WriteError`] when there is no space.
+/// Errors of [`OutputFile::create`]; [`WriteError`] when there is no space.
 pub fn write_file(path: &Path, bytes: impl AsRef<[u8]>, overwrite: Overwrite) -> Result<(), Failure> {
     let mut output = OutputFile::create(path, overwrite)?;
     output.write_all(bytes.as_ref()).map_err(|error| WriteError::new(path, error))?;

@@ -69,7 +69,7 @@ impl Report {
     ///
     /// # Errors
     ///
-    /// As [`write_file`].
+    /// Errors of [`write_file`].
     pub(super) fn publish(&self, directory: Option<&Path>, overwrite: Overwrite) -> Result<(), Failure> {
         if let Some(directory) = directory {
             for (name, bytes) in &self.files {

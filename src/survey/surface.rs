@@ -39,7 +39,7 @@ struct Line {
 
 /// Finds the edge that a ball of this radius, px, touches where it turns.
 ///
-/// Of all lines at about the radius from the centre, it is the one across which the grey level of the background changes
+/// Among lines at about the radius from the centre, it is the one across which the grey level of the background changes
 /// most. Returns `None` if no line stands out.
 pub fn surface_edge(movement: &Movement, turn: &Turn, radius_px: f64) -> Option<SurfaceEdge> {
     let factor = movement.factor as f64;

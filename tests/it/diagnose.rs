@@ -33,7 +33,7 @@ fn a_ball_outside_of_the_searched_radii_is_shown_with_the_radius_to_set() {
     let findings = body["frames"][0]["findings"].to_string();
     assert!(findings.contains("Searched: a ball of 7.0 to 9.0 px radius in the whole image."), "{findings}");
     assert!(findings.contains("Outside of these limits: an outline of radius 36"), "{findings}");
-    // What it says helps.
+    // The proposed change must make the film measurable.
     let text = format!("[scale]\nmm_per_px = 0.5\n[[body]]\n{change}\n");
     let printed = diagnose(&rig, &film, &text);
     assert_eq!(printed["bodies"][0]["line"], "ball: 24 of 24 frames measured");

@@ -118,7 +118,7 @@ impl<'s> Examiner<'s> {
             let track = &body.path.as_ref()?.track;
             Some(track.iter().find(|point| point.index == index)?.circle)
         };
-        // What moves is the body rather than any other circle.
+        // A circle that moves is the body; any other circle belongs to the background.
         let moving = || self.surveyed.bodies.iter().find_map(followed);
         let outside = match (inside, self.outside.as_mut()) {
             (None, Some(finder)) => {

@@ -60,7 +60,7 @@ impl Layout {
     ///
     /// # Errors
     ///
-    /// As [`write_file`].
+    /// Errors of [`write_file`].
     pub(super) fn write_file(self, path: &Path, field: &[FieldPoint], overwrite: Overwrite) -> Result<(), Failure> {
         let (layout, mut bytes) = (Self { named: false, ..self }, Vec::new());
         layout.head(&mut bytes)?;

@@ -27,7 +27,7 @@ impl Blends {
         if self.recent.len() > RECENT {
             self.recent.pop_front();
         }
-        // Of a film at twice its rate, every second frame is blended: the upper quartile is of the others.
+        // A film at twice its rate has a blend in every second frame; the upper quartile describes the other half.
         let mut sorted: Vec<f64> = self.recent.iter().copied().collect();
         sorted.sort_unstable_by(f64::total_cmp);
         let usual = sorted[sorted.len() * 3 / 4];

@@ -146,7 +146,7 @@ mod tests {
             (0..100).map(|k| (k != 8).then_some([1.0 + 0.001 * f64::from(k), 2.0 - 0.002 * f64::from(k)])).collect();
         let change = change(&before, &after).unwrap();
         assert_eq!(change.compared, 98);
-        // Of 0..99 without 7 and 8 the 50th is 51, the upper of the two in the middle, and the 97th (96 of 97 steps) 98.
+        // In 0..99 without 7 and 8 the 50th is 51, the upper of the two in the middle, and the 97th (96 of 97 steps) 98.
         assert!((change.median_px[0] - 0.051).abs() < 1e-9 && (change.median_px[1] - 0.102).abs() < 1e-9, "{change:?}");
         assert!((change.p99_px[0] - 0.098).abs() < 1e-9 && (change.p99_px[1] - 0.196).abs() < 1e-9, "{change:?}");
         assert_eq!(super::change(&vec![None], &vec![Some([0.0; 2])]), None);
