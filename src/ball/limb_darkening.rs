@@ -1,4 +1,4 @@
-//! LimbDarkening darkening of a ball and its effect on the outline.
+//! Limb darkening of a ball and its effect on the outline.
 //!
 //! A sphere that darkens towards its limb looks smaller on a dark background and larger on a bright one. Within the
 //! blur of the lens its brightness falls to the rim like a square root, which the fitted step takes for a part of the

@@ -162,7 +162,7 @@ impl Bus {
     ///
     /// # Errors
     ///
-    /// [`BusError::Memory`] when the ring does not fit.
+    /// [`BusError::Memory`] when the ring does not fit, [`BusError::Service`] when shared memory cannot be used.
     pub fn frame_publisher(&self, limits: &Limits, slot_bytes: usize) -> Result<FramePublisher, BusError> {
         let chunks = limits.frame_chunks();
         memory::require((chunks * (slot_bytes + 192)) as u64)?;

@@ -127,7 +127,7 @@ impl<'t> Table<'t> {
         found.map(|(_, meaning)| Some(*meaning)).ok_or_else(|| self.refuse(key, quoted(words.iter().map(|(w, _)| *w))))
     }
 
-    /// Checks that a text is a line that is not empty.
+    /// Checks that a text is one line and not empty.
     pub fn line(&self, key: &str, value: Option<String>) -> Result<Option<String>, ConfigError> {
         match value {
             Some(value) if value.trim().is_empty() || value.chars().any(char::is_control) => {

@@ -63,7 +63,7 @@ impl Overwrite {
 
 /// An output that has its name only once it is complete.
 ///
-/// The bytes go to a new file beside it, `.NAME.part-PID`, which is removed if the work ends before
+/// The bytes go to a new file next to it, `.NAME.part-PID`, which is removed if the work ends before
 /// [`finish`](Self::finish).
 #[derive(Debug)]
 pub struct OutputFile {
@@ -129,7 +129,7 @@ impl Drop for OutputFile {
     }
 }
 
-/// Returns the name of the new file beside `path`; the same for all outputs of this name in this process.
+/// Returns the name of the new file next to `path`; the same for all outputs of this name in this process.
 fn part_path(path: &Path) -> io::Result<PathBuf> {
     let name = path.file_name().ok_or_else(|| io::Error::other("the path names no file"))?;
     let mut part = OsString::from(".");

@@ -24,9 +24,7 @@ pub struct LawMotions<const SETS: usize> {
 
 impl<const SETS: usize> LawMotions<SETS> {
     /// Integrates y'' = gravity - F/m from the first contact until the force is back to zero, by fourth-order
-    /// Runge-Kutta with 64 steps per `units.depth
-    /// units.speed * pi
-    /// 2`.
+    /// Runge-Kutta with 64 steps per `units.depth / units.speed * pi / 2`.
     ///
     /// # Panics
     ///

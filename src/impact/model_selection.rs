@@ -116,8 +116,7 @@ impl FirstGuess {
         let units = Units { depth, speed: self.speed, gravity: self.gravity };
         let e = self.restitution.clamp(0.05, 1.0);
         let root_e = e.sqrt();
-        // The energy at the deepest point is about v^2 e
-        // 2; the damper takes the rest.
+        // The energy at the deepest point is about v^2 e / 2; the damper takes the rest.
         let size = 0.5 * (n + 1.0) * self.speed.powi(2) * root_e / depth;
         let damping = 1.5 * (1.0 - e) * if m > 0.5 { 1.0 } else { 0.4 };
         let start = self.deepest - ratio * depth / self.speed;

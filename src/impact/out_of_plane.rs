@@ -51,8 +51,8 @@ pub struct DilatationRates {
     contact_frames: [f64; 2],
     /// Lengths of the flights.
     flight_frames: [f64; 2],
-    /// OutlineDrift of a ball relative to its pose before and after, along normal and tangent, px per frame, and of its angle,
-    /// rad per frame.
+    /// The drift of a ball relative to its pose before and after, along normal and tangent, px per frame, and of its
+    /// angle, rad per frame.
     drift: [[Estimate; 3]; 2],
     /// The position of the pose's origin relative to the principal point, along normal and tangent, px.
     place_px: [f64; 2],

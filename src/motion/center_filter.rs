@@ -5,7 +5,7 @@ use crate::results::{Circle, Estimate};
 
 /// Share of an outline's variance that is common to all frames of a film and does not average out.
 const COMMON: f64 = 0.5;
-/// OutlineDrift of the propagated pose per frame, in units of its white sigma.
+/// The drift of the propagated pose per frame, in units of its white sigma.
 const DRIFT: f64 = 0.15;
 /// The gate: an outline further off than this is rejected, sigmas.
 const GATE: f64 = 6.0;

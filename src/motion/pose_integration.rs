@@ -13,9 +13,9 @@ const SIGMA_FLOOR: f64 = 1e-7;
 /// A body's pose in one frame, integrated from its steps.
 ///
 /// Poses of one component differ exactly by the measured steps between them. The noise of successive steps is that of
-/// the frames they share, with opposite signs. A pose therefore scatters like the steps' sigma
-/// sqrt(2), however many steps are summed. A missing step starts a new component, and steps over n frames make n
-/// interleaved components. Between components the pose is extrapolated.
+/// the frames they share, with opposite signs. A pose therefore scatters by the steps' sigma / sqrt(2), however many
+/// steps are summed. A missing step starts a new component, and steps over n frames make n interleaved components.
+/// Between components the pose is extrapolated.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
     /// Sequence number of the frame.

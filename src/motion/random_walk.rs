@@ -60,11 +60,10 @@ pub struct KeptReference {
 impl RandomWalk {
     /// Computes the random walk of steps over one interval or several, the shortest first.
     ///
-    /// CumulativeSums of steps drift, and each longer interval ties a pose to an earlier one. With weight g of a step over n
-    /// times as many frames, errors of the pose follow E(i) = (1 - g) (E(i-1) + a(i)) + g (E(i-n) + b(i)). The
-    /// permanent part moves by [(1 - g) a + g b]
-    /// [1 - g + g n] per frame; a and b are alike for any interval. Poses relative to a kept reference drift less for
-    /// any interval.
+    /// Sums of steps drift, and each longer interval ties a pose to an earlier one. With weight g of a step over n
+    /// times as many frames, errors of the pose follow E(i) = (1 - g) (E(i-1) + a(i)) + g (E(i-n) + b(i)). The permanent part
+    /// moves by [(1 - g) a + g b] / [1 - g + g n] per frame; a and b are of the same size for any interval. Poses
+    /// relative to a kept reference drift less for any interval.
     pub fn of(intervals_frames: &[u32], renewal: Option<Renewal>) -> Self {
         let shortest = intervals_frames.first().map_or(1.0, |interval| f64::from((*interval).max(1)));
         let g = LONG_STEP_WEIGHT;

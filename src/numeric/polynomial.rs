@@ -46,8 +46,7 @@ struct Row<const ORDER: usize> {
     weight: f64,
 }
 
-/// The curve `value = offset(component) + sum of c_k (t - at)^k + acceleration (t - at)^2
-/// 2`, k from 1 to the order.
+/// The curve `value = offset(component) + sum of c_k (t - at)^k + acceleration (t - at)^2 / 2`, k from 1 to the order.
 ///
 /// The offsets are eliminated by removing each component's weighted mean. This is the exact least-squares solution, and
 /// only the shared coefficients remain.

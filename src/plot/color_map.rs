@@ -14,7 +14,7 @@ pub enum Quantity {
     U,
     /// Displacement along y, px.
     V,
-    /// Zero-normalised cross-correlation coefficient, -1 to 1.
+    /// Zero-mean normalised cross-correlation coefficient, -1 to 1.
     Zncc,
     /// Standard uncertainty of the displacement, px: root mean square over x and y.
     Sigma,

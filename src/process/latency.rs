@@ -1,8 +1,8 @@
-//! A histogram of latencies.
+//! A histogram of latencies, from which quantiles are read.
 
 use std::time::Duration;
 
-/// LatencyHistogram counted by microsecond.
+/// A histogram of latencies in bins of 1 us.
 #[derive(Debug)]
 pub(super) struct LatencyHistogram {
     /// Count of each whole number of microseconds; the last bin collects everything above.

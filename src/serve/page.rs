@@ -36,7 +36,7 @@ pub(super) fn page_html(rig: &str) -> String {
                 }
                 (shots())
                 (reject())
-                noscript { "This page needs JavaScript. The same is at /api/status." }
+                noscript { "This page needs JavaScript. The state is also at /api/status." }
             }
         }
     };

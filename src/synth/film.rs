@@ -108,7 +108,7 @@ impl Actor {
         if is_even { pose } else { Pose { center_px: [place(0), place(1)], ..pose } }
     }
 
-    /// Returns the trajectory of its fastest point during the exposure, px.
+    /// Returns the distance that its fastest point moves during the exposure, px.
     fn moved_px(&self, start_s: f64, exposure_s: f64) -> f64 {
         let (open, shut) = (self.pose(start_s), self.pose(start_s + exposure_s));
         let shift_px = (shut.center_px[0] - open.center_px[0]).hypot(shut.center_px[1] - open.center_px[1]);
@@ -309,7 +309,7 @@ impl SimulatedFilm {
     fn visible_fraction(&self, number: usize, time_s: f64) -> f64 {
         let actor = &self.actors[number];
         if actor.scenario.body.rod.is_some() {
-            // The mark of a rod lies above the surface, which occluders the end of the rod.
+            // The mark of a rod lies above the surface, which occludes the end of the rod.
             return 1.0;
         }
         let Moment { pose, occluder, front } = self.moment(number, time_s);

@@ -248,14 +248,18 @@ impl Body {
         }
     }
 
+    /// Returns the decision for the frame that is `ahead_frames` after this step, or before it if negative.
+    ///
+    /// The stamp of that frame is computed from the nominal rate. `what` is the condition in words.
     fn decision(&self, step: &BodyStep, ahead_frames: f64, what: &str) -> Decision {
         let whole_frames = ahead_frames.round();
         let period_ns = self.watch.motion.frame_period_ns;
-        let moved = |from: u64, by: f64| (i128::from(from) + by.round() as i128).clamp(0, i128::from(u64::MAX)) as u64;
+        let shifted =
+            |from: u64, by: f64| (i128::from(from) + by.round() as i128).clamp(0, i128::from(u64::MAX)) as u64;
         Decision {
             body: step.body,
-            frame: moved(step.frame, whole_frames),
-            stamp_ns: moved(step.stamp_ns, whole_frames * period_ns),
+            frame: shifted(step.frame, whole_frames),
+            stamp_ns: shifted(step.stamp_ns, whole_frames * period_ns),
             newest_frame: step.frame,
             newest_stamp_ns: step.stamp_ns,
             what: format!("{}: {what}", self.watch.name),

@@ -44,7 +44,7 @@ pub(super) enum SurfaceSource {
     Edge,
     /// The change of velocity, rounded to a level surface or a wall where friction explains the rest.
     Bounce,
-    /// The track does not turn; a level surface is assumed.
+    /// The track does not bounce; a level surface is assumed.
     Assumed,
 }
 
@@ -151,10 +151,10 @@ impl ProposedSurface {
         match self.source {
             SurfaceSource::Edge => {
                 let edge_deg = self.edge.map_or(angle_deg, |edge| edge.angle_deg);
-                format!("{angle_deg} deg, by an edge of the background at {edge_deg:.1} deg{at}")
+                format!("{angle_deg} deg, from an edge of the background at {edge_deg:.1} deg{at}")
             }
             SurfaceSource::Bounce => format!("{angle_deg} deg, from the direction of the bounce{at}"),
-            SurfaceSource::Assumed => format!("{angle_deg} deg, assumed: the track does not turn"),
+            SurfaceSource::Assumed => format!("{angle_deg} deg, assumed, because the track does not bounce"),
         }
     }
 }

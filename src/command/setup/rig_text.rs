@@ -57,16 +57,17 @@ fn write_scale(text: &mut String, proposal: &Proposal) {
     };
 }
 
+/// Writes the `[surface]` table, with the source of its angle as a comment.
 fn write_surface(text: &mut String, proposal: &Proposal) {
     let surface = &proposal.surface;
     let why = match surface.source {
         SurfaceSource::Edge => {
-            "By an edge of the background where the ball turns, which is uncertain by some degrees. Level ones are taken for 0."
+            "From an edge of the background where the ball bounces, uncertain by some degrees. A nearly level edge gives 0."
         }
         SurfaceSource::Bounce => {
             "From the direction in which the ball bounces; friction of up to 25 deg is rounded to a level surface or a wall."
         }
-        SurfaceSource::Assumed => "Assumed: the ball does not turn in this film.",
+        SurfaceSource::Assumed => "Assumed to be level, because the ball does not bounce in this film.",
     };
     let _ = write!(
         text,
@@ -78,8 +79,8 @@ fn write_surface(text: &mut String, proposal: &Proposal) {
         let [[x0, y0], [x1, y1]] = edge.ends_px;
         let _ = write!(
             text,
-            "# The edge that was found. As a key, contacts count only between its points.\n# edge = [[{x0:.0}, {y0:.0}], \
-             [{x1:.0}, {y1:.0}]]\n"
+            "# The detected edge. Uncomment it to count contacts only between its end points.\n# edge = [[{x0:.0}, \
+             {y0:.0}], [{x1:.0}, {y1:.0}]]\n"
         );
     }
 }

@@ -17,7 +17,7 @@ const KEPT: usize = 4608;
 #[derive(Debug, Clone)]
 pub struct CumulativeSums<const N: usize> {
     seen: Vec<[Sample; N]>,
-    /// CumulativeSums at the ends of steps, by frame.
+    /// The sums at the ends of steps, by frame.
     arrivals: BTreeMap<u64, [Sample; N]>,
     components: u32,
 }

@@ -8,9 +8,7 @@ use crate::motion::random_walk::{LONG_STEP_WEIGHT, Renewal};
 const MAX_INTERVALS: usize = 4;
 /// The minimum number of frames of an estimate.
 const MIN_SAMPLES: u32 = 3;
-/// The slope of [`along`] at zero: 2 (8
-/// 12 + 1
-/// 24).
+/// The slope of [`along`] at zero: 2 (8 / 12 + 1 / 24).
 const BIAS_SLOPE: f64 = 17.0 / 12.0;
 /// The displacement from which the residual oscillates about zero, px; it stays below [`SWINGS`] over the square of the
 /// displacement (measured on rendered speckles: 0.12 at 1.6 px, -0.04 at 2.2).
@@ -67,8 +65,8 @@ impl Intervals {
     /// Creates the weights for steps over these intervals, the shortest first, and for whole-body references renewed by
     /// this rule.
     ///
-    /// With weight g of steps over n times as many frames, poses move by [(1 - g) a + g n b]
-    /// [1 - g + g n] for shorter steps a and longer steps b.
+    /// With weight g of steps over n times as many frames, poses move by [(1 - g) a + g n b] / [1 - g + g n] for
+    /// shorter steps a and longer steps b.
     pub fn of(intervals_frames: &[u32], renewal: Option<Renewal>) -> Self {
         let mut intervals = [(0.0, 0.0); MAX_INTERVALS];
         let shortest = intervals_frames.first().map_or(1.0, |interval| f64::from((*interval).max(1)));

@@ -1,5 +1,6 @@
-//! Cross-correlation as in Eq. 4 of the paper: windows at the same place, zero-padded, without normalisation.
+//! Cross-correlation of windows at the same place, zero-padded, without normalisation.
 //!
+//! This is Eq. 4 of *Collision measurements using digital image correlation techniques* (Int. J. Mech. Sci., 2017).
 //! The more a window is shifted, the smaller the overlap and the sum, which biases the peak towards zero. This module
 //! shows by how much; measurements normalise by the overlap.
 

@@ -11,7 +11,7 @@ use crate::synth::scenario::{LightSetup, Scenario};
 use crate::synth::trajectory::Pose;
 use std::ops::Range;
 
-/// The distance beyond which a half-plane occluders a pixel fully or not at all, in standard deviations.
+/// The distance beyond which a half-plane occludes a pixel fully or not at all, in standard deviations.
 pub(crate) const EDGE_SIGMA: f64 = 4.5;
 
 /// The positions of all moving objects at one moment.
