@@ -2,6 +2,8 @@
 
 use super::{Bus, BusError, failure};
 use crate::message::{Command, Reply, Request};
+use iceoryx2::active_request::ActiveRequest;
+use iceoryx2::pending_response::PendingResponse;
 use iceoryx2::port::client::Client;
 use iceoryx2::port::server::Server;
 use iceoryx2::prelude::ipc;
@@ -20,18 +22,30 @@ pub struct ControlServer {
 }
 
 impl ControlServer {
-    /// Answers all pending requests.
+    /// Returns the oldest pending request, if there is one.
     ///
     /// # Errors
     ///
     /// [`BusError::Service`] when shared memory cannot be used.
-    pub fn answer(&self, mut reply: impl FnMut(Option<Command>) -> Reply) -> Result<(), BusError> {
-        while let Some(request) = self.port.receive().map_err(failure("read", TOPIC))? {
-            let answer = reply(Command::from_number(request.command));
-            // The client may be gone by now.
-            let _ = request.send_copy(answer);
-        }
-        Ok(())
+    pub fn take(&self) -> Result<Option<PendingRequest>, BusError> {
+        self.port.receive().map(|request| request.map(PendingRequest)).map_err(failure("read", TOPIC))
+    }
+}
+
+/// A request that waits for its answer.
+#[derive(Debug)]
+pub struct PendingRequest(ActiveRequest<ipc::Service, Request, (), Reply, ()>);
+
+impl PendingRequest {
+    /// Returns the command; `None` if it is unknown.
+    pub fn command(&self) -> Option<Command> {
+        Command::from_number(self.0.command)
+    }
+
+    /// Sends the answer.
+    pub fn answer(self, reply: Reply) {
+        // The client may be gone by now.
+        let _ = self.0.send_copy(reply);
     }
 }
 
@@ -49,12 +63,35 @@ impl ControlClient {
     ///
     /// [`BusError::Service`] when shared memory cannot be used.
     pub fn ask(&self, command: Command, patience: Duration) -> Result<Option<Reply>, BusError> {
+        self.send(command)?.wait(patience)
+    }
+
+    /// Sends a request without waiting for the answer. Dropping the result withdraws the request.
+    ///
+    /// # Errors
+    ///
+    /// [`BusError::Service`] when shared memory cannot be used.
+    pub fn send(&self, command: Command) -> Result<PendingReply, BusError> {
         let request = Request { command: command as u32, reserved: 0 };
-        let pending = self.port.send_copy(request).map_err(failure("ask", TOPIC))?;
+        self.port.send_copy(request).map(PendingReply).map_err(failure("ask", TOPIC))
+    }
+}
+
+/// The answer to a request that was sent.
+#[derive(Debug)]
+pub struct PendingReply(PendingResponse<ipc::Service, Request, (), Reply, ()>);
+
+impl PendingReply {
+    /// Waits at most `patience` for the answer; `None` when nobody answers.
+    ///
+    /// # Errors
+    ///
+    /// [`BusError::Service`] when shared memory cannot be used.
+    pub fn wait(&self, patience: Duration) -> Result<Option<Reply>, BusError> {
         #[expect(clippy::disallowed_methods, reason = "limits how long a person waits")]
         let asked = Instant::now();
         while asked.elapsed() < patience {
-            if let Some(reply) = pending.receive().map_err(failure("ask", TOPIC))? {
+            if let Some(reply) = self.0.receive().map_err(failure("ask", TOPIC))? {
                 return Ok(Some(*reply));
             }
             std::thread::sleep(Duration::from_millis(1));

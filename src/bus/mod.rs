@@ -18,7 +18,7 @@ mod memory;
 mod topic;
 
 pub use bell::{Bell, Ear};
-pub use control::{ControlClient, ControlServer};
+pub use control::{ControlClient, ControlServer, PendingReply, PendingRequest};
 pub use error::BusError;
 pub use field::{FieldPublisher, FieldSubscriber};
 pub use frames::{FramePublisher, FrameSample, FrameSubscriber};

@@ -33,7 +33,7 @@ named_enum! {
         /// Triggered before the first frame.
         NoFrames = 6 "no frame has come yet; try again when the camera delivers",
         /// Shots begin on the camera's own line.
-        Line = 7 "this rig's shots begin on the camera's line, [trigger] mode = \"hardware\"",
+        HardwareTrigger = 7 "this rig's shots begin on the camera's line, [trigger] mode = \"hardware\"",
     }
 }
 

@@ -6,6 +6,7 @@
 mod camera_feed;
 mod frame_matching;
 mod open_shot;
+mod requests;
 mod retention;
 mod shot_window;
 mod write_failure;
@@ -23,7 +24,7 @@ use crate::bus::{ControlServer, Ear};
 use crate::config::{Config, Record, TriggerMode};
 use crate::failure::Failure;
 use crate::image::Frame;
-use crate::message::{Command, Event, EventKind, Reply, ReplyCode};
+use crate::message::{Command, Event, EventKind};
 use crate::recording::{EventRow, RecordingInfo, ViewInfo};
 use crate::trigger::Quiet;
 use camera_feed::CameraFeed;
@@ -124,7 +125,7 @@ impl Recorder<'_> {
     fn serve(&mut self, ear: &Ear, stop: &Stop) -> Result<(), Failure> {
         while !stop.requested() {
             self.attach()?;
-            self.answer()?;
+            self.answer_requests()?;
             for camera in 0..self.feeds.len() {
                 let events = self.feeds[camera].stream.take();
                 if let (0, Some(live_trigger)) = (camera, &mut self.live_trigger) {
@@ -193,40 +194,6 @@ impl Recorder<'_> {
             self.feeds.iter_mut().try_for_each(CameraFeed::publish_ready)?;
         }
         Ok(())
-    }
-
-    fn answer(&mut self) -> Result<(), Failure> {
-        let mut wanted = None;
-        let (armed, busy) = (self.armed, self.shot.is_some());
-        let off = self.config.trigger.mode == TriggerMode::Off;
-        let line = self.config.trigger.mode == TriggerMode::Hardware;
-        let recordings = self.summary.recordings.len() as u64;
-        let (sequence, has_frames) = (self.feeds[0].newest.sequence, self.feeds[0].stream.first.is_some());
-        self.control.answer(|command| {
-            let code = match command {
-                Some(Command::Status) => ReplyCode::Accepted,
-                None => ReplyCode::Unknown,
-                Some(_) if off => ReplyCode::NoTrigger,
-                Some(Command::Trigger) if line => ReplyCode::Line,
-                Some(Command::Trigger) if busy => ReplyCode::Busy,
-                Some(Command::Trigger) if !armed => ReplyCode::NotArmed,
-                Some(Command::Trigger) if !has_frames => ReplyCode::NoFrames,
-                Some(command) => {
-                    wanted = Some(command);
-                    ReplyCode::Accepted
-                }
-            };
-            Reply { code: code as u32, armed: u32::from(armed), recordings, sequence }
-        })?;
-        match wanted {
-            Some(Command::Trigger) => self.trigger(None, "software"),
-            Some(command) => {
-                // A request during a shot also holds after it, whatever `rearm` says.
-                self.requested_arming = Some(command).filter(|_| busy).or(self.requested_arming);
-                self.arm(command)
-            }
-            None => Ok(()),
-        }
     }
 
     /// Arms or disarms.

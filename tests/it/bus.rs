@@ -117,11 +117,11 @@ fn a_request_is_answered_and_an_absent_server_is_noticed() {
             bus.control_client().unwrap().ask(Command::Trigger, Duration::from_secs(10)).unwrap()
         });
         while !asked.is_finished() {
-            let reply = |command| Reply {
-                code: if command == Some(Command::Trigger) { ReplyCode::Busy } else { ReplyCode::Accepted } as u32,
-                ..Reply::default()
-            };
-            server.answer(reply).unwrap();
+            if let Some(request) = server.take().unwrap() {
+                let is_trigger = request.command() == Some(Command::Trigger);
+                let code = if is_trigger { ReplyCode::Busy } else { ReplyCode::Accepted } as u32;
+                request.answer(Reply { code, ..Reply::default() });
+            }
             std::thread::sleep(Duration::from_millis(1));
         }
         asked.join().unwrap()

@@ -2,17 +2,20 @@
 
 mod rod;
 
-use crate::support::{Background, Rig, ricochet, wait_until};
+use crate::support::{Background, Rig, kill, process, ricochet, status, wait_until};
+use ricochet::bus::Bus;
 use ricochet::camera::simulated::{meta, stream_format};
 use ricochet::config::Config;
 use ricochet::image::Frame;
 use ricochet::measure::{Measurer, Share};
+use ricochet::message::{Command, ReplyCode};
 use ricochet::process::analysis_params;
 use ricochet::recording::Recording;
 use ricochet::synth::{MotionSetup, Scenario, SimulatedFilm};
 use ricochet::track::ReorderBuffer;
 use ricochet::trigger::Decision;
 use std::io::{Read, Write};
+use std::time::Duration;
 
 /// Uniform random numbers from 0 to 1.
 struct Dice(u64);
@@ -351,4 +354,41 @@ fn requests_during_a_shot_are_answered_at_once_and_hold_after_it() {
     let (armed, disarmed) = ("armed; a shot is being written", "disarmed; a shot is being written");
     let wanted = ["software", armed, "recorded", "armed", "software", armed, disarmed, "recorded", "disarmed"];
     assert_eq!(texts(&["triggered", "armed", "disarmed", "recorded"]), wanted);
+}
+
+#[test]
+fn requests_that_wait_together_are_all_carried_out_in_their_order() {
+    let rig = Rig::new();
+    let film = rig.file("drift.toml", &crate::pipeline::drift(8000, 250.0));
+    let camera = format!("source = \"simulated\"\nscenario = \"{}\"\npaced = true", film.display());
+    let trigger = "[trigger]\nmode = \"software\"\nrearm = false\npre_s = 0.1\npost_s = 0.2\n[workers]\ncount = 1";
+    let config = rig.config(&camera, trigger);
+    let name = rig.name.as_str();
+    let listener = Background::start(ricochet(["listen", "events", "--rig", name, "--json", "--wait", "60"]));
+    let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
+    wait_until("it films", || ricochet(["trigger", "--rig", name]).output().unwrap().status.success().then_some(()));
+    wait_until("the first shot is written", || (rig.recordings().len() == 1).then_some(()));
+    let bus = Bus::join(name, "test").unwrap();
+    let client = bus.control_client().unwrap();
+    let status = status(name).unwrap();
+    let recorder = u32::try_from(process(&status, "record", 0).unwrap()["pid"].as_u64().unwrap()).unwrap();
+    // Both wait in its queue while it is stopped.
+    let send = |commands: [Command; 2]| {
+        kill(recorder, 19);
+        let pending = commands.map(|command| client.send(command).unwrap());
+        kill(recorder, 18);
+        pending.map(|reply| ReplyCode::from_number(reply.wait(Duration::from_secs(30)).unwrap().unwrap().code).unwrap())
+    };
+    assert_eq!(send([Command::Arm, Command::Trigger]), [ReplyCode::Accepted; 2]);
+    wait_until("the second shot is written", || (rig.recordings().len() == 2).then_some(()));
+    assert_eq!(send([Command::Arm, Command::Disarm]), [ReplyCode::Accepted; 2]);
+    assert_eq!(send([Command::Trigger, Command::Arm]), [ReplyCode::NotArmed, ReplyCode::Accepted]);
+    service.signal(2);
+    let (code, _, stderr) = service.end();
+    assert_eq!(code, Some(0), "{stderr}");
+    let events = events(&listener.end().1);
+    let kinds: Vec<&str> = events.iter().map(|(kind, _)| kind.as_str()).collect();
+    let kinds: Vec<&str> = kinds.into_iter().filter(|kind| ["triggered", "armed", "disarmed"].contains(kind)).collect();
+    let wanted = ["triggered", "disarmed", "armed", "triggered", "disarmed", "armed", "disarmed", "armed"];
+    assert_eq!(kinds, wanted);
 }
