@@ -37,7 +37,7 @@ use study::Study;
 /// Measures an impact live with a high-speed camera.
 #[derive(Debug, Parser)]
 #[command(name = "ricochet", version, max_term_width = 100)]
-struct Line {
+struct Args {
     #[command(subcommand)]
     command: Command,
 }
@@ -145,9 +145,9 @@ pub fn parse() -> Parsed {
     parse_from(std::env::args_os())
 }
 
-/// Parses these words as a command line that begins with the program's name, like [`parse`].
-pub fn parse_from(words: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> Parsed {
-    match Line::try_parse_from(words) {
+/// Parses these arguments as a command line that begins with the program's name, like [`parse`].
+pub fn parse_from(args: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> Parsed {
+    match Args::try_parse_from(args) {
         Ok(line) => Parsed::Run(line.command),
         Err(error) if error.use_stderr() && error.kind() != ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
             eprintln!("ricochet: {}; see `ricochet --help`", one_line(&error.to_string()));

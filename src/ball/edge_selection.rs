@@ -47,7 +47,7 @@ impl EdgeSelection {
     ///
     /// With [`CleanContrast::Reused`], `edges` must belong to the bins of the last call.
     pub fn select(&mut self, edges: &[Edge], polarity: Polarity, kind: RimKind, clean: CleanContrast) -> f32 {
-        let noise = self.noise(edges);
+        let noise = self.estimate_noise(edges);
         let sign = match polarity {
             Polarity::Brighter => 1.0,
             Polarity::Darker => -1.0,
@@ -73,15 +73,17 @@ impl EdgeSelection {
         noise
     }
 
-    /// Returns the lower quartile of the residuals of the steps: bins without texture show only noise.
-    fn noise(&mut self, edges: &[Edge]) -> f32 {
+    /// Estimates the noise of the image, grey levels, at least 0.3, as the lower quartile of the residuals of the steps.
+    ///
+    /// Bins without texture show only noise. Returns infinity if no bin has an edge, so that none is used.
+    fn estimate_noise(&mut self, edges: &[Edge]) -> f32 {
         self.sorted.clear();
         self.sorted.extend(edges.iter().filter(|e| e.contrast.abs() > 0.0).map(|e| e.rms));
         if self.sorted.is_empty() {
             return f32::INFINITY;
         }
         let rank = self.sorted.len() / 4;
-        // Rounding to whole grey levels is noise, too.
+        // Rounding to whole grey levels alone has a standard deviation of 1 / sqrt(12), about 0.3.
         nth_smallest(&mut self.sorted, rank).max(0.3)
     }
 

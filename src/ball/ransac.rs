@@ -86,7 +86,7 @@ impl Ransac {
     /// Returns the best circle of either sign around another one.
     pub fn search(&mut self, image: ImageView<'_>, near: RoughCircle, params: RansacParams) -> Option<Candidate> {
         let best = [Polarity::Brighter, Polarity::Darker];
-        self.unwrap(image, near, params);
+        self.find_steps(image, near, params);
         best.into_iter()
             .filter_map(|polarity| self.circle(near, polarity, params))
             .reduce(|a, b| if b.support > a.support { b } else { a })
@@ -100,12 +100,12 @@ impl Ransac {
         params: RansacParams,
     ) -> Option<Candidate> {
         let near = RoughCircle { x: candidate.x, y: candidate.y, radius: candidate.radius };
-        self.unwrap(image, near, params);
+        self.find_steps(image, near, params);
         self.circle(near, candidate.polarity, params)
     }
 
-    /// Finds the strongest steps along rays through the rim.
-    fn unwrap(&mut self, image: ImageView<'_>, near: RoughCircle, params: RansacParams) {
+    /// Finds the strongest steps along rays through the rim, and counts the rays inside the image.
+    fn find_steps(&mut self, image: ImageView<'_>, near: RoughCircle, params: RansacParams) {
         let RoughCircle { x, y, radius } = near;
         let rays = ((std::f32::consts::TAU * radius / RAY_STEP_PX) as usize).clamp(MIN_RAYS, params.rays);
         self.plan(rays);

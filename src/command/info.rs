@@ -8,8 +8,8 @@ use std::fmt::Write as _;
 use std::io::{self, Write as _};
 use std::path::PathBuf;
 
-/// Maximum number of gaps listed one by one; all gaps are counted.
-const GAPS: usize = 100;
+/// The maximum number of gaps listed one by one; all gaps are counted.
+const MAX_LISTED_GAPS: usize = 100;
 
 /// The options of `ricochet info`.
 #[derive(Debug, Clone, PartialEq, Eq, clap::Args)]
@@ -141,7 +141,7 @@ pub struct Gap {
 ///
 /// [`RecordingError`] when the recording cannot be opened or standard output is closed.
 pub fn run(options: &InfoOptions) -> Result<Info, RecordingError> {
-    let info = look(&Recording::open(&options.file)?)?;
+    let info = inspect(&Recording::open(&options.file)?)?;
     let mut text = match options.json {
         true => serde_json::to_string_pretty(&info).unwrap_or_default(),
         false => table(&info),
@@ -157,10 +157,10 @@ pub fn run(options: &InfoOptions) -> Result<Info, RecordingError> {
 /// # Errors
 ///
 /// [`RecordingError::Io`] when a file cannot be read.
-pub fn look(recording: &Recording) -> Result<Info, RecordingError> {
-    let (frames, frames_error, stamps) = frames(recording)?;
+pub fn inspect(recording: &Recording) -> Result<Info, RecordingError> {
+    let FramesRead { info: frames, error: frames_error, stamps_ns } = read_frames(recording)?;
     let half_period_ns = frames.as_ref().and_then(|frames| Some((0.5e9 / frames.frame_rate_hz?) as u64)).unwrap_or(0);
-    let camera = |name| camera(recording, name, &stamps, half_period_ns);
+    let camera = |name| camera(recording, name, &stamps_ns, half_period_ns);
     let topics = recording.topics().into_iter();
     Ok(Info {
         file: recording.path().to_path_buf(),
@@ -188,7 +188,7 @@ fn camera(
     half_period_ns: u64,
 ) -> Result<CameraInfo, RecordingError> {
     let view = recording.view(&name)?;
-    let (frames, frames_error, others) = frames(&view)?;
+    let FramesRead { info: frames, error: frames_error, stamps_ns: others } = read_frames(&view)?;
     let mut matcher = Matcher::new(half_period_ns);
     let (mut firsts, mut others) = (firsts.iter().peekable(), others.iter().peekable());
     while firsts.peek().is_some() || others.peek().is_some() {
@@ -207,19 +207,28 @@ fn camera(
     Ok(CameraInfo { name, frames, frames_error, bodies: view.bodies().to_vec(), matching })
 }
 
-/// Frames, the reason why some are missing, and their time stamps.
-type Looked = (Option<FramesInfo>, Option<String>, Vec<u64>);
+/// The readable frames of a camera.
+struct FramesRead {
+    /// `None` if no frame can be read.
+    info: Option<FramesInfo>,
+    /// The reason why frames are missing.
+    error: Option<String>,
+    stamps_ns: Vec<u64>,
+}
 
-fn frames(recording: &Recording) -> Result<Looked, RecordingError> {
+/// Reads all frames of a camera.
+fn read_frames(recording: &Recording) -> Result<FramesRead, RecordingError> {
     let frames = match recording.frames() {
         Ok(frames) => frames,
-        Err(error @ RecordingError::Invalid { .. }) => return Ok((None, Some(error.to_string()), Vec::new())),
+        Err(error @ RecordingError::Invalid { .. }) => {
+            return Ok(FramesRead { info: None, error: Some(error.to_string()), stamps_ns: Vec::new() });
+        }
         Err(error) => return Err(error),
     };
     let mut info: Option<FramesInfo> = None;
     let mut problem = None;
     let mut epoch = 0;
-    let mut stamps = Vec::new();
+    let mut stamps_ns = Vec::new();
     for frame in frames {
         let meta = match frame {
             Ok((meta, _)) => meta,
@@ -253,7 +262,7 @@ fn frames(recording: &Recording) -> Result<Looked, RecordingError> {
             epoch = meta.epoch;
         }
         info.count += 1;
-        stamps.push(meta.stamp_ns);
+        stamps_ns.push(meta.stamp_ns);
         info.sequence[1] = meta.sequence;
         info.stamp_ns[1] = meta.stamp_ns;
     }
@@ -261,7 +270,7 @@ fn frames(recording: &Recording) -> Result<Looked, RecordingError> {
         info.duration_s = info.stamp_ns[1].saturating_sub(info.stamp_ns[0]) as f64 / 1e9;
         info.frame_rate_hz = recording.frame_rate_hz().ok().flatten();
     }
-    Ok((info, problem, stamps))
+    Ok(FramesRead { info, error: problem, stamps_ns })
 }
 
 impl FramesInfo {
@@ -271,7 +280,7 @@ impl FramesInfo {
         if let Some(lost) = self.lost.as_mut().filter(|_| missing > 0) {
             *lost = lost.saturating_add(missing);
             self.gap_count += 1;
-            if self.gaps.len() < GAPS {
+            if self.gaps.len() < MAX_LISTED_GAPS {
                 self.gaps.push(Gap { after, lost: missing });
             }
         }

@@ -117,7 +117,8 @@ pub(super) fn rotation(table: &Table<'_>, raw: &RawRotation) -> Result<Rotation,
     ];
     let method = table.choice("method", raw.method.as_deref(), &words)?.unwrap_or_default();
     let given = [("ring_inner_px", ring.inner_px), ("ring_outer_px", ring.outer_px)];
-    if let (false, Some((key, _))) = (method == Rotation::Ring(ring), given.iter().find(|(_, px)| px.is_some())) {
+    let is_ring = matches!(method, Rotation::Ring(_));
+    if !is_ring && let Some((key, _)) = given.iter().find(|(_, px)| px.is_some()) {
         let chosen = words.iter().find(|(_, other)| *other == method).map_or("", |(word, _)| word);
         return Err(table.foreign(key, format!("method = {chosen:?}"), "method = \"ring\""));
     }

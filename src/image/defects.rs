@@ -111,6 +111,8 @@ impl Defects {
 }
 
 /// Returns the taps of the first of [`FILLINGS`] whose neighbours are all sound, or the mean of the sound neighbours.
+///
+/// `None` without a sound neighbour.
 fn taps(is_sound: impl Fn(i8, i8) -> bool) -> Option<Vec<Tap>> {
     let sound = |&(dx, dy, _): &Tap| is_sound(dx, dy);
     let both =

@@ -40,7 +40,7 @@ const FORCE_SIGMAS: f64 = 3.0;
 const QUIET_EARLY_FRAMES: f64 = 4.0;
 /// Frames since the start of the force-free stretch at which the end is judged again.
 const END_AGAIN_FRAMES: [u32; 4] = [10, 14, 18, 26];
-/// The number of nodes kept in flight.
+/// The minimum number of nodes kept in flight; fewer than twice as many are stored.
 const KEPT_NODES: usize = 256;
 /// The maximum number of nodes of a contact and the flight before it.
 const MAX_NODES: usize = 4096;
@@ -161,10 +161,12 @@ impl Detector {
         }
     }
 
+    /// Discards the oldest nodes, but none of a contact or of the flight before it.
     fn prune(&mut self) {
         let keep_from = self.contact.map(|c| c.flight_from_frames);
         let old = self.trail.len().saturating_sub(KEPT_NODES);
         let old = keep_from.map_or(old, |t| old.min(self.trail.partition_point(|n| n.time_frames < t)));
+        // In blocks, because every removal moves all later nodes.
         if old >= KEPT_NODES {
             self.trail.drain(..old);
         }

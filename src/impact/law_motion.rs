@@ -157,33 +157,35 @@ impl<const SETS: usize> LawMotions<SETS> {
 
     /// Returns the predicted quantities of each set; `starts` are the times of first contact.
     pub fn findings(&self, starts: &[f64; SETS]) -> [Findings; SETS] {
-        let (turn, peak_force) = (self.turn(), self.peak_force());
-        let level_times = peak_force.map(|(most, _)| 0.02 * most);
-        let (rise, fall) = self.level_times(&level_times);
+        let (deepest, peak_force) = (self.deepest(), self.peak_force());
+        let levels = peak_force.map(|(max, _)| 0.02 * max);
+        let (rise, fall) = self.level_times(&levels);
         std::array::from_fn(|set| {
             let start = starts[set];
             [
                 start,
-                start + turn.time[set],
+                start + deepest.time[set],
                 start + self.end.time[set],
                 start + rise[set],
                 start + fall[set],
                 self.states[0].speed[set],
                 self.end.speed[set],
-                turn.depth[set],
+                deepest.depth[set],
                 peak_force[set].1 - self.law.units.gravity,
                 self.end.time[set],
             ]
         })
     }
 
-    /// Finds the zero of the speed by Newton's method, starting from the line between the neighbouring states.
-    fn turn(&self) -> States<SETS> {
-        let turns: [usize; SETS] = std::array::from_fn(|set| {
+    /// Finds the deepest state, where the speed is zero, by Newton's method.
+    ///
+    /// It starts from the line between the neighbouring states.
+    fn deepest(&self) -> States<SETS> {
+        let indices: [usize; SETS] = std::array::from_fn(|set| {
             let count = self.counts[set].max(1);
             self.states[..count].partition_point(|s| s.speed[set] > 0.0).clamp(1, count)
         });
-        let (a, b) = (self.gather(|_, set| turns[set] - 1), self.gather(|_, set| turns[set]));
+        let (a, b) = (self.gather(|_, set| indices[set] - 1), self.gather(|_, set| indices[set]));
         let step = |set: usize| (b.time[set] - a.time[set]) * a.speed[set] / (a.speed[set] - b.speed[set]);
         let mut state = self.advanced(&a, &std::array::from_fn(step));
         for _ in 0..2 {
@@ -248,12 +250,12 @@ impl<const SETS: usize> LawMotions<SETS> {
             let count = self.counts[set].max(1);
             let f = |place: usize| self.state(place, set).force[set];
             let peak = (0..=count).max_by(|a, b| f(*a).total_cmp(&f(*b))).unwrap_or(0);
-            let most = f(peak).max(0.0);
+            let max = f(peak).max(0.0);
             if peak == 0 || peak + 1 >= count {
-                return (most, f(peak));
+                return (max, f(peak));
             }
             let (slope, bend) = (0.5 * (f(peak + 1) - f(peak - 1)), f(peak + 1) - 2.0 * f(peak) + f(peak - 1));
-            (most, if bend < 0.0 { f(peak) - 0.5 * slope * slope / bend } else { f(peak) })
+            (max, if bend < 0.0 { f(peak) - 0.5 * slope * slope / bend } else { f(peak) })
         })
     }
 }

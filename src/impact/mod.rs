@@ -22,5 +22,5 @@ pub use law_fit::{Expected, LawFit, fit_law};
 pub use law_motion::LawMotions;
 pub use model_selection::{FirstGuess, Verdict, judge};
 pub use out_of_plane::{DilatationRates, OutOfPlane};
-pub use solver::{World, deepest_so_far, solve};
+pub use solver::{ImpactContext, deepest_so_far, solve};
 pub use trajectory::{SurfaceNode, between};

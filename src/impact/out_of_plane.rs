@@ -6,7 +6,7 @@
 //! force acts.
 
 use super::contact_detector::Contact;
-use super::solver::{FLIGHT_FRAMES, World};
+use super::solver::{FLIGHT_FRAMES, ImpactContext};
 use super::trajectory::{ANGLE, NORMAL, SurfaceNode, TANGENTIAL, between};
 use crate::motion::{Axes, OutlineDrift, SizeChange, significant};
 use crate::results::{Estimate, Impact};
@@ -133,7 +133,7 @@ impl DilatationRates {
     /// Returns the collision with the dilatation rates, and with their uncertainty included in every sigma.
     ///
     /// `nodes` are the uncorrected positions.
-    pub fn correct(&self, mut impact: Impact, nodes: &[SurfaceNode], world: &World) -> Impact {
+    pub fn correct(&self, mut impact: Impact, nodes: &[SurfaceNode], world: &ImpactContext) -> Impact {
         let touch = between(nodes, self.contact_frames[0], f64::INFINITY).first();
         let touch_px = touch.map_or([0.0; 3], |node| node.value);
         let per_second = |seen: Option<Estimate>| seen.map(|seen| times(seen, 1.0 / world.period_s));
@@ -201,7 +201,7 @@ struct SpeedErrors {
 }
 
 /// Adds the uncertainty of the speeds before and after to everything that follows from them.
-fn widen(impact: &mut Impact, errors: &SpeedErrors, world: &World) {
+fn widen(impact: &mut Impact, errors: &SpeedErrors, world: &ImpactContext) {
     let SpeedErrors { normal, spun, along, spins } = *errors;
     let value = |number: Option<Estimate>| number.map_or(0.0, |number| number.value);
     let (vn, vt) = (

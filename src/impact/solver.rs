@@ -28,7 +28,7 @@ const HINDSIGHT_FRAMES: f64 = 1.0;
 
 /// The conversion from frames and px to physical quantities.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct World {
+pub struct ImpactContext {
     /// The scale, metres per px.
     pub metres_per_px: Estimate,
     /// Nominal frame period, s.
@@ -42,7 +42,7 @@ pub struct World {
     /// The standard uncertainty of the centre, px. For a rotating body it moves the point whose speed is reported.
     pub center_sigma_px: f64,
     /// The possible underestimate of the motion, as a share.
-    pub shortening: SpeedBias,
+    pub speed_bias: SpeedBias,
 }
 
 /// Flights on both sides of the contact interval.
@@ -69,7 +69,7 @@ struct Interval {
 /// The velocities on both sides are linear fits with gravity through the flights, extrapolated to start and end.
 /// Restitution and impulses follow from them. Start, deepest point, end, compression and acceleration come from the
 /// contact laws. Returns `None` where a flight is too short for a velocity.
-pub fn solve(nodes: &[SurfaceNode], contact: &Contact, known_to_frames: f64, world: &World) -> Option<Impact> {
+pub fn solve(nodes: &[SurfaceNode], contact: &Contact, known_to_frames: f64, world: &ImpactContext) -> Option<Impact> {
     let end = contact.end_frames?;
     let first = contact.flight_from_frames.max(contact.start_frames - FLIGHT_FRAMES);
     let last = known_to_frames.min(end + FLIGHT_FRAMES);
@@ -94,7 +94,7 @@ pub fn solve(nodes: &[SurfaceNode], contact: &Contact, known_to_frames: f64, wor
     Some(impact)
 }
 
-impl World {
+impl ImpactContext {
     /// Converts an acceleration from px/frame^2 to m/s^2.
     fn acceleration(&self, a: Estimate) -> Estimate {
         let relative = self.metres_per_px.sigma / self.metres_per_px.value;
@@ -188,7 +188,7 @@ fn line(flight: &[Sample], gravity: f64) -> Option<Polynomial> {
     plausible_curves(flight, Some(gravity)).into_iter().next()
 }
 
-fn flights(nodes: &[SurfaceNode], interval: &Interval, world: &World) -> Option<Flights> {
+fn flights(nodes: &[SurfaceNode], interval: &Interval, world: &ImpactContext) -> Option<Flights> {
     let after = between(nodes, interval.after_from, f64::INFINITY);
     let three = |nodes: &[SurfaceNode]| {
         let fit = |k: usize, g: f64| line(&samples(nodes, k), g);
@@ -207,7 +207,7 @@ fn rate_at(flight: &Polynomial, at: Estimate) -> Estimate {
 }
 
 /// Returns start values for the laws: the deepest node and its distance from the flight before.
-fn guess(nodes: &[SurfaceNode], interval: &Interval, flights: &Flights, world: &World) -> Option<FirstGuess> {
+fn guess(nodes: &[SurfaceNode], interval: &Interval, flights: &Flights, world: &ImpactContext) -> Option<FirstGuess> {
     let speed = -rate_at(&flights.before[NORMAL], interval.start).value;
     let after = rate_at(&flights.after[NORMAL], interval.end).value;
     let contact = between(nodes, interval.start.value, interval.end.value);
@@ -249,7 +249,7 @@ fn minus(a: Estimate, b: Estimate) -> Estimate {
 ///
 /// The point is c - R n of a body that rotates counter-clockwise by omega, so its tangential speed is vt + omega R. It
 /// is zero for a ball that rolls along the tangent, which rotates it clockwise.
-fn contact_point(interval: &Interval, flights: &Flights, world: &World) -> Option<[Estimate; 2]> {
+fn contact_point(interval: &Interval, flights: &Flights, world: &ImpactContext) -> Option<[Estimate; 2]> {
     let radius = world.radius_px?;
     let speed = |flight: &[Polynomial; 3], at: Estimate| {
         let (v, omega) = (rate_at(&flight[TANGENTIAL], at), rate_at(&flight[ANGLE], at));
@@ -260,21 +260,21 @@ fn contact_point(interval: &Interval, flights: &Flights, world: &World) -> Optio
 }
 
 /// Returns all rates of a flight at an uncertain moment, including the uncertainty of the centre.
-fn rates_at(flight: &[Polynomial; 3], at: Estimate, world: &World) -> [Estimate; 3] {
+fn rates_at(flight: &[Polynomial; 3], at: Estimate, world: &ImpactContext) -> [Estimate; 3] {
     let rates = [NORMAL, TANGENTIAL, ANGLE].map(|k| rate_at(&flight[k], at));
-    let whirl = rates[ANGLE].value * world.center_sigma_px;
-    let widened = |rate: Estimate| Estimate { sigma: rate.sigma.hypot(whirl), ..rate };
+    let rotation_sigma = rates[ANGLE].value * world.center_sigma_px;
+    let widened = |rate: Estimate| Estimate { sigma: rate.sigma.hypot(rotation_sigma), ..rate };
     [widened(rates[NORMAL]), widened(rates[TANGENTIAL]), rates[ANGLE]]
 }
 
 /// Returns the share by which a flight's motion may be underestimated, and its symmetric uncertainty.
-fn off(rates: &[Estimate; 3], world: &World) -> [f64; 2] {
+fn speed_bias(rates: &[Estimate; 3], world: &ImpactContext) -> [f64; 2] {
     let [normal, tangential, angle] = [NORMAL, TANGENTIAL, ANGLE].map(|k| rates[k].value);
     let rates = [tangential, normal, angle.to_degrees()];
-    [world.shortening.of(rates), world.shortening.interpolated(rates)]
+    [world.speed_bias.of(rates), world.speed_bias.interpolated(rates)]
 }
 
-fn slip(nodes: &[SurfaceNode], interval: &Interval, flights: &Flights, world: &World) -> Option<Estimate> {
+fn slip(nodes: &[SurfaceNode], interval: &Interval, flights: &Flights, world: &ImpactContext) -> Option<Estimate> {
     let [before, after] = contact_point(interval, flights, world)?;
     let radius = world.radius_px?.value;
     let (start, end) = (interval.start.value, interval.end.value);
@@ -288,7 +288,7 @@ fn slip(nodes: &[SurfaceNode], interval: &Interval, flights: &Flights, world: &W
     (found.value >= start && found.value <= end).then_some(found)
 }
 
-fn assemble(interval: &Interval, flights: &Flights, verdict: Option<&Verdict>, world: &World) -> Impact {
+fn assemble(interval: &Interval, flights: &Flights, verdict: Option<&Verdict>, world: &ImpactContext) -> Impact {
     let relative = world.metres_per_px.sigma / world.metres_per_px.value;
     let speed = |x: Estimate| scaled(x, world.metres_per_px.value / world.period_s, relative);
     let seconds = |x: Estimate| scaled(x, world.period_s, 0.0);
@@ -314,12 +314,12 @@ fn assemble(interval: &Interval, flights: &Flights, verdict: Option<&Verdict>, w
     let turning = spin * world.center_sigma_px / brake;
     // The surface carries the weight as well.
     let push = found(8).map(|a| world.acceleration(Estimate { value: a.value - world.gravity_px[NORMAL], ..a }));
-    let off = [&before, &after].map(|rates| off(rates, world));
-    let whole = off.map(|[short, either]| short.hypot(either));
+    let biases = [&before, &after].map(|rates| speed_bias(rates, world));
+    let whole = biases.map(|[short, either]| short.hypot(either));
     let [vn, vt] =
         [NORMAL, TANGENTIAL].map(|k| [speed(before[k]).short_by(whole[0]), speed(after[k]).short_by(whole[1])]);
     // The common part of both underestimates cancels in a quotient.
-    let [differ, either] = [off[1][0] - off[0][0], off[0][1].hypot(off[1][1])];
+    let [differ, either] = [biases[1][0] - biases[0][0], biases[0][1].hypot(biases[1][1])];
     let differing = |x: Estimate| x.short_by(differ).short_by(either);
     Impact {
         start_s: Some(seconds(interval.start)),

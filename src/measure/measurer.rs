@@ -12,7 +12,7 @@ use super::params::{ImageSize, MeasureParams, Share};
 use super::patch_finder::FrameKey;
 use super::pending_frame::{BodyKey, FramePair, Interval, Measured, PendingFrame, Target};
 use super::rigid_match::{RigidMatch, RigidMatcher, is_occluded};
-use super::ring_rotation::RingRotation;
+use super::ring_rotation::RingCorrelator;
 use crate::dic::{Correlator, PreparedFrame, Start};
 use crate::image::{Frame, FrameMeta, Image};
 use crate::motion::Rotation;
@@ -51,7 +51,7 @@ pub struct Measurer {
     pub(super) spare: Vec<PreparedFrame>,
     pub(super) states: BlockStates,
     pub(super) rigid_matcher: RigidMatcher,
-    ring_rotation: RingRotation,
+    ring_rotation: RingCorrelator,
     fixed_patterns: FixedPatterns,
 }
 
@@ -74,7 +74,7 @@ impl Measurer {
             spare: Vec::new(),
             states: BlockStates::default(),
             rigid_matcher: RigidMatcher::default(),
-            ring_rotation: RingRotation::default(),
+            ring_rotation: RingCorrelator::default(),
             fixed_patterns: FixedPatterns::new(params),
             params: params.clone(),
         })

@@ -14,11 +14,11 @@ const INNER_FRACTION: f64 = 0.35;
 
 /// The ring correlator for balls.
 #[derive(Default)]
-pub(super) struct RingRotation {
+pub(super) struct RingCorrelator {
     ring: PolarCorrelator,
 }
 
-impl RingRotation {
+impl RingCorrelator {
     /// Replaces the rotation of the subsets by that of the ring; the subsets' translation moves the centre.
     ///
     /// Keeps the rotation of the subsets if the ring gives none or an inconsistent one.

@@ -56,7 +56,7 @@ macro_rules! impact_message {
         }
 
         impl ImpactMessage {
-            /// The message of a collision of this run.
+            /// Creates the message of a collision of this run.
             pub fn new(impact: &Impact, run_id: u64) -> Self {
                 Self {
                     run_id,
@@ -71,7 +71,7 @@ macro_rules! impact_message {
                 }
             }
 
-            /// The collision; `None` when the number of a law or status is unknown.
+            /// Returns the collision; `None` when the number of a law or status is unknown.
             pub fn impact(&self) -> Option<Impact> {
                 let probability = f64::from(self.force_law_probability);
                 Some(Impact {

@@ -27,20 +27,25 @@ const IMPACT_OFFSETS: [(isize, f64); 5] = [(0, 1.0), (-1, 0.7), (1, 0.7), (-2, 0
 const MAX_EXCESS: f64 = 4.0;
 /// The half width of the fit across the moment at which a force sets in or ends, frames.
 const ACROSS_FRAMES: u64 = 8;
-/// The decay length of the error of the order-4 window inside a contact, frames,
+/// The decay length of the error of the order-4 window inside a contact, frames.
 const INSIDE_FRAMES: f64 = 6.0;
-/// and its minimum as a share of the peak acceleration, frames.
-const KINK: f64 = 0.02;
-/// The error of the flight outside a contact as a share of the difference, and its decay length, frames: the onset of a
-/// force is detected at once,
+/// The minimum error of the velocity where a force sets in or ends, as a multiple of the peak acceleration, frames.
+const MIN_TRANSITION_ERROR: f64 = 0.02;
+/// The error of the flight before a contact as a share of the difference, and its decay length, frames.
+///
+/// It is short, because the onset of a force is detected at once.
 const BEFORE: (f64, f64) = (0.4, 1.5);
-/// and its end is not.
+/// The error of the flight after a contact as a share of the difference, and its decay length, frames.
+///
+/// It is longer, because the end of a force is detected late.
 const AFTER: (f64, f64) = (0.6, 3.0);
 
-/// The possible unobserved change in the last frame before a body is lost, and in the frames before it, in units of a
-/// step's noise. A weaker force is not detected.
-const UNSEEN: [f64; BRINK_FRAMES] = [2.5, 1.5, 0.7, 0.3];
-const BRINK_FRAMES: usize = 4;
+/// The maximum change of the rates by an undetected force in the last frames before a gap, in units of a step's noise.
+///
+/// The first is that of the frame next to the gap. The same holds for the first frames after it.
+const MAX_UNOBSERVED_CHANGE: [f64; GAP_FRAMES] = [2.5, 1.5, 0.7, 0.3];
+/// The number of frames on either side of a gap whose rates may miss a force.
+const GAP_FRAMES: usize = 4;
 
 /// The known motion of a body around a frame.
 #[derive(Debug, Clone, Copy)]
@@ -120,44 +125,50 @@ fn fit_rates(nodes: &[Pose], at_frames: f64, order: usize, gravity: [f64; 2]) ->
 
 /// Fits as [`local_fit`], with the truncation error in the sigmas: the difference from the rates of the next order that
 /// changes them, beyond their noise.
-fn fit_and_doubt(nodes: &[Pose], at_frames: f64, order: usize) -> Option<PixelRates> {
+fn fit_with_truncation_error(nodes: &[Pose], at_frames: f64, order: usize) -> Option<PixelRates> {
     let rates = fit_rates(nodes, at_frames, order, [0.0; 2])?;
     // In the middle of a window, an even order has the rates of the odd one below.
     let finer = fit_rates(nodes, at_frames, ((order + 1) | 1).min(MAX_ORDER), [0.0; 2])?;
     if finer.order <= rates.order {
         return Some(rates);
     }
-    let apart = |rate: Estimate, finer: Estimate| {
+    let truncation = |rate: Estimate, finer: Estimate| {
         let noise = (finer.sigma.powi(2) - rate.sigma.powi(2)).max(0.0);
         ((finer.value - rate.value).powi(2) - SIGNIFICANT_SIGMAS.powi(2) * noise).max(0.0).sqrt()
     };
-    let rates = rates.widened_by([apart(rates.x, finer.x), apart(rates.y, finer.y), apart(rates.theta, finer.theta)]);
-    Some(rates.widened_by(blow(nodes, at_frames, order)))
+    let rates = rates.widened_by([
+        truncation(rates.x, finer.x),
+        truncation(rates.y, finer.y),
+        truncation(rates.theta, finer.theta),
+    ]);
+    Some(rates.widened_by(velocity_jump_error(nodes, at_frames, order)))
 }
 
-/// Returns half of the sudden change of speed near a moment, beyond the noise. An impact between two frames bends no
-/// curve, so a higher order does not reveal it.
-fn blow(nodes: &[Pose], at_frames: f64, order: usize) -> [f64; 3] {
+/// Returns the error of the rates because of a velocity jump near `at_frames`: half of the jump beyond its noise.
+///
+/// In px/frame and deg/frame; 0 where a polynomial of `order` fits. An impact between two frames does not curve the
+/// track, so a higher order does not reveal it.
+fn velocity_jump_error(nodes: &[Pose], at_frames: f64, order: usize) -> [f64; 3] {
     let fits =
         |axis: usize| Polynomial::fit(&samples(nodes, axis), at_frames, order, 0.0).is_none_or(|f| f.excess() <= 1.0);
     if (0..3).all(fits) {
         return [0.0; 3];
     }
     let middle = nodes.partition_point(|node| node.time_frames < at_frames);
-    let mut most = [0.0_f64; 3];
-    for (away, share) in IMPACT_OFFSETS {
-        let Some(split) = middle.checked_add_signed(away).filter(|split| *split < nodes.len()) else { continue };
+    let mut largest = [0.0_f64; 3];
+    for (offset, share) in IMPACT_OFFSETS {
+        let Some(split) = middle.checked_add_signed(offset).filter(|split| *split < nodes.len()) else { continue };
         let at_frames = nodes[split].time_frames;
         let sides = [&nodes[..=split], &nodes[split..]].map(|side| fit_rates(side, at_frames, order, [0.0; 2]));
         let [Some(before), Some(after)] = sides else { continue };
         let axes = [(before.x, after.x), (before.y, after.y), (before.theta, after.theta)];
-        for (most, (before, after)) in most.iter_mut().zip(axes) {
+        for (largest, (before, after)) in largest.iter_mut().zip(axes) {
             let noise = SIGNIFICANT_SIGMAS * before.sigma.hypot(after.sigma);
             let change = ((after.value - before.value).powi(2) - noise * noise).max(0.0).sqrt();
-            *most = most.max(0.5 * share * change);
+            *largest = largest.max(0.5 * share * change);
         }
     }
-    most
+    largest
 }
 
 fn between(nodes: &[Pose], from: u64, to: u64) -> &[Pose] {
@@ -195,8 +206,9 @@ pub fn smooth(known: KnownMotion<'_>, frame: u64, regime: Regime, params: &Motio
     let KnownMotion { nodes, gravity, .. } = known;
     let at = nodes[nodes.binary_search_by_key(&frame, |n| n.frame).ok()?];
     let n = u64::from(params.interval_frames.max(1));
-    let plain =
-        |width: u64, order: usize, ahead: u64| fit_and_doubt(window(nodes, frame, width, ahead), at.time_frames, order);
+    let plain = |width: u64, order: usize, ahead: u64| {
+        fit_with_truncation_error(window(nodes, frame, width, ahead), at.time_frames, order)
+    };
     if let Some(width) = params.window_frames {
         return plain(u64::from(width), params.order as usize, lag_frames(params));
     }
@@ -206,7 +218,7 @@ pub fn smooth(known: KnownMotion<'_>, frame: u64, regime: Regime, params: &Motio
         Regime::Flight { from, to } => {
             let (back, ahead) = (from.max(frame.saturating_sub(FLIGHT_BACK)), to.min(frame + FLIGHT_AHEAD));
             let rates = in_flight(between(nodes, back, ahead), at.time_frames, gravity).or_else(fallback)?;
-            rates.widened_by(unseen(known, frame, n))
+            rates.widened_by(unobserved_force_error(known, frame, n))
         }
         Regime::Contact { speed_px, acceleration_px, .. } => {
             let sigma = (at.sigma[0] + at.sigma[1]) / 2.0;
@@ -214,14 +226,14 @@ pub fn smooth(known: KnownMotion<'_>, frame: u64, regime: Regime, params: &Motio
             let across = window(nodes, frame, 2 * half + n, AUTO_AHEAD_FRAMES);
             let rates = fit_rates(across, at.time_frames, CONTACT_ORDER, [0.0; 2])?;
             let bias_px = contact_bias(half, speed_px, acceleration_px);
-            let [_, _, blow] = blow(across, at.time_frames, CONTACT_ORDER);
-            rates.widened_by([bias_px, bias_px, blow])
+            let [_, _, jump] = velocity_jump_error(across, at.time_frames, CONTACT_ORDER);
+            rates.widened_by([bias_px, bias_px, jump])
         }
     };
     let nodes = between(nodes, 0, frame + AUTO_AHEAD_FRAMES);
     let widened = |rates: PixelRates, edge: &Edge| {
-        let apart = edge.apart(nodes, gravity).unwrap_or_default();
-        rates.widened_by(std::array::from_fn(|k| edge.share * apart[k].hypot(edge.kink_px[k])))
+        let difference = edge.difference(nodes, gravity).unwrap_or_default();
+        rates.widened_by(std::array::from_fn(|k| edge.share * difference[k].hypot(edge.min_error[k])))
     };
     Some(edges(frame, regime).iter().flatten().fold(rates, widened))
 }
@@ -234,8 +246,8 @@ struct Edge {
     flight: (u64, u64),
     /// The share of the difference that remains in the given frame.
     share: f64,
-    /// The minimum of that, per frame.
-    kink_px: [f64; 3],
+    /// The minimum error, added in quadrature: x and y, px/frame, and the angle, deg/frame.
+    min_error: [f64; 3],
 }
 
 /// Returns the moments before and after a frame that are near.
@@ -245,17 +257,18 @@ fn edges(frame: u64, regime: Regime) -> [Option<Edge>; 2] {
     let both = match regime {
         Regime::Unknown => [None, None],
         Regime::Flight { from, to } => {
-            let share = |(most, frames): (f64, f64), away: u64| most * (1.0 - away as f64 / frames);
-            let edge = |frame: u64, flight: (u64, u64), share: f64| Edge { frame, flight, share, kink_px: [0.0; 3] };
+            let share = |(share, decay): (f64, f64), frames: u64| share * (1.0 - frames as f64 / decay);
+            let edge = |frame: u64, flight: (u64, u64), share: f64| Edge { frame, flight, share, min_error: [0.0; 3] };
             let ends = to
                 .checked_add(1)
                 .map(|edge_at| edge(edge_at, before(edge_at, from), share(BEFORE, to.abs_diff(frame))));
             [ends, (from > 0).then(|| edge(from, after(from, to), share(AFTER, frame.abs_diff(from))))]
         }
         Regime::Contact { acceleration_px, from, to, .. } => {
-            let kink_px = [KINK * acceleration_px, KINK * acceleration_px, 0.0];
-            let share = |away: u64| 1.0 - away as f64 / INSIDE_FRAMES;
-            let edge = |frame: u64, flight: (u64, u64), share: f64| Edge { frame, flight, share, kink_px };
+            let error_px = MIN_TRANSITION_ERROR * acceleration_px;
+            let min_error = [error_px, error_px, 0.0];
+            let share = |frames: u64| 1.0 - frames as f64 / INSIDE_FRAMES;
+            let edge = |frame: u64, flight: (u64, u64), share: f64| Edge { frame, flight, share, min_error };
             let ends = to.map(|to| edge(to, after(to, u64::MAX), share(to.abs_diff(frame))));
             [Some(edge(from, before(from, 0), share(frame.abs_diff(from)))), ends]
         }
@@ -267,13 +280,13 @@ impl Edge {
     /// Returns the difference between the flight and a fit across the moment, per frame: x, y and the angle.
     ///
     /// The flight omits the force, and the fit spreads it over its window; the truth lies between them.
-    fn apart(&self, nodes: &[Pose], gravity: Option<[f64; 2]>) -> Option<[f64; 3]> {
+    fn difference(&self, nodes: &[Pose], gravity: Option<[f64; 2]>) -> Option<[f64; 3]> {
         let at_frames = nodes[nodes.binary_search_by_key(&self.frame, |n| n.frame).ok()?].time_frames;
         let flight = in_flight(between(nodes, self.flight.0, self.flight.1), at_frames, gravity)?;
         let across = window(nodes, self.frame, 2 * ACROSS_FRAMES + 1, ACROSS_FRAMES);
         let across = fit_rates(across, at_frames, CONTACT_ORDER, [0.0; 2])?;
-        let apart = |a: Estimate, b: Estimate| (a.value - b.value).abs();
-        Some([apart(flight.x, across.x), apart(flight.y, across.y), apart(flight.theta, across.theta)])
+        let difference = |a: Estimate, b: Estimate| (a.value - b.value).abs();
+        Some([difference(flight.x, across.x), difference(flight.y, across.y), difference(flight.theta, across.theta)])
     }
 }
 
@@ -286,18 +299,18 @@ pub fn lag_frames(params: &MotionParams) -> u64 {
 ///
 /// A body that is lost as a contact begins has hardly been decelerated before, and the flight does not reveal it. The
 /// bound is what its last steps leave open.
-fn unseen(known: KnownMotion<'_>, frame: u64, interval: u64) -> [f64; 3] {
+fn unobserved_force_error(known: KnownMotion<'_>, frame: u64, interval: u64) -> [f64; 3] {
     let to_frame = known.to_frame.min(frame + AUTO_AHEAD_FRAMES);
     let nodes = between(known.nodes, 0, to_frame);
     let Ok(own) = nodes.binary_search_by_key(&frame, |node| node.frame) else { return [0.0; 3] };
     let is_gap = |pair: &[Pose]| pair[1].frame > pair[0].frame + 1;
-    let later = nodes[own..].windows(2).take(BRINK_FRAMES).position(is_gap);
-    let ends = || nodes.len() - 1 - own < BRINK_FRAMES && nodes.last().is_some_and(|last| last.frame < to_frame);
+    let later = nodes[own..].windows(2).take(GAP_FRAMES).position(is_gap);
+    let ends = || nodes.len() - 1 - own < GAP_FRAMES && nodes.last().is_some_and(|last| last.frame < to_frame);
     let later = later.or_else(|| ends().then(|| nodes.len() - 1 - own));
-    let earlier = nodes[..=own].windows(2).rev().take(BRINK_FRAMES).position(is_gap);
-    let Some(away) = later.into_iter().chain(earlier).min() else { return [0.0; 3] };
+    let earlier = nodes[..=own].windows(2).rev().take(GAP_FRAMES).position(is_gap);
+    let Some(distance) = later.into_iter().chain(earlier).min() else { return [0.0; 3] };
     let noise = |axis: usize| nodes[own].sigma[axis] * f64::sqrt(2.0) / interval as f64;
-    std::array::from_fn(|axis| UNSEEN[away] * noise(axis))
+    std::array::from_fn(|axis| MAX_UNOBSERVED_CHANGE[distance] * noise(axis))
 }
 
 /// Fits a line with gravity (or none) where the measured acceleration agrees with it.

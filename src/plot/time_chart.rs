@@ -145,6 +145,7 @@ fn draw_contact(scale: &Scale, contact: &[Option<f64>; 3]) -> Markup {
     }
 }
 
+/// Draws the horizontal grid lines with their values.
 fn grid(scale: &Scale) -> Markup {
     let (levels, decimals) = ticks(scale.y, (scale.height / 34.0).max(3.0));
     html! {
@@ -157,6 +158,7 @@ fn grid(scale: &Scale) -> Markup {
     }
 }
 
+/// Draws the time axis with its ticks, ms.
 fn axis(scale: &Scale) -> Markup {
     let (right, low) = (WIDTH - RIGHT, TOP + scale.height);
     let (moments, decimals) = ticks(scale.x, 10.0);

@@ -15,6 +15,7 @@ const GREEN: Color = Color { r: 0.1, g: 0.9, b: 0.3, a: 1.0 };
 const YELLOW: Color = Color { r: 1.0, g: 0.85, b: 0.1, a: 1.0 };
 
 impl Annotations {
+    /// Converts to Foxglove's message.
     pub(super) fn to_message(&self, stamp_ns: u64) -> ImageAnnotations {
         let timestamp = Some(super::frame_message::timestamp(stamp_ns));
         let circles = self

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Maximum number of collisions with pictures. The numbers of all are shown.
-const PICTURED_IMPACTS_MAX: usize = 4;
+const MAX_PICTURED_IMPACTS: usize = 4;
 
 /// Half the side of a picture, in radii of the body.
 const CROP_RADII: f64 = 1.35;
@@ -271,9 +271,10 @@ pub fn last_revisions(revisions: Vec<Impact>) -> Vec<Impact> {
     last.into_values().collect()
 }
 
+/// Selects the row nearest to each moment of the first impacts; field and picture are still missing.
 fn snapshots(impacts: &[Impact], rows: &[VelocitySample]) -> Vec<Snapshot> {
     let mut snapshots = Vec::new();
-    for impact in impacts.iter().take(PICTURED_IMPACTS_MAX) {
+    for impact in impacts.iter().take(MAX_PICTURED_IMPACTS) {
         for (column, title) in MOMENTS {
             let Some(moment) = impact.get(column) else { continue };
             if !(moment.value.is_finite() && moment.value >= 0.0) {

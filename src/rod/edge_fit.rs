@@ -221,7 +221,7 @@ pub(super) fn fit(image: ImageView<'_>, expected: &ExpectedEdge) -> Result<Edge,
             return Err(PointStatus::Lost);
         }
     }
-    accept(&profiles, &step)
+    edge_with_uncertainty(&profiles, &step)
 }
 
 /// Reads the profiles around the expected edge, without those that leave the allowed range.
@@ -360,11 +360,12 @@ fn reweigh(profiles: &mut [Profile], step: &EdgeModel, fraction: f64) {
     let shifts: Vec<f64> = profiles.iter().map(|profile| step.shift(profile)).collect();
     let of_clean = shifts.iter().zip(&is_clean).filter(|(_, clean)| **clean).map(|(shift, _)| *shift);
     let middle = quantile(&mut of_clean.clone().collect::<Vec<_>>(), 0.5).unwrap_or(0.0);
-    let mut apart: Vec<f64> = of_clean.map(|shift| (shift - middle).abs()).collect();
-    let scatter = 1.4826 * quantile(&mut apart, 0.5).unwrap_or(0.0);
+    let mut deviations: Vec<f64> = of_clean.map(|shift| (shift - middle).abs()).collect();
+    // The median absolute deviation of a normal distribution is its standard deviation / 1.4826.
+    let scatter = 1.4826 * quantile(&mut deviations, 0.5).unwrap_or(0.0);
     for ((profile, shift), clean) in profiles.iter_mut().zip(shifts).zip(is_clean) {
-        let far = (shift - middle) / (TUKEY * scatter.max(1e-4));
-        profile.weight = if clean && far.abs() < 1.0 { (1.0 - far * far).powi(2) } else { 0.0 };
+        let distance = (shift - middle) / (TUKEY * scatter.max(1e-4));
+        profile.weight = if clean && distance.abs() < 1.0 { (1.0 - distance * distance).powi(2) } else { 0.0 };
     }
 }
 
@@ -382,11 +383,20 @@ fn best_start(profiles: &[Profile], step: &EdgeModel) -> f64 {
     step.at + tried.iter().find(|(count, _)| *count >= enough).unwrap_or(&best).1
 }
 
-/// Rejects an edge that is too faint or too blurred; otherwise returns it with its uncertainty.
-fn accept(profiles: &[Profile], step: &EdgeModel) -> Result<Edge, PointStatus> {
+/// Returns the fitted edge with the uncertainties from the covariance of the fit.
+///
+/// The covariance is scaled by the reduced chi-square of the profiles where it exceeds 1. The error of the model is added
+/// in quadrature.
+///
+/// # Errors
+///
+/// [`PointStatus::LowContrast`] if the edge is too faint or too blurred, [`PointStatus::Lost`] if the normal equations
+/// are singular.
+fn edge_with_uncertainty(profiles: &[Profile], step: &EdgeModel) -> Result<Edge, PointStatus> {
     let used: Vec<&Profile> = profiles.iter().filter(|profile| profile.weight > 0.0).collect();
     let (normal, _, squares) = equations(profiles, step);
     let count: f64 = used.iter().map(|profile| profile.weight * step.core(profile).count() as f64).sum();
+    // Five parameters are fitted.
     let variance = (squares / (count - 5.0).max(1.0)).max(1e-9);
     if step.contrast().abs() < MIN_CONTRAST_SIGMAS * variance.sqrt() || step.blur >= 0.98 * BLUR_RANGE_PX[1] {
         return Err(PointStatus::LowContrast);

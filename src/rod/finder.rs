@@ -177,24 +177,29 @@ impl RodFinder {
         assert_eq!((image.width(), image.height()), self.shape, "planned for another size");
     }
 
-    /// Finds sides and edges to whole pixels.
+    /// Finds sides and edges to whole pixels, from the sums of a binary image along columns and rows.
+    ///
+    /// # Errors
+    ///
+    /// [`PointStatus::LowContrast`] if nothing stands out from the noise, [`PointStatus::Lost`] without two sides, and
+    /// the errors of [`Self::edges`].
     fn find_by_projections(&self, image: ImageView<'_>) -> Result<Prediction, PointStatus> {
-        let tone = BinaryImage::new(image, self.region).ok_or(PointStatus::LowContrast)?;
-        let [black, white] = tone.means_dn;
+        let binary = BinaryImage::new(image, self.region).ok_or(PointStatus::LowContrast)?;
+        let [black, white] = binary.means_dn;
         if white - black < MIN_CONTRAST_SIGMAS * noise_dn(image, self.region) {
             return Err(PointStatus::LowContrast);
         }
-        let [left, right] = self.sides(&tone).ok_or(PointStatus::Lost)?;
+        let [left, right] = self.sides(&binary).ok_or(PointStatus::Lost)?;
         let inside = left.at + 1 + INSET_PX as usize..(right.at + 1).saturating_sub(INSET_PX as usize);
-        let edges = self.edges(&tone, inside, [left.at, right.at])?;
+        let edges = self.edges(&binary, inside, [left.at, right.at])?;
         // Entry k of the sums is the line between k and k + 1.
         let line_px = |at: usize, from: usize| (at + from) as f64 + 0.5;
         let mut signs = [0.0; ROD_EDGES];
         signs.iter_mut().zip(&edges).for_each(|(sign, edge)| *sign = f64::from(edge.strength.signum()));
         Ok(Prediction {
-            sides_px: [left.at, right.at].map(|at| line_px(at, tone.left)),
+            sides_px: [left.at, right.at].map(|at| line_px(at, binary.left)),
             side_signs: [left, right].map(|side| f64::from(side.strength.signum())),
-            edges_px: edges.iter().map(|edge| line_px(edge.at, tone.top)).collect(),
+            edges_px: edges.iter().map(|edge| line_px(edge.at, binary.top)).collect(),
             signs,
             at_row: 0.0,
             tilt: 0.0,
@@ -202,8 +207,8 @@ impl RodFinder {
     }
 
     /// Returns the strongest two lines of opposite sign within the allowed width.
-    fn sides(&self, tone: &BinaryImage) -> Option<[Line; 2]> {
-        let mut tried = lines(&tone.column_steps(), MIN_DISTANCE_PX);
+    fn sides(&self, binary: &BinaryImage) -> Option<[Line; 2]> {
+        let mut tried = lines(&binary.column_steps(), MIN_DISTANCE_PX);
         tried.truncate(SIDES_TRIED);
         let mut best: Option<(i32, [Line; 2])> = None;
         for left in &tried {
@@ -223,16 +228,16 @@ impl RodFinder {
     /// Returns the followed edges, from the top downwards.
     fn edges(
         &self,
-        tone: &BinaryImage,
+        binary: &BinaryImage,
         inside: std::ops::Range<usize>,
         sides: [usize; 2],
     ) -> Result<Vec<Line>, PointStatus> {
         let width = inside.len() as f64;
-        let outer = [0..sides[0].saturating_sub(2), (sides[1] + 3).min(tone.width)..tone.width];
+        let outer = [0..sides[0].saturating_sub(2), (sides[1] + 3).min(binary.width)..binary.width];
         let outside: Vec<(f64, Vec<i32>)> = outer
             .into_iter()
             .filter(|columns| columns.len() >= MIN_DISTANCE_PX)
-            .map(|columns| (columns.len() as f64, tone.row_steps(columns)))
+            .map(|columns| (columns.len() as f64, binary.row_steps(columns)))
             .collect();
         let continues_outside = |line: &Line| {
             let fraction = f64::from(line.strength) / width;
@@ -241,8 +246,8 @@ impl RodFinder {
                 f64::from(near) / columns / fraction >= CONTINUATION_RATIO
             })
         };
-        let white = tone.white_fraction(inside.clone());
-        let mut all = lines(&tone.row_steps(inside), MIN_DISTANCE_PX);
+        let white = binary.white_fraction(inside.clone());
+        let mut all = lines(&binary.row_steps(inside), MIN_DISTANCE_PX);
         all.retain(|line| f64::from(line.strength.abs()) >= MIN_EDGE_FRACTION * width && !continues_outside(line));
         let count = self.params.edges as usize;
         // A rod is black or white between its tapes: the shade with the stronger edges is taken.

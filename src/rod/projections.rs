@@ -140,9 +140,9 @@ mod tests {
     #[test]
     fn sums_count_the_pixels_that_change_over_a_line() {
         let image = draw(|x, y| if (10..30).contains(&x) && (15..45).contains(&y) { 200.0 } else { 30.0 });
-        let tone = BinaryImage::new(image.view(), [0, 0, 40, 60]).unwrap();
-        assert!((tone.threshold_dn - 115.0).abs() < 2.0, "{}", tone.threshold_dn);
-        let (down, across) = (tone.row_steps(0..40), tone.column_steps());
+        let binary = BinaryImage::new(image.view(), [0, 0, 40, 60]).unwrap();
+        assert!((binary.threshold_dn - 115.0).abs() < 2.0, "{}", binary.threshold_dn);
+        let (down, across) = (binary.row_steps(0..40), binary.column_steps());
         assert_eq!((down.len(), across.len()), (59, 39));
         let entries = |sums: &[i32]| -> Vec<(usize, i32)> {
             sums.iter().enumerate().filter(|(_, sum)| **sum != 0).map(|(at, sum)| (at, *sum)).collect()
@@ -150,14 +150,14 @@ mod tests {
         assert_eq!(entries(&down), [(14, 20), (44, -20)]);
         assert_eq!(entries(&across), [(9, 30), (29, -30)]);
         assert_eq!(lines(&down, 4), [Line { at: 14, strength: 20 }, Line { at: 44, strength: -20 }]);
-        assert_eq!(tone.row_steps(0..15).iter().filter(|sum| **sum != 0).copied().collect::<Vec<_>>(), [5, -5]);
+        assert_eq!(binary.row_steps(0..15).iter().filter(|sum| **sum != 0).copied().collect::<Vec<_>>(), [5, -5]);
     }
 
     #[test]
     fn a_region_is_cut_out_of_the_image() {
         let image = draw(|_, y| if y < 30 { 10.0 } else { 50.0 });
-        let tone = BinaryImage::new(image.view(), [5, 20, 10, 20]).unwrap();
-        assert_eq!(lines(&tone.row_steps(0..10), 4), [Line { at: 9, strength: 10 }]);
+        let binary = BinaryImage::new(image.view(), [5, 20, 10, 20]).unwrap();
+        assert_eq!(lines(&binary.row_steps(0..10), 4), [Line { at: 9, strength: 10 }]);
         assert!(BinaryImage::new(image.view(), [5, 0, 10, 20]).is_none(), "one shade alone has no threshold");
     }
 
@@ -165,7 +165,7 @@ mod tests {
     fn a_tilted_line_is_one_line() {
         // Falls by 2 rows over 40 columns.
         let image = draw(|x, y| if y > 20 + x / 14 { 200.0 } else { 30.0 });
-        let tone = BinaryImage::new(image.view(), [0, 0, 40, 60]).unwrap();
-        assert_eq!(lines(&tone.row_steps(0..40), 4), [Line { at: 21, strength: 40 }]);
+        let binary = BinaryImage::new(image.view(), [0, 0, 40, 60]).unwrap();
+        assert_eq!(lines(&binary.row_steps(0..40), 4), [Line { at: 21, strength: 40 }]);
     }
 }

@@ -30,12 +30,12 @@ pub(super) fn page_html(rig: &str) -> String {
                     p id="rig" { (rig) }
                 }
                 main {
-                    (live())
-                    (last())
-                    (side())
+                    (live_picture())
+                    (last_shot())
+                    (sidebar())
                 }
-                (shots())
-                (reject())
+                (shot_table())
+                (reject_dialog())
                 noscript { "This page needs JavaScript. The state is also at /api/status." }
             }
         }
@@ -43,7 +43,7 @@ pub(super) fn page_html(rig: &str) -> String {
     page.into_string() + "\n"
 }
 
-fn live() -> Markup {
+fn live_picture() -> Markup {
     html! {
         section id="live" aria-label="Live picture" {
             canvas id="picture" width="512" height="512" {}
@@ -52,7 +52,7 @@ fn live() -> Markup {
     }
 }
 
-fn last() -> Markup {
+fn last_shot() -> Markup {
     html! {
         section id="last" aria-label="Last shot" {
             h2 { span id="last-title" { "Last shot" } span id="last-place" {} }
@@ -62,7 +62,7 @@ fn last() -> Markup {
     }
 }
 
-fn side() -> Markup {
+fn sidebar() -> Markup {
     html! {
         aside {
             section id="controls" aria-label="Commands" {
@@ -89,7 +89,7 @@ fn side() -> Markup {
     }
 }
 
-fn shots() -> Markup {
+fn shot_table() -> Markup {
     html! {
         section id="shots" aria-label="Shots" {
             table {
@@ -100,7 +100,7 @@ fn shots() -> Markup {
     }
 }
 
-fn reject() -> Markup {
+fn reject_dialog() -> Markup {
     html! {
         dialog id="reject" {
             form method="dialog" {

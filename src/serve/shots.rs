@@ -138,7 +138,7 @@ impl Shots {
             self.book().shots.iter().map(|(name, shot)| (shot.number, name.clone())).collect();
         newest.sort_by_key(|(number, _)| std::cmp::Reverse(*number));
         for (_, name) in newest.into_iter().take(MAX_SHOTS) {
-            let rejected = fs::read_to_string(rejected_path(directory, &name)).ok();
+            let rejected = fs::read_to_string(rejection_path_of(directory, &name)).ok();
             let rejected = rejected.map(|text| text.trim().to_owned());
             let is_unread = self.book().shots.get(&name).is_some_and(|shot| shot.facts.is_none());
             // Read without the lock, because a request must not wait for a file.
@@ -167,14 +167,14 @@ impl Shots {
         if line.is_empty() || line.len() > MAX_REASON_BYTES {
             return Err(ShotError::Reason);
         }
-        fs::write(rejected_beside(&self.path(name)?), format!("{line}\n"))?;
+        fs::write(rejection_path(&self.path(name)?), format!("{line}\n"))?;
         self.set_rejected(name, Some(line));
         Ok(())
     }
 
     /// Accepts a rejected shot again.
     pub(super) fn accept(&self, name: &str) -> Result<(), ShotError> {
-        match fs::remove_file(rejected_beside(&self.path(name)?)) {
+        match fs::remove_file(rejection_path(&self.path(name)?)) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(error.into()),
             _ => self.set_rejected(name, None),
         }
@@ -237,11 +237,13 @@ impl Shot {
     }
 }
 
-fn rejected_path(directory: &Path, name: &str) -> PathBuf {
-    rejected_beside(&directory.join(name))
+/// Returns the path of the file that keeps the reason why a shot was rejected.
+fn rejection_path_of(directory: &Path, name: &str) -> PathBuf {
+    rejection_path(&directory.join(name))
 }
 
-fn rejected_beside(recording: &Path) -> PathBuf {
+/// Returns the path of that file next to a recording.
+fn rejection_path(recording: &Path) -> PathBuf {
     let mut path = recording.as_os_str().to_owned();
     path.push(REJECTED);
     path.into()

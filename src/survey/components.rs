@@ -60,13 +60,13 @@ impl Mask {
             while let Some(at) = waiting.pop() {
                 pixels.push(at);
                 let (x, y) = (at % self.width, at / self.width);
-                let beside = [
+                let neighbours = [
                     (x > 0).then(|| at - 1),
                     (x + 1 < self.width).then_some(at + 1),
                     (y > 0).then(|| at - self.width),
                     (y + 1 < self.height).then_some(at + self.width),
                 ];
-                for next in beside.into_iter().flatten() {
+                for next in neighbours.into_iter().flatten() {
                     if self.marked[next] && !is_taken[next] {
                         is_taken[next] = true;
                         waiting.push(next);

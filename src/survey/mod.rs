@@ -5,8 +5,8 @@
 //!    moves, and connected regions of such pixels are [`Mover`]s.
 //! 2. [`identify`] searches a ball, then a rod, in the frames that show a mover best. If neither is found in most of them,
 //!    the mover is a patch.
-//! 3. [`Follower`] follows the ball through all frames. The [`Path`] shows where it turns, and which acceleration it has.
-//! 4. [`surface_edge`] finds the edge in the background that the ball touches where it turns.
+//! 3. [`Follower`] follows the ball through all frames. The [`Path`] shows where it bounces, and which acceleration it has.
+//! 4. [`surface_edge`] finds the edge in the background that the ball touches where it bounces.
 
 mod components;
 mod follower;
@@ -20,6 +20,6 @@ mod surface;
 pub use follower::{Follower, TrackPoint};
 pub use identify::{Examination, ExaminedFrame, Identified, identify, needed_frames};
 pub use movement::{Appearance, Movement, Mover};
-pub use path::{Acceleration, Path, Turn};
+pub use path::{Acceleration, Bounce, Path};
 pub use sampler::{ReducedImage, Sampler};
 pub use surface::{SurfaceEdge, surface_edge};

@@ -1,13 +1,13 @@
-//! The turn of a track, and its acceleration in free flight.
+//! The bounce of a ball, and its acceleration in free flight.
 
 use super::follower::TrackPoint;
 use super::path_fit::PathFit;
 
-/// The number of points on either side of a turn from which velocities are fitted.
+/// The number of points on either side of a bounce from which velocities are fitted.
 const SIDE_POINTS: std::ops::RangeInclusive<usize> = 3..=24;
 /// The share of a track that these points make up on either side.
 const SIDE_SHARE: usize = 6;
-/// The ratio of the residuals of one parabola through the whole track to those of its parts from which it turns.
+/// The minimum ratio of the residuals of one parabola through the whole track to those of its parts at a bounce.
 const MIN_MISFIT: f64 = 4.0;
 /// The systematic error of the centres along a flight, px. Outlines depend on the speckles at the rim and on the light.
 const CENTER_ERROR_PX: f64 = 0.1;
@@ -16,7 +16,7 @@ const FLIGHT_POINTS: usize = 6;
 
 /// A sudden change of the velocity: the ball strikes something.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Turn {
+pub struct Bounce {
     /// The number of the frame in the film, from 0.
     pub index: u64,
     /// The time since the first frame, s.
@@ -27,6 +27,16 @@ pub struct Turn {
     pub direction: [f64; 2],
     /// The velocity before and after, px/s.
     pub velocities_px_s: [[f64; 2]; 2],
+}
+
+/// The change of velocity between the points on either side of a moment.
+struct Change {
+    /// The number of the point in the track.
+    at: usize,
+    velocities_px_s: [[f64; 2]; 2],
+    change_px_s: [f64; 2],
+    /// The rms residual of both sides.
+    rms_px: f64,
 }
 
 /// The acceleration in free flight, px/s^2, in image axes.
@@ -43,9 +53,9 @@ pub struct Acceleration {
 pub struct Path {
     /// The track.
     pub track: Vec<TrackPoint>,
-    /// The turn with the largest change of velocity.
-    pub turn: Option<Turn>,
-    /// The acceleration before and after the turn, or in the whole track.
+    /// The bounce with the largest change of velocity.
+    pub bounce: Option<Bounce>,
+    /// The acceleration before and after the bounce, or in the whole track.
     pub acceleration: Option<Acceleration>,
     /// The maximum speed, px/frame.
     pub speed_px_frame: f64,
@@ -55,11 +65,11 @@ impl Path {
     /// Evaluates a track.
     pub fn of(track: Vec<TrackPoint>) -> Self {
         let side = (track.len() / SIDE_SHARE).clamp(*SIDE_POINTS.start(), *SIDE_POINTS.end());
-        let turn = turn(&track, side);
-        let flights: Vec<&[TrackPoint]> = match &turn {
+        let bounce = find_bounce(&track, side);
+        let flights: Vec<&[TrackPoint]> = match &bounce {
             None => vec![&track],
-            Some(turn) => {
-                let at = track.partition_point(|point| point.index < turn.index);
+            Some(bounce) => {
+                let at = track.partition_point(|point| point.index < bounce.index);
                 // Not the contact, which may last long.
                 vec![&track[..at.saturating_sub(side / 2)], &track[(at + side / 2 + 1).min(track.len())..]]
             }
@@ -71,31 +81,33 @@ impl Path {
             (to.x_px - from.x_px).hypot(to.y_px - from.y_px) / frames
         };
         let speed_px_frame = track.windows(2).map(speed).fold(0.0, f64::max);
-        Self { turn, acceleration, speed_px_frame, track }
+        Self { bounce, acceleration, speed_px_frame, track }
     }
 }
 
-/// Returns the turn with the largest change of velocity, unless one parabola explains the track.
-fn turn(track: &[TrackPoint], side: usize) -> Option<Turn> {
+/// Finds the bounce with the largest change of velocity; `None` if one parabola explains the track.
+fn find_bounce(track: &[TrackPoint], side: usize) -> Option<Bounce> {
     if track.len() < 2 * side + 1 {
         return None;
     }
     let change = |at: usize| {
         let (before, after) = (PathFit::of(&track[at - side..at], 1)?, PathFit::of(&track[at..at + side], 1)?);
-        let velocities = [before.velocity(track[at].t_s), after.velocity(track[at].t_s)];
-        let change = [velocities[1][0] - velocities[0][0], velocities[1][1] - velocities[0][1]];
-        Some((at, velocities, change, before.rms_px.hypot(after.rms_px)))
+        let velocities_px_s = [&before, &after].map(|side| side.velocity(track[at].t_s));
+        let [[x0, y0], [x1, y1]] = velocities_px_s;
+        let change_px_s = [x1 - x0, y1 - y0];
+        Some(Change { at, velocities_px_s, change_px_s, rms_px: before.rms_px.hypot(after.rms_px) })
     };
     let changes: Vec<_> = (side..=track.len() - side).filter(|at| *at < track.len()).filter_map(change).collect();
-    let largest = changes.iter().max_by(|a, b| a.2[0].hypot(a.2[1]).total_cmp(&b.2[0].hypot(b.2[1])))?;
-    let mut noise: Vec<f64> = changes.iter().map(|(.., rms_px)| *rms_px).collect();
+    let size_px_s = |change: &Change| change.change_px_s[0].hypot(change.change_px_s[1]);
+    let largest = changes.iter().max_by(|a, b| size_px_s(a).total_cmp(&size_px_s(b)))?;
+    let mut noise: Vec<f64> = changes.iter().map(|change| change.rms_px).collect();
     noise.sort_by(f64::total_cmp);
     let whole = PathFit::of(track, 2)?;
     if whole.rms_px < MIN_MISFIT * noise[noise.len() / 4].max(0.02) {
         return None;
     }
-    let (at, velocities_px_s, [x, y], _) = *largest;
-    let size = x.hypot(y);
+    let Change { at, velocities_px_s, change_px_s: [x, y], .. } = *largest;
+    let size = size_px_s(largest);
     let direction = [x / size, y / size];
     let approach = velocities_px_s[0][0] * direction[0] + velocities_px_s[0][1] * direction[1];
     if approach >= 0.0 {
@@ -105,7 +117,7 @@ fn turn(track: &[TrackPoint], side: usize) -> Option<Turn> {
     let depth = |point: &TrackPoint| point.circle.x_px * direction[0] + point.circle.y_px * direction[1];
     let near = &track[at.saturating_sub(side)..(at + side).min(track.len())];
     let deepest = near.iter().min_by(|a, b| depth(a).total_cmp(&depth(b)))?;
-    Some(Turn {
+    Some(Bounce {
         index: deepest.index,
         t_s: deepest.t_s,
         center_px: [deepest.circle.x_px, deepest.circle.y_px],
@@ -161,9 +173,9 @@ mod tests {
     #[test]
     fn a_bounce_is_found_with_its_direction_and_gravity_on_both_sides() {
         let path = Path::of(track(true));
-        let turn = path.turn.unwrap();
-        assert_eq!(turn.index, 24);
-        assert!(turn.direction[1] < -0.99, "{:?}", turn.direction);
+        let bounce = path.bounce.unwrap();
+        assert_eq!(bounce.index, 24);
+        assert!(bounce.direction[1] < -0.99, "{:?}", bounce.direction);
         let acceleration = path.acceleration.unwrap();
         let off = (acceleration.value_px_s2[1] - 2000.0) / acceleration.sigma_px_s2;
         assert!(off.abs() < 4.0 && acceleration.sigma_px_s2 < 150.0, "{acceleration:?}");
@@ -173,9 +185,9 @@ mod tests {
     #[test]
     fn a_fall_is_no_bounce() {
         let path = Path::of(track(false));
-        assert!(path.turn.is_none());
+        assert!(path.bounce.is_none());
         let acceleration = path.acceleration.unwrap();
         assert!((acceleration.value_px_s2[1] - 2000.0).abs() < 4.0 * acceleration.sigma_px_s2, "{acceleration:?}");
-        assert!(Path::of(track(true)[..5].to_vec()).turn.is_none());
+        assert!(Path::of(track(true)[..5].to_vec()).bounce.is_none());
     }
 }

@@ -1,7 +1,7 @@
 //! The edge of the surface in the background.
 
 use super::movement::Movement;
-use super::path::Turn;
+use super::path::Bounce;
 
 /// The maximum angle between the normal of the surface and the change of velocity, deg. Friction turns that by its
 /// coefficient.
@@ -37,20 +37,20 @@ struct Line {
     half_length: f64,
 }
 
-/// Finds the edge that a ball of this radius, px, touches where it turns.
+/// Finds the edge that a ball of this radius, px, touches where it bounces.
 ///
 /// Among lines at about the radius from the centre, it is the one across which the grey level of the background changes
 /// most. Returns `None` if no line stands out.
-pub fn surface_edge(movement: &Movement, turn: &Turn, radius_px: f64) -> Option<SurfaceEdge> {
+pub fn surface_edge(movement: &Movement, bounce: &Bounce, radius_px: f64) -> Option<SurfaceEdge> {
     let factor = movement.factor as f64;
     let reduced = |at: f64| (at + 0.5) / factor - 0.5;
-    let (center, radius) = (turn.center_px.map(reduced), radius_px / factor);
+    let (center, radius) = (bounce.center_px.map(reduced), radius_px / factor);
     let mut best: Option<(f64, Line, f64)> = None;
     let mut all = Vec::new();
     let steps = (MAX_TILT_DEG / TILT_STEP_DEG) as i32;
     for tilt_deg in (-steps..=steps).map(|k| f64::from(k) * TILT_STEP_DEG) {
         let (sin, cos) = tilt_deg.to_radians().sin_cos();
-        let [x, y] = turn.direction;
+        let [x, y] = bounce.direction;
         let normal = [x * cos - y * sin, x * sin + y * cos];
         let distances = (0..).map(|k| DISTANCES[0] * radius + 0.25 * f64::from(k));
         for distance in distances.take_while(|distance| *distance <= DISTANCES[1] * radius + 1.0) {
@@ -150,8 +150,9 @@ mod tests {
         for angle_deg in [0.0, 12.0, -7.5] {
             // The ball leaves 15 deg off the normal of a level surface.
             let direction = [0.2588, -0.9659];
-            let turn = Turn { index: 9, t_s: 0.1, center_px: [100.0, 60.0], direction, velocities_px_s: [[0.0; 2]; 2] };
-            let found = surface_edge(&movement(angle_deg), &turn, 20.0).unwrap();
+            let bounce =
+                Bounce { index: 9, t_s: 0.1, center_px: [100.0, 60.0], direction, velocities_px_s: [[0.0; 2]; 2] };
+            let found = surface_edge(&movement(angle_deg), &bounce, 20.0).unwrap();
             assert!((found.angle_deg - angle_deg).abs() < 1.0, "{} for {angle_deg}", found.angle_deg);
         }
     }
@@ -160,13 +161,13 @@ mod tests {
     fn a_plain_background_has_no_edge() {
         let mut movement = movement(0.0);
         movement.background.levels_dn.fill(40.0);
-        let turn = Turn {
+        let bounce = Bounce {
             index: 9,
             t_s: 0.1,
             center_px: [100.0, 60.0],
             direction: [0.0, -1.0],
             velocities_px_s: [[0.0; 2]; 2],
         };
-        assert!(surface_edge(&movement, &turn, 20.0).is_none());
+        assert!(surface_edge(&movement, &bounce, 20.0).is_none());
     }
 }

@@ -2,7 +2,9 @@
 
 use super::gating::ValidationGate;
 use super::rows::TrackerRows;
-use crate::impact::{Contact, Detector, DilatationRates, Event, OutOfPlane, SurfaceNode, World, deepest_so_far, solve};
+use crate::impact::{
+    Contact, Detector, DilatationRates, Event, ImpactContext, OutOfPlane, SurfaceNode, deepest_so_far, solve,
+};
 use crate::measure::body_circle;
 use crate::motion::{
     Axes, Center, CenterFilter, Form, KnownMotion, LocalDrift, MotionParams, OutlineDrift, PixelRates, Pose,
@@ -277,8 +279,8 @@ impl BodyTracker {
         }
     }
 
-    /// Returns the fraction by which measured motions may be too short.
-    fn shortening(&self) -> SpeedBias {
+    /// Returns the possible relative error of measured speeds.
+    fn speed_bias(&self) -> SpeedBias {
         let radius_px = self.radius.radius_px().filter(|_| self.params.form != Form::Rod);
         SpeedBias {
             share: self.fixed_pattern_bias.significant(),
@@ -288,7 +290,7 @@ impl BodyTracker {
         }
     }
 
-    fn impact_context(&self) -> Option<World> {
+    fn impact_context(&self) -> Option<ImpactContext> {
         // The median of radii belongs to the middle of the observed time, whatever the radius was at contact.
         let half = 0.5 * self.size_change.whole();
         let metres_per_px = self.radius.metres_per_px(self.params.scale)?;
@@ -306,14 +308,14 @@ impl BodyTracker {
         };
         let period_s = self.params.frame_period_ns * 1e-9;
         let center = self.nodes.last().and_then(|node| self.center_filter.center(node));
-        Some(World {
+        Some(ImpactContext {
             metres_per_px,
             period_s,
             gravity_px: [gravity.normal, gravity.tangential],
             radius_px,
             mass_kg: self.params.mass_kg,
             center_sigma_px: center.map_or(0.0, |center| center.sigma_px),
-            shortening: self.shortening(),
+            speed_bias: self.speed_bias(),
         })
     }
 
@@ -397,8 +399,8 @@ impl BodyTracker {
 
     /// Adds the systematic uncertainty of measured motions.
     fn with_systematic(&self, rates: PixelRates) -> PixelRates {
-        let (shortening, motion) = (self.shortening(), [rates.x.value, rates.y.value, rates.theta.value]);
-        rates.biased_by(shortening.of(motion)).biased_by(shortening.interpolated(motion))
+        let (speed_bias, motion) = (self.speed_bias(), [rates.x.value, rates.y.value, rates.theta.value]);
+        rates.biased_by(speed_bias.of(motion)).biased_by(speed_bias.interpolated(motion))
     }
 
     /// Returns the rows of a frame whose step was pushed, from everything pushed so far.

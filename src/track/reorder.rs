@@ -6,10 +6,9 @@ use crate::results::{BodyStep, PointStatus};
 
 /// A buffer that puts steps that arrive in blocks into (frame, body) order.
 ///
-/// The output does not depend on the order of arrival as long as everything arrives. A missing
-/// step is emitted up when a step `patience_frames` newer arrives, or on request. A row with status
-/// `lost` takes its place, with a stamp interpolated between its neighbours. Steps that arrive
-/// later are dropped and counted.
+/// The output does not depend on the order of arrival as long as everything arrives. A missing step is given up when a
+/// step `patience_frames` newer arrives, or on request. A row with status `lost` takes its place, with a stamp
+/// interpolated between its neighbours. Steps that arrive later are dropped and counted.
 #[derive(Debug, Clone)]
 pub struct ReorderBuffer {
     bodies: u32,
@@ -54,6 +53,7 @@ impl ReorderBuffer {
     /// Takes a step. A late step or a duplicate is dropped and counted as late.
     ///
     /// # Panics
+    ///
     /// If the step's body or interval is none of the configured ones.
     pub fn push(&mut self, step: BodyStep) {
         let slot = self.intervals_frames.iter().position(|interval| *interval == step.interval_frames);
@@ -142,6 +142,7 @@ impl ReorderBuffer {
         let mut ahead = self.waiting.values().filter(|s| s.frame >= frame);
         let first = ahead.next().copied();
         let second = first.and_then(|f| ahead.find(|s| s.frame > f.frame).copied());
+        // The known rows on either side, or else the nearest two on one side.
         let (a, b) = match (self.emitted[1], first, self.emitted[0], second) {
             (Some(a), _, _, _) if a.frame == frame => (a, a),
             (_, Some(b), _, _) if b.frame == frame => (b, b),

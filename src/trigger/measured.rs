@@ -20,6 +20,8 @@ const MIN_PREDICTION_FRAMES: usize = 6;
 const MAX_CONTACT_SIGMA_FRAMES: f64 = 0.5;
 /// The maximum age of a contact that still counts, frames.
 const MAX_LATE_FRAMES: f64 = 3.0;
+/// The distance of a speed from its limit at which it is certainly above it, sigmas.
+const LIMIT_SIGMAS: f64 = 3.0;
 /// The minimum speed of an approach, sigmas ...
 const MIN_APPROACH_SIGMAS: f64 = 5.0;
 /// ... and its minimum distance during the fit, px.
@@ -201,6 +203,7 @@ struct Approach {
 }
 
 impl Approach {
+    /// Computes the position and speed of a fitted flight relative to the edge.
     fn new(fit: &Fit, Edge { ends, normal }: Edge) -> Self {
         let dot = |a: [f64; 2], b: [f64; 2]| a[0] * b[0] + a[1] * b[1];
         let edge = [ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]];
@@ -266,6 +269,7 @@ impl Body {
         }
     }
 
+    /// Decides that the body entered the region, after [`CONFIRMED_FRAMES`] frames inside.
     fn enter(&mut self, step: &BodyStep, roi_px: Option<[u32; 4]>) -> Option<Decision> {
         let is_in = |at_px: [f64; 2]| {
             roi_px.is_none_or(|[x, y, width, height]| {
@@ -285,6 +289,7 @@ impl Body {
         entered.then(|| self.decision(step, -f64::from(CONFIRMED_FRAMES - 1), "entered"))
     }
 
+    /// Decides that the speed is above the limit, by more than [`LIMIT_SIGMAS`].
     fn speed(&mut self, step: &BodyStep, fit: &Fit, metres_per_px: f64, speed_m_s: f64) -> Option<Decision> {
         let per_frame = metres_per_px * 1e9 / self.watch.motion.frame_period_ns / self.rolling.periods();
         let speed = fit.rate_px[0].hypot(fit.rate_px[1]) * per_frame;
@@ -292,13 +297,14 @@ impl Body {
         if speed < REARM_SHARE * speed_m_s {
             self.is_ready = true;
         }
-        if !self.is_ready || speed - 3.0 * sigma <= speed_m_s {
+        if !self.is_ready || speed - LIMIT_SIGMAS * sigma <= speed_m_s {
             return None;
         }
         self.is_ready = false;
         Some(self.decision(step, 0.0, &format!("{speed:.3} +- {sigma:.3} m/s, above {speed_m_s} m/s")))
     }
 
+    /// Decides that the gap is below the limit and the body is above the edge.
     fn gap(&mut self, step: &BodyStep, approach: &Approach, gap_px: f64, gap_mm: f64) -> Option<Decision> {
         if approach.gap > gap_px / REARM_SHARE + MIN_APPROACH_PX {
             self.is_ready = true;
@@ -311,6 +317,7 @@ impl Body {
         Some(self.decision(step, 0.0, &format!("gap of {found_mm:.3} mm, below {gap_mm} mm")))
     }
 
+    /// Decides that the contact comes within `lead` frames, or that it has happened.
     fn contact(
         &mut self,
         step: &BodyStep,

@@ -43,7 +43,7 @@ fn worst(world: &SimulatedFilm, rows: &TrackerRows) -> ([f64; 3], f64) {
     (pulls, center_px)
 }
 
-/// They were off by up to 27 sigma, because a smooth curve is fitted across the blow.
+/// They were off by up to 27 sigma, because a smooth curve is fitted across the impact.
 #[test]
 fn velocity_uncertainties_hold_next_to_an_impact() {
     for (seed, struck_frames) in [(3, 32.49), (4, 30.06), (5, 35.93)] {

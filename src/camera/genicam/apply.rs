@@ -195,6 +195,7 @@ impl Device {
     }
 }
 
+/// Switches to hardware triggers from this line, and checks that the camera keeps the setting.
 fn set_trigger(device: &Device, source: &str) -> Result<(), String> {
     check_entry(source, &device.enum_entries("TriggerSource")?)?;
     let name = c_text(source)?;

@@ -90,6 +90,7 @@ impl StreamShape {
         self.payload_bytes.div_ceil(room) + 2
     }
 
+    /// Returns the program of the filter: the checks common to all packets, then those for either size of the header.
     fn instructions(&self) -> Vec<Instruction> {
         let [short, long] = HEADERS_BYTES;
         let short_instructions = self.instructions_with_header(short);
@@ -108,6 +109,7 @@ impl StreamShape {
         instructions
     }
 
+    /// Returns the checks of the packet number and the length, by the kind of the content.
     fn instructions_with_header(&self, header_bytes: u32) -> Vec<Instruction> {
         use Target::{Accept, Drop, Next, Skip};
         let is_long = header_bytes == HEADERS_BYTES[1];

@@ -55,11 +55,11 @@ pub(super) fn draw(proposal: &Proposal, surveyed: &Surveyed, frame: &Frame<'_>) 
     Ok(canvas.into_picture())
 }
 
-/// Draws the surface below the ball where it turns, with its normal.
+/// Draws the surface below the ball where it bounces, with its normal.
 fn draw_surface(canvas: &mut Canvas, proposal: &Proposal) {
     let surface = &proposal.surface;
     let radius_px = proposal.bodies.iter().find_map(ProposedBody::radius_px);
-    let Some((turn, radius_px)) = surface.turn.zip(radius_px) else { return };
+    let Some((bounce, radius_px)) = surface.bounce.zip(radius_px) else { return };
     let (sin, cos) = surface.angle_deg.to_radians().sin_cos();
     // In the image y points down.
     let (along, normal) = ([cos, -sin], [-sin, -cos]);
@@ -68,7 +68,7 @@ fn draw_surface(canvas: &mut Canvas, proposal: &Proposal) {
             let [a, b] = edge.ends_px;
             [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])]
         }
-        None => [turn.center_px[0] - radius_px * normal[0], turn.center_px[1] - radius_px * normal[1]],
+        None => [bounce.center_px[0] - radius_px * normal[0], bounce.center_px[1] - radius_px * normal[1]],
     };
     let point = |t: f64, n: f64| {
         [(foot[0] + t * along[0] + n * normal[0]) as f32, (foot[1] + t * along[1] + n * normal[1]) as f32]

@@ -3,7 +3,7 @@
 use super::gravity::Gravity;
 use crate::command::film_survey::{Surveyed, SurveyedBody};
 use crate::dic::CorrelationParams;
-use crate::survey::{Identified, SurfaceEdge, Turn, surface_edge};
+use crate::survey::{Bounce, Identified, SurfaceEdge, surface_edge};
 
 /// The range of radii to search, relative to the smallest and the largest radius found.
 const RADIUS_RANGE: [f64; 2] = [0.8, 1.25];
@@ -34,7 +34,7 @@ pub(super) struct ProposedSurface {
     pub(super) angle_deg: f64,
     pub(super) source: SurfaceSource,
     pub(super) edge: Option<SurfaceEdge>,
-    pub(super) turn: Option<Turn>,
+    pub(super) bounce: Option<Bounce>,
 }
 
 /// The source of the angle of the surface.
@@ -88,8 +88,8 @@ impl Proposal {
         let mm_per_px = diameter_mm.zip(bodies.iter().find_map(ProposedBody::radius_px));
         let mm_per_px = mm_per_px.map(|(diameter_mm, radius_px)| diameter_mm / (2.0 * radius_px));
         let radius_px = bodies.iter().find_map(ProposedBody::radius_px);
-        let turn = main.and_then(|path| path.turn);
-        let surface = surface(surveyed, turn, radius_px);
+        let bounce = main.and_then(|path| path.bounce);
+        let surface = surface(surveyed, bounce, radius_px);
         let gravity = Gravity::of(main.and_then(|path| path.acceleration), mm_per_px);
         let defaults = CorrelationParams::default();
         let speed_px = main.map_or(0.0, |path| path.speed_px_frame);
@@ -107,7 +107,7 @@ impl Proposal {
             gravity,
             subset_size_px: fitting.filter(|fitting| *fitting < defaults.subset_size_px),
             search_px: (speed_px > f64::from(defaults.search_px)).then(|| (1.5 * speed_px).ceil().min(1024.0) as u32),
-            shown_frame: turn.map_or(middle, |turn| turn.index),
+            shown_frame: bounce.map_or(middle, |bounce| bounce.index),
             warnings: warnings(surveyed, &chosen, gravity),
             missing: missing(&bodies, mm_per_px),
             bodies,
@@ -144,10 +144,10 @@ impl Proposal {
 }
 
 impl ProposedSurface {
-    /// Returns one line about it.
+    /// Describes the angle, its source and the frame of the bounce in one line.
     pub(super) fn line(&self) -> String {
         let angle_deg = self.angle_deg;
-        let at = self.turn.map_or_else(String::new, |turn| format!(", touched about frame {}", turn.index));
+        let at = self.bounce.map_or_else(String::new, |bounce| format!(", touched about frame {}", bounce.index));
         match self.source {
             SurfaceSource::Edge => {
                 let edge_deg = self.edge.map_or(angle_deg, |edge| edge.angle_deg);
@@ -248,26 +248,26 @@ fn region(spans: impl Iterator<Item = [f64; 4]>, size_px: [usize; 2]) -> Option<
     (share < MAX_ROI_SHARE).then(|| [left, top, right - left, bottom - top].map(|number| number as u32))
 }
 
-fn surface(surveyed: &Surveyed, turn: Option<Turn>, radius_px: Option<f64>) -> ProposedSurface {
-    let Some(turn) = turn else {
-        return ProposedSurface { angle_deg: 0.0, source: SurfaceSource::Assumed, edge: None, turn: None };
+fn surface(surveyed: &Surveyed, bounce: Option<Bounce>, radius_px: Option<f64>) -> ProposedSurface {
+    let Some(bounce) = bounce else {
+        return ProposedSurface { angle_deg: 0.0, source: SurfaceSource::Assumed, edge: None, bounce: None };
     };
     let edge = surveyed.movement.as_ref().zip(radius_px);
-    let edge = edge.and_then(|(movement, radius_px)| surface_edge(movement, &turn, radius_px));
+    let edge = edge.and_then(|(movement, radius_px)| surface_edge(movement, &bounce, radius_px));
     if let Some(edge) = edge {
         let upright_deg = upright_deg(edge.angle_deg);
         let is_upright = (edge.angle_deg - upright_deg).abs() < EDGE_DEG;
         let angle_deg = if is_upright { upright_deg } else { edge.angle_deg.round() } + 0.0;
-        return ProposedSurface { angle_deg, source: SurfaceSource::Edge, edge: Some(edge), turn: Some(turn) };
+        return ProposedSurface { angle_deg, source: SurfaceSource::Edge, edge: Some(edge), bounce: Some(bounce) };
     }
     // The surface's tangent is the normal turned clockwise by a quarter turn; the image's y points down.
-    let bounce_deg = (-turn.direction[1]).atan2(turn.direction[0]).to_degrees() - 90.0;
+    let bounce_deg = (-bounce.direction[1]).atan2(bounce.direction[0]).to_degrees() - 90.0;
     let bounce_deg = (bounce_deg + 180.0).rem_euclid(360.0) - 180.0;
     let upright_deg = upright_deg(bounce_deg);
     let is_friction = (bounce_deg - upright_deg).abs() < FRICTION_DEG;
     // No negative zero, and no turn of -180 deg, in a file for people.
     let angle_deg = if is_friction { upright_deg } else { bounce_deg.round() } + 0.0;
-    ProposedSurface { angle_deg, source: SurfaceSource::Bounce, edge: None, turn: Some(turn) }
+    ProposedSurface { angle_deg, source: SurfaceSource::Bounce, edge: None, bounce: Some(bounce) }
 }
 
 /// Returns the angle of the nearest level surface or wall, deg.

@@ -21,8 +21,10 @@ const MIN_HARMONIC: usize = 3;
 /// The minimum number of radii of a ring.
 const MIN_ROWS: usize = 4;
 
-/// The size of the cells that are tested for occlusion: rows, and length along the angle in px.
-const CELL: (usize, f64) = (3, 8.0);
+/// The number of rows of a cell that is tested for occlusion.
+const CELL_ROWS: usize = 3;
+/// The length of a cell along the angle, px.
+const CELL_PX: f64 = 8.0;
 
 /// The ratio of a cell's mean square residual to the median above which it is occluded.
 const MAX_CELL_RATIO: f64 = 9.0;
@@ -30,8 +32,10 @@ const MAX_CELL_RATIO: f64 = 9.0;
 /// The minimum root mean square residual of a visible cell, DN, for frames without noise.
 const MIN_RESIDUAL_DN: f64 = 0.5;
 
-/// The size of the sectors whose errors count as independent: rows, and length along the angle in px.
-const SECTOR: (usize, f64) = (8, 12.0);
+/// The number of rows of a sector. The errors of different sectors count as independent.
+const SECTOR_ROWS: usize = 8;
+/// The length of a sector along the angle, px.
+const SECTOR_PX: f64 = 12.0;
 
 /// The minimum ZNCC of an accepted ring.
 const MIN_ZNCC: f64 = 0.5;
@@ -131,7 +135,7 @@ impl PolarCorrelator {
                 if zncc < MIN_ZNCC {
                     return Err(PointStatus::LowCorrelation);
                 }
-                let sigma_deg = self.sigma(grid, gain).to_degrees();
+                let sigma_deg = self.angle_sigma(grid, gain).to_degrees();
                 let outer_px = grid.inner_px + grid.rows as f64;
                 return Ok(RingRotation { angle_deg: angle.to_degrees(), sigma_deg, zncc, outer_px });
             }
@@ -220,11 +224,11 @@ impl PolarCorrelator {
 
     /// Returns the number of rows inside the first occluded one.
     fn visible_rows(&self, grid: Grid, gain: f64) -> usize {
-        let bands = grid.rows.div_ceil(CELL.0);
+        let bands = grid.rows.div_ceil(CELL_ROWS);
         let mut cells = Vec::new();
         for band in 0..bands {
-            let rows = band * CELL.0..((band + 1) * CELL.0).min(grid.rows);
-            let count = ((TAU * grid.radius(rows.start) / CELL.1) as usize).clamp(4, grid.columns);
+            let rows = band * CELL_ROWS..((band + 1) * CELL_ROWS).min(grid.rows);
+            let count = ((TAU * grid.radius(rows.start) / CELL_PX) as usize).clamp(4, grid.columns);
             for cell in 0..count {
                 let columns = cell * grid.columns / count..(cell + 1) * grid.columns / count;
                 let of_row = |row: usize| -> f64 {
@@ -239,20 +243,23 @@ impl PolarCorrelator {
         // One odd cell may be a scratch; occluders are wider.
         let is_occluded = |band: usize| cells.iter().filter(|cell| cell.0 == band && cell.1 > limit).count() > 1;
         let first = (0..bands).find(|band| is_occluded(*band));
-        first.map_or(grid.rows, |band| band * CELL.0)
+        first.map_or(grid.rows, |band| band * CELL_ROWS)
     }
 
     /// Returns the standard uncertainty of the angle, rad, from the scatter between sectors of the ring.
-    fn sigma(&self, grid: Grid, gain: f64) -> f64 {
+    ///
+    /// A cluster-robust (sandwich) estimate, because neighbouring residuals are correlated (K.-Y. Liang, S. L. Zeger,
+    /// Biometrika 73 (1986) 13, <https://doi.org/10.1093/biomet/73.1.13>).
+    fn angle_sigma(&self, grid: Grid, gain: f64) -> f64 {
         let middle_px = grid.inner_px + 0.5 * grid.rows as f64;
-        let sectors = ((TAU * middle_px / SECTOR.1) as usize).clamp(8, grid.columns);
-        let bands = grid.rows.div_ceil(SECTOR.0);
+        let sectors = ((TAU * middle_px / SECTOR_PX) as usize).clamp(8, grid.columns);
+        let bands = grid.rows.div_ceil(SECTOR_ROWS);
         let (mut information, mut scores) = (0.0, vec![0.0_f64; sectors * bands]);
         for row in 0..grid.rows {
             for column in 0..grid.columns {
                 let slope = gain * f64::from(self.slope.levels[row * grid.columns + column]);
                 information += grid.weight(row) * slope * slope;
-                scores[row / SECTOR.0 * sectors + column * sectors / grid.columns] +=
+                scores[row / SECTOR_ROWS * sectors + column * sectors / grid.columns] +=
                     grid.weight(row) * slope * self.residual(grid, gain, row, column);
             }
         }

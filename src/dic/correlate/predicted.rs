@@ -137,7 +137,7 @@ impl PredictedUpdate {
         let Some(fit) = self.fits[index] else { return };
         let layers = layers(matcher.reference, &self.plane);
         pool.add_layers(layers, matcher.window, pairs, self.centers[index], fit);
-        pool.add_gradient_gain(GradientGain::within(matcher.reference, matcher.window, matcher.at));
+        pool.add_gradient_gain(GradientGain::of_subset(matcher.reference, matcher.window, matcher.at));
     }
 }
 

@@ -305,7 +305,7 @@ impl SubsetMatcher<'_> {
         }
         if !residual.is_empty() {
             pool.add(self.subset, self.window, residual);
-            pool.add_gradient_gain(GradientGain::within(self.reference, self.window, self.at));
+            pool.add_gradient_gain(GradientGain::of_subset(self.reference, self.window, self.at));
         }
     }
 }

@@ -26,7 +26,7 @@ pub(in crate::dic) struct GradientGain {
 }
 
 impl GradientGain {
-    /// Sums the pixels between the first and the last column of every row; rows whose first is larger are empty.
+    /// Sums over the pixels between the first and the last column of every row; rows whose first is larger are empty.
     pub(in crate::dic) fn of(reference: &PreparedFrame, spans: &[(i32, i32)]) -> Self {
         let mut sums = Self::default();
         for (y, (left, right)) in spans.iter().enumerate().step_by(ROW_STEP).filter(|(_, span)| span.0 <= span.1) {
@@ -37,20 +37,20 @@ impl GradientGain {
         sums
     }
 
-    /// Sums the pixels of a window at a position in the reference.
-    pub(in crate::dic) fn within(reference: &PreparedFrame, window: &SubsetMask, at: GridPoint) -> Self {
+    /// Sums over the pixels of a subset at a position in the reference.
+    pub(in crate::dic) fn of_subset(reference: &PreparedFrame, subset: &SubsetMask, at: GridPoint) -> Self {
         let Pixel { x, y } = reference.local(at);
         let mut sums = Self::default();
-        for block in &window.blocks {
+        for block in &subset.blocks {
             let first = reference.levels.index((x + block.dx) as isize, (y + block.dy) as isize);
-            let mask = &window.mask[block.start..block.start + block.rows];
+            let mask = &subset.mask[block.start..block.start + block.rows];
             let [squares, products] = add_block(reference, first, mask);
             sums.add(Self { squares, products });
         }
         sums
     }
 
-    /// Adds the sums of other pixels.
+    /// Adds the sums over other pixels.
     pub(in crate::dic) fn add(&mut self, other: Self) {
         self.squares += other.squares;
         self.products += other.products;

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// Number of frames that are named.
-const NAMED: usize = 4;
+/// The maximum number of frames that are named.
+const MAX_NAMED: usize = 4;
 /// Maximum number of distances that are counted.
 const MAX_DISTANCES: usize = 64;
 
@@ -27,7 +27,7 @@ impl Repeated {
         if self.count > 0 && (self.distances.len() < MAX_DISTANCES || self.distances.contains_key(&distance)) {
             *self.distances.entry(distance).or_default() += 1;
         }
-        if self.first.len() < NAMED {
+        if self.first.len() < MAX_NAMED {
             self.first.push(number);
         }
         self.last = number;

@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-/// Maximum number of digits of a number.
-const DIGITS_MAX: usize = 30;
-/// Mean step of a counter at most; fractions of a second have larger ones.
-const COUNTER_STEP: i128 = 8;
+/// The maximum number of digits of a number.
+const MAX_DIGITS: usize = 30;
+/// The maximum mean step of a counter; fractions of a second have larger ones.
+const MAX_COUNTER_STEP: i128 = 8;
 
 /// A file name, taken apart into numbers and the texts around them.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -16,7 +16,7 @@ struct Name {
     digits: Vec<String>,
 }
 
-/// The numbers of one place in all names.
+/// The numbers at one position in all names.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Column {
     /// The texts before and after it, which all names share.
@@ -41,7 +41,7 @@ pub(super) enum Unnumbered {
     Unlike,
 }
 
-/// Returns the places of numbers that all names share.
+/// Returns the columns of numbers that all names share.
 pub(super) fn columns(paths: &[PathBuf]) -> Result<Vec<Column>, Unnumbered> {
     let is_one_folder = paths.windows(2).all(|pair| pair[0].parent() == pair[1].parent());
     // Folders belong to the names where they differ.
@@ -52,7 +52,7 @@ pub(super) fn columns(paths: &[PathBuf]) -> Result<Vec<Column>, Unnumbered> {
     if patterns.iter().any(|pattern| pattern != first) {
         return Err(odd(&patterns));
     }
-    Ok((0..first.len() - 1).map_while(|place| Column::at(&names, place)).collect())
+    Ok((0..first.len() - 1).map_while(|index| Column::from_names(&names, index)).collect())
 }
 
 /// Finds the name that does not fit most others.
@@ -92,44 +92,44 @@ impl Name {
         name
     }
 
-    /// The texts without the signs of the numbers behind them.
+    /// Returns the texts without the signs of the numbers after them.
     fn pattern(&self) -> Vec<String> {
         let last = self.texts.len() - 1;
         let text =
-            |(place, text): (usize, &String)| if place < last { unsigned(text).to_owned() } else { text.clone() };
+            |(index, text): (usize, &String)| if index < last { unsigned(text).to_owned() } else { text.clone() };
         self.texts.iter().enumerate().map(text).collect()
     }
 
-    fn sign(&self, place: usize) -> Option<char> {
-        let text = &self.texts[place];
+    fn sign(&self, index: usize) -> Option<char> {
+        let text = &self.texts[index];
         text[unsigned(text).len()..].chars().next()
     }
 }
 
-/// A text without a sign at its end.
+/// Returns the text without a sign at its end.
 fn unsigned(text: &str) -> &str {
     text.strip_suffix(['-', '+', '\u{2212}']).unwrap_or(text)
 }
 
 impl Column {
-    /// The numbers of one place; `None` where they are too long.
-    fn at(names: &[Name], place: usize) -> Option<Self> {
+    /// Collects the numbers with this index from all names; `None` if one is too long.
+    fn from_names(names: &[Name], index: usize) -> Option<Self> {
         let first = names.first()?;
         // A hyphen that all names share separates, one that only some have is a sign.
-        let is_signed = names.iter().any(|name| name.sign(place) != first.sign(place));
+        let is_signed = names.iter().any(|name| name.sign(index) != first.sign(index));
         let value = |name: &Name| {
-            let digits = &name.digits[place];
-            let number: i128 = (digits.len() <= DIGITS_MAX).then(|| digits.parse().ok()).flatten()?;
-            let is_negative = is_signed && matches!(name.sign(place), Some('-' | '\u{2212}'));
+            let digits = &name.digits[index];
+            let number: i128 = (digits.len() <= MAX_DIGITS).then(|| digits.parse().ok()).flatten()?;
+            let is_negative = is_signed && matches!(name.sign(index), Some('-' | '\u{2212}'));
             Some(if is_negative { -number } else { number })
         };
         Some(Self {
-            before: if is_signed { unsigned(&first.texts[place]).to_owned() } else { first.texts[place].clone() },
-            after: first.texts[place + 1].clone(),
+            before: if is_signed { unsigned(&first.texts[index]).to_owned() } else { first.texts[index].clone() },
+            after: first.texts[index + 1].clone(),
             values: names.iter().map(value).collect::<Option<_>>()?,
-            digits: names.iter().map(|name| name.digits[place].len()).collect(),
+            digits: names.iter().map(|name| name.digits[index].len()).collect(),
             decimals: 0,
-            is_hyphened: !is_signed && matches!(first.sign(place), Some('-' | '\u{2212}')),
+            is_hyphened: !is_signed && matches!(first.sign(index), Some('-' | '\u{2212}')),
         })
     }
 
@@ -144,8 +144,8 @@ impl Column {
 
     /// Whether the numbers are as dense as those of a counter.
     pub(super) fn counts(&self) -> bool {
-        let (least, most) = (self.values.iter().min().unwrap_or(&0), self.values.iter().max().unwrap_or(&0));
-        self.is_unique() && most - least < COUNTER_STEP * self.values.len() as i128
+        let (min, max) = (self.values.iter().min().unwrap_or(&0), self.values.iter().max().unwrap_or(&0));
+        self.is_unique() && max - min < MAX_COUNTER_STEP * self.values.len() as i128
     }
 
     pub(super) fn is_unique(&self) -> bool {
@@ -154,17 +154,17 @@ impl Column {
         sorted.windows(2).all(|pair| pair[0] != pair[1])
     }
 
-    /// The places of the names in the order of the numbers.
+    /// Returns the indices of the names in the order of their numbers.
     pub(super) fn order(&self) -> Vec<usize> {
         let mut order: Vec<usize> = (0..self.values.len()).collect();
         order.sort_by_key(|index| self.values[*index]);
         order
     }
 
-    /// The numbers from the lowest to the highest, as `"img_" (0 to 35)`.
+    /// Describes the range of the numbers, as `the number after "img_" (0 to 35)`.
     pub(super) fn range(&self) -> String {
-        let (least, most) = (self.values.iter().min().unwrap_or(&0), self.values.iter().max().unwrap_or(&0));
-        format!("the number after {:?} ({least} to {most})", self.before)
+        let (min, max) = (self.values.iter().min().unwrap_or(&0), self.values.iter().max().unwrap_or(&0));
+        format!("the number after {:?} ({min} to {max})", self.before)
     }
 
     /// Appends the digits behind a decimal point.

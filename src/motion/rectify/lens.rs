@@ -1,7 +1,7 @@
 //! Lens distortion and its inverse.
 
 /// The maximum number of Newton steps; a few suffice from a point of the image.
-const STEPS: usize = 30;
+const MAX_STEPS: usize = 30;
 
 /// The tolerance of undistorted coordinates, focal lengths.
 const TOLERANCE: f64 = 1e-13;
@@ -30,7 +30,7 @@ pub struct Lens {
 
 impl Distortion {
     /// Distorts a ray (x/z, y/z).
-    fn bend(&self, ray: [f64; 2]) -> [f64; 2] {
+    fn distort(&self, ray: [f64; 2]) -> [f64; 2] {
         let [x, y] = ray;
         let square = x * x + y * y;
         match self {
@@ -50,27 +50,28 @@ impl Distortion {
                 }
                 let angle = radius.atan();
                 let t = angle * angle;
-                let bent = angle * (1.0 + t * (k1 + t * (k2 + t * (k3 + t * k4))));
-                [x * bent / radius, y * bent / radius]
+                let distorted = angle * (1.0 + t * (k1 + t * (k2 + t * (k3 + t * k4))));
+                [x * distorted / radius, y * distorted / radius]
             }
         }
     }
 }
 
 impl Lens {
-    /// Returns the undistorted ray (x/z, y/z) of a pixel; `None` where the model has no such ray.
+    /// Returns the undistorted ray (x/z, y/z) of a pixel by Newton's method; `None` where the model has no such ray.
     pub fn ray(&self, pixel: [f64; 2]) -> Option<[f64; 2]> {
-        let seen: [f64; 2] = std::array::from_fn(|k| (pixel[k] - self.center_px[k]) / self.focal_px[k]);
-        let mut ray = seen;
-        for _ in 0..STEPS {
-            let bent = self.distortion.bend(ray);
-            let miss = [bent[0] - seen[0], bent[1] - seen[1]];
-            let [[a, b], [c, d]] = derivative(|ray| self.distortion.bend(ray), ray, 1e-6);
+        let measured: [f64; 2] = std::array::from_fn(|k| (pixel[k] - self.center_px[k]) / self.focal_px[k]);
+        let mut ray = measured;
+        for _ in 0..MAX_STEPS {
+            let distorted = self.distortion.distort(ray);
+            let residual = [distorted[0] - measured[0], distorted[1] - measured[1]];
+            let [[a, b], [c, d]] = derivative(|ray| self.distortion.distort(ray), ray, 1e-6);
             let det = a * d - b * c;
+            // Where the determinant vanishes, the image folds back: two rays meet in one pixel.
             if det.is_nan() || det <= 1e-6 {
                 return None;
             }
-            let step = [(d * miss[0] - b * miss[1]) / det, (a * miss[1] - c * miss[0]) / det];
+            let step = [(d * residual[0] - b * residual[1]) / det, (a * residual[1] - c * residual[0]) / det];
             ray = [ray[0] - step[0], ray[1] - step[1]];
             if step[0].hypot(step[1]) < TOLERANCE * (1.0 + ray[0].hypot(ray[1])) {
                 return Some(ray);
@@ -81,7 +82,7 @@ impl Lens {
 
     /// Returns the pixel of a ray, px.
     pub fn pixel(&self, ray: [f64; 2]) -> [f64; 2] {
-        let [x, y] = self.distortion.bend(ray);
+        let [x, y] = self.distortion.distort(ray);
         [self.center_px[0] + self.focal_px[0] * x, self.center_px[1] + self.focal_px[1] * y]
     }
 }
@@ -117,15 +118,15 @@ mod tests {
     }
 
     #[test]
-    fn models_bend_as_their_formulas_read() {
+    fn models_distort_as_their_formulas_read() {
         // At r = 0.5: 1 - 0.3 x 0.25 + 0.1 x 0.0625 = 0.93125.
-        let brown = Distortion::Brown([-0.3, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).bend([0.3, 0.4]);
+        let brown = Distortion::Brown([-0.3, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).distort([0.3, 0.4]);
         assert!((brown[0] - 0.3 * 0.93125).abs() < 1e-12 && (brown[1] - 0.4 * 0.93125).abs() < 1e-12);
         // p1 = 0.01, p2 = 0.02: x + 2 p1 x y + p2 (r^2 + 2 x^2), y + p1 (r^2 + 2 y^2) + 2 p2 x y.
-        let [x, y] = Distortion::Brown([0.0, 0.0, 0.01, 0.02, 0.0, 0.0, 0.0, 0.0]).bend([0.3, 0.4]);
+        let [x, y] = Distortion::Brown([0.0, 0.0, 0.01, 0.02, 0.0, 0.0, 0.0, 0.0]).distort([0.3, 0.4]);
         assert!((x - (0.3 + 0.0024 + 0.02 * 0.43)).abs() < 1e-12 && (y - (0.4 + 0.01 * 0.57 + 0.0048)).abs() < 1e-12);
         // A ray at 45 deg lies pi/4 focal lengths from the axis.
-        let [x, _] = Distortion::Equidistant([0.0; 4]).bend([1.0, 0.0]);
+        let [x, _] = Distortion::Equidistant([0.0; 4]).distort([1.0, 0.0]);
         assert!((x - std::f64::consts::FRAC_PI_4).abs() < 1e-12);
     }
 

@@ -10,10 +10,12 @@ const MAX_INTERVALS: usize = 4;
 const MIN_SAMPLES: u32 = 3;
 /// The slope of [`along`] at zero: 2 (8 / 12 + 1 / 24).
 const BIAS_SLOPE: f64 = 17.0 / 12.0;
-/// The displacement from which the residual oscillates about zero, px; it stays below [`SWINGS`] over the square of the
-/// displacement (measured on rendered speckles: 0.12 at 1.6 px, -0.04 at 2.2).
-const SWINGS_PX: f64 = 1.2;
-const SWINGS: f64 = 0.3;
+/// The minimum displacement at which the bias oscillates about zero, px.
+const MIN_OSCILLATION_PX: f64 = 1.2;
+/// The maximum of these oscillations, times the square of the displacement, px^2.
+///
+/// On rendered speckles they were 0.12 at 1.6 px and -0.04 at 2.2 px.
+const MAX_OSCILLATION: f64 = 0.3;
 
 /// The interpolation error of a step that moves all pixels to the same sub-pixel position, px. Measured on 400 rendered
 /// rods that fall by 1.44 px in 16 frames.
@@ -83,12 +85,15 @@ impl Intervals {
     /// Returns the part of the share that remains in speeds along x and y from whole-body matches, px/frame.
     fn left_in_whole_body(&self, speed_px: [f64; 2]) -> f64 {
         // A reference that is never renewed was drawn at another position.
-        self.kept_frames.map_or(0.0, |frames| alike(frames * speed_px[0], frames * speed_px[1]))
+        self.kept_frames.map_or(0.0, |frames| relative_bias(frames * speed_px[0], frames * speed_px[1]))
     }
 
     /// Returns the part of the share that remains in speeds along x and y from steps over subsets, px/frame.
     fn left_in_subsets(&self, speed_px: [f64; 2]) -> f64 {
-        self.intervals.iter().map(|(frames, weight)| weight * alike(frames * speed_px[0], frames * speed_px[1])).sum()
+        self.intervals
+            .iter()
+            .map(|(frames, weight)| weight * relative_bias(frames * speed_px[0], frames * speed_px[1]))
+            .sum()
     }
 
     /// Returns the interpolation error of steps over subsets as a share of a speed, px/frame, of a body whose rotation
@@ -140,13 +145,14 @@ impl SpeedBias {
 ///
 /// Along each axis it follows [`along`], reduced by the correlation of what is interpolated across. Beyond the first
 /// zero it is replaced by its bound.
-fn alike(x_px: f64, y_px: f64) -> f64 {
+fn relative_bias(x_px: f64, y_px: f64) -> f64 {
     let square = x_px * x_px + y_px * y_px;
     if square < 1e-12 {
         return 1.0;
     }
-    let spoken = (x_px * along(x_px) * sinc(y_px) + y_px * along(y_px) * sinc(x_px)) / (BIAS_SLOPE * square);
-    if square < SWINGS_PX * SWINGS_PX { spoken } else { spoken.max(SWINGS / square) }.clamp(0.0, 1.0)
+    let bias = (x_px * along(x_px) * sinc(y_px) + y_px * along(y_px) * sinc(x_px)) / (BIAS_SLOPE * square);
+    let is_oscillating = square >= MIN_OSCILLATION_PX * MIN_OSCILLATION_PX;
+    if is_oscillating { bias.max(MAX_OSCILLATION / square) } else { bias }.clamp(0.0, 1.0)
 }
 
 /// Returns the correlation of white pixel noise, whose slope is taken by fourth-order differences, with itself
@@ -179,13 +185,13 @@ mod tests {
 
     #[test]
     fn longer_intervals_and_faster_bodies_leave_less_of_it() {
-        let shortening = |intervals: &[u32], is_whole: bool| SpeedBias {
+        let speed_bias = |intervals: &[u32], is_whole: bool| SpeedBias {
             share: 1.0,
             spans: Intervals::of(intervals, Some(Renewal { block_frames: 16, stale_deg: 3.0 })),
             is_whole,
             radius_px: 50.0,
         };
-        let of = |intervals: &[u32], x_px: f64| shortening(intervals, false).of([x_px, 0.0, 0.0]);
+        let of = |intervals: &[u32], x_px: f64| speed_bias(intervals, false).of([x_px, 0.0, 0.0]);
         assert!((of(&[1], 0.0) - 1.0).abs() < 1e-12);
         assert!((of(&[1, 16], 0.0) - 1.0).abs() < 1e-12 && (of(&[1, 2, 4, 8], 0.0) - 1.0).abs() < 1e-12);
         assert!(of(&[1], 0.086) > 0.97 && (0.7..0.8).contains(&of(&[1, 8], 0.086)));
@@ -194,17 +200,17 @@ mod tests {
         let seen = [(0.2, 1.06, 0.86), (0.4, 0.94, 0.72), (0.8, 0.69, 0.37), (1.2, 0.37, 0.06), (1.6, 0.12, -0.07)];
         for (px, row, diagonal) in seen {
             let half_px = px * std::f64::consts::FRAC_1_SQRT_2;
-            let off = [alike(px, 0.0) - row, alike(half_px, half_px) - diagonal];
+            let off = [relative_bias(px, 0.0) - row, relative_bias(half_px, half_px) - diagonal];
             assert!((-0.1..0.2).contains(&off[0]) && (-0.05..0.2).contains(&off[1]), "{px} px: {off:?}");
         }
         // Interpolation affects longer steps less, and rotation averages it out.
-        let slow = shortening(&[1, 16], false);
+        let slow = speed_bias(&[1, 16], false);
         assert!(slow.interpolated([0.0; 3]) < 4e-4);
         let [px, turned] = [[0.0, 0.09, 0.0], [0.0, 0.09, 2.0]].map(|rates| 0.09 * slow.interpolated(rates));
         assert!((4e-6..7e-6).contains(&px) && turned <= 0.0, "{px} {turned}");
-        assert!(shortening(&[1], true).interpolated([0.0, 0.09, 0.0]) <= 0.0);
+        assert!(speed_bias(&[1], true).interpolated([0.0, 0.09, 0.0]) <= 0.0);
         // A kept reference sees the whole displacement since it was taken, and rotation moves pixels as well.
-        assert!(shortening(&[1], true).of([0.2, 0.0, 0.0]) < 0.04);
-        assert!(shortening(&[1], false).of([0.0, 0.0, 3.0]) < 0.2);
+        assert!(speed_bias(&[1], true).of([0.2, 0.0, 0.0]) < 0.04);
+        assert!(speed_bias(&[1], false).of([0.0, 0.0, 3.0]) < 0.2);
     }
 }

@@ -1,6 +1,6 @@
 //! The drift of a body's outline relative to the pose of its pattern, caused by rotation out of the image plane.
 
-use super::rotation_prior::{ROTATING_SHARE, Source, unseen};
+use super::rotation_prior::{ROTATING_SHARE, Source, possible_drift};
 use crate::motion::{Center, CumulativeSums, PixelRates, Pose, Regime, RollingShutter};
 use crate::numeric::{Polynomial, Sample};
 use crate::results::{BodyStep, Circle, Estimate, RigidStep};
@@ -20,9 +20,10 @@ const SURE_SHARE: f64 = 0.5;
 const NONUNIFORM_SIGMAS: f64 = 2.5;
 /// The half width of the window that is used for any deviation, frames.
 const NARROW_FRAMES: f64 = 4.0;
-/// The half width of the window for the drift in flight, frames.
-const BACK: u64 = 128;
-const AHEAD: u64 = 14;
+/// The reach of the window for the drift in flight back from a frame, frames.
+const BACK_FRAMES: u64 = 128;
+/// Its reach ahead; an undetected contact lies further ahead.
+const AHEAD_FRAMES: u64 = 14;
 /// The number of outlines kept: the longest contact that is followed, and the flights around it.
 const KEPT: usize = 4608;
 /// The maximum correlation of outline errors from frame to frame.
@@ -227,17 +228,17 @@ impl OutlineDrift {
     fn significant_part(&self, from_frames: f64, to_frames: f64, rates: &Rates) -> [Estimate; 3] {
         let Rates { px, share, turn } = *rates;
         let likely_px = self.likely_px(from_frames, to_frames);
-        let unseen = likely_px.map_or([0.0; 2], |likely_px| {
-            unseen(px, likely_px, if turn.is_some() { Source::Subsets } else { Source::Outlines })
+        let possible = likely_px.map_or([0.0; 2], |likely_px| {
+            possible_drift(px, likely_px, if turn.is_some() { Source::Subsets } else { Source::Outlines })
         });
-        let shrink = |Estimate { value, sigma }: Estimate, unseen: f64| {
+        let shrink = |Estimate { value, sigma }: Estimate, possible: f64| {
             let widened = share.sqrt() * sigma.hypot((1.0 - share) * value);
-            Estimate { value: share * value, sigma: widened.hypot((1.0 - share).sqrt() * unseen) }
+            Estimate { value: share * value, sigma: widened.hypot((1.0 - share).sqrt() * possible) }
         };
         let turns_deg = |px: f64| self.turns_deg(px, from_frames, to_frames);
         let outlined = || Estimate { value: 0.0, sigma: turns_deg(px[0].value.hypot(px[1].value)) };
-        let turn = shrink(turn.unwrap_or_else(outlined), turns_deg(unseen[0].hypot(unseen[1])));
-        [shrink(px[0], unseen[0]), shrink(px[1], unseen[1]), turn]
+        let turn = shrink(turn.unwrap_or_else(outlined), turns_deg(possible[0].hypot(possible[1])));
+        [shrink(px[0], possible[0]), shrink(px[1], possible[1]), turn]
     }
 
     /// Returns the significant drift, or the prior spread where neither outlines nor steps determine it.
@@ -377,8 +378,8 @@ impl OutlineDrift {
             if even || reach < 2.0 * NARROW_FRAMES {
                 let sigma_px = if even { center.sigma_px } else { center.sigma_px.hypot(off) };
                 // The moment between two outlines at which the drift changed is unknown.
-                let unsure = NARROW_FRAMES * scatter[0].hypot(scatter[1]);
-                return Some(Center { sigma_px: sigma_px.hypot(unsure), ..center });
+                let sigma_change_px = NARROW_FRAMES * scatter[0].hypot(scatter[1]);
+                return Some(Center { sigma_px: sigma_px.hypot(sigma_change_px), ..center });
             }
             reach *= 0.5;
             near = (from.max(about - reach), to.min(about + reach));
@@ -454,13 +455,15 @@ fn both(a: Estimate, b: Estimate) -> Estimate {
     Estimate { value: (of_a * a.value + of_b * b.value) / (of_a + of_b), sigma: (of_a + of_b).powf(-0.5) }
 }
 
-/// Returns the interval whose outlines determine the drift at a node.
+/// Returns the interval whose outlines determine the drift at a node, frames.
+///
+/// During contact, it is that of the flight before.
 fn window(node: &Pose, regime: Regime) -> (f64, f64) {
     let frame = node.frame;
     let (from, to) = match regime {
-        Regime::Flight { from, to } => (from.max(frame.saturating_sub(BACK)), to.min(frame + AHEAD)),
-        Regime::Contact { from, .. } => (from.saturating_sub(BACK), from.saturating_sub(1)),
-        Regime::Unknown => (frame.saturating_sub(BACK), frame + AHEAD),
+        Regime::Flight { from, to } => (from.max(frame.saturating_sub(BACK_FRAMES)), to.min(frame + AHEAD_FRAMES)),
+        Regime::Contact { from, .. } => (from.saturating_sub(BACK_FRAMES), from.saturating_sub(1)),
+        Regime::Unknown => (frame.saturating_sub(BACK_FRAMES), frame + AHEAD_FRAMES),
     };
     let time = |at: u64| node.time_frames + at as f64 - frame as f64;
     (time(from) - 0.5, time(to) + 0.5)

@@ -26,7 +26,7 @@ pub enum Source {
 /// `likely_px`, and some more slowly.
 ///
 /// The slow ones count only where the rates come from outlines, since subsets would detect them.
-pub fn unseen(rates: [Estimate; 2], likely_px: f64, source: Source) -> [f64; 2] {
+pub fn possible_drift(rates: [Estimate; 2], likely_px: f64, source: Source) -> [f64; 2] {
     let slow = |slowness: i32| (ROTATING_SHARE / f64::from(SLOWNESSES), likely_px * CLASS_RATIO.powi(slowness));
     let slow = (1..=SLOWNESSES).filter(|_| source == Source::Outlines).map(slow);
     let (mut all, mut squares) = (1.0, [0.0; 2]);
@@ -42,8 +42,8 @@ pub fn unseen(rates: [Estimate; 2], likely_px: f64, source: Source) -> [f64; 2] 
         for (square, rate) in squares.iter_mut().zip(rates) {
             let own = rate.sigma * rate.sigma;
             let gain = likely / (own + likely);
-            let is_unseen = own / (own + RESOLVED_SHARE * RESOLVED_SHARE * likely);
-            *square += share * factor * is_unseen * (gain * own + (gain * rate.value).powi(2));
+            let undetected = own / (own + RESOLVED_SHARE * RESOLVED_SHARE * likely);
+            *square += share * factor * undetected * (gain * own + (gain * rate.value).powi(2));
         }
     }
     squares.map(|square| (square / all).sqrt())
@@ -56,7 +56,7 @@ mod tests {
     #[test]
     fn the_less_is_seen_the_more_may_be_hidden() {
         let of = |value: f64, sigma: f64, source: Source| {
-            unseen([Estimate { value, sigma }, Estimate { value: 0.0, sigma }], 1.0, source)[0]
+            possible_drift([Estimate { value, sigma }, Estimate { value: 0.0, sigma }], 1.0, source)[0]
         };
         // A precise zero leaves nothing; an imprecise one leaves what some balls do.
         assert!(of(0.0, 1e-3, Source::Subsets) < 1e-4 && (0.2..0.4).contains(&of(0.0, 10.0, Source::Subsets)));

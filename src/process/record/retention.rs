@@ -125,15 +125,16 @@ impl Retention {
             .filter_map(|entry| {
                 let entry = entry.ok()?;
                 // Links are not followed: their targets do not belong to this folder.
-                let about = entry.metadata().ok().filter(fs::Metadata::is_file)?;
+                let metadata = entry.metadata().ok().filter(fs::Metadata::is_file)?;
                 let path = entry.path();
                 let of_this_rig = is_name(entry.file_name().to_str()?, &self.rig) && is_from(&path, &self.rig);
+                // Recordings of earlier processes come first, by time. Those of this one follow in order.
                 let rank = self.made.iter().position(|made| *made == path).map_or(0, |at| at + 1);
-                let modified = about.modified().unwrap_or(SystemTime::UNIX_EPOCH);
+                let modified = metadata.modified().unwrap_or(SystemTime::UNIX_EPOCH);
                 of_this_rig.then(|| {
                     let later: Vec<PathBuf> = files_of(&path).into_iter().skip(1).collect();
-                    let of_later = |path: &PathBuf| fs::symlink_metadata(path).map_or(0, |about| about.len());
-                    let bytes = about.len() + later.iter().map(of_later).sum::<u64>();
+                    let of_later = |path: &PathBuf| fs::symlink_metadata(path).map_or(0, |metadata| metadata.len());
+                    let bytes = metadata.len() + later.iter().map(of_later).sum::<u64>();
                     ((rank, modified, path.clone()), Kept { path, later, bytes })
                 })
             })

@@ -11,11 +11,19 @@ use crate::synth::{MotionSetup, PatternSetup};
 /// Patterns to try instead of the rig's own.
 const PATTERNS: [&str; 5] = ["a-III", "b-III", "e-I", "e-II", "f-II"];
 
-/// Magnification to try.
-const LARGER: f64 = 1.5;
+/// The relative magnification to try.
+const MAGNIFICATION: f64 = 1.5;
 
-/// A change helps if the scatter falls below this fraction.
-const WORTH: f64 = 0.97;
+/// The maximum relative scatter after a change that helps.
+const MAX_HELPFUL_RATIO: f64 = 0.97;
+
+/// A change to a rig.
+struct Change {
+    /// Its description.
+    words: String,
+    /// The changed rig.
+    rig: Rig,
+}
 
 /// A change that was tried.
 #[derive(Debug, Clone)]
@@ -31,7 +39,7 @@ pub(super) struct Advice {
 impl Advice {
     /// Whether the change reduces the scatter noticeably.
     pub(super) fn helps(&self) -> bool {
-        self.mean < WORTH
+        self.mean < MAX_HELPFUL_RATIO
     }
 }
 
@@ -64,7 +72,7 @@ pub(super) fn advice(
     let Some(now) = Prediction::of(rig, films, stop)? else { return Ok(None) };
     let names = judged(&now.rows);
     let mut found = Vec::new();
-    for (words, changed) in changes(rig) {
+    for Change { words, rig: changed } in changes(rig) {
         // A change that makes the rig unusable is left out.
         match Prediction::of(&changed, films, stop) {
             Ok(None) => return Ok(None),
@@ -90,14 +98,14 @@ pub(super) fn count(rig: &Rig) -> u64 {
     changes(rig).len() as u64
 }
 
-/// Returns the changes, each with the changed rig.
-fn changes(rig: &Rig) -> Vec<(String, Rig)> {
+/// Returns the changes to try.
+fn changes(rig: &Rig) -> Vec<Change> {
     let camera = &rig.scenario.camera;
-    let mut changes = vec![faster(rig)];
+    let mut changes = vec![double_frame_rate(rig)];
     let mut change = |words: String, edit: &dyn Fn(&mut Rig)| {
         let mut changed = rig.clone();
         edit(&mut changed);
-        changes.push((words, changed));
+        changes.push(Change { words, rig: changed });
     };
     if camera.noise_dn > 0.0 {
         change(
@@ -125,10 +133,10 @@ fn changes(rig: &Rig) -> Vec<(String, Rig)> {
     change("more contrast: body at 0.9 of full scale, speckles at 0.05".into(), &|rig| {
         (rig.scenario.shade.ball, rig.scenario.shade.speckle) = (0.9, 0.05);
     });
-    changes.extend(patterns(rig));
-    changes.extend(longer(rig));
-    changes.extend(by_method(rig));
-    changes.extend(larger(rig));
+    changes.extend(exchange_pattern(rig));
+    changes.push(lengthen_film(rig));
+    changes.extend(change_method(rig));
+    changes.extend(magnify(rig));
     changes
 }
 
@@ -137,10 +145,10 @@ fn set_exposure(rig: &mut Rig, exposure_us: f64) {
     rig.config.camera.exposure_us = Some(exposure_us);
 }
 
-/// Other speckle patterns.
-fn patterns(rig: &Rig) -> Vec<(String, Rig)> {
+/// Replaces the speckle pattern by others.
+fn exchange_pattern(rig: &Rig) -> Vec<Change> {
     let own = &rig.scenario.body.pattern;
-    let words = |pattern: &PatternSetup| {
+    let describe = |pattern: &PatternSetup| {
         let share = 100.0 * pattern.coverage;
         format!("of {} to {} px^2 covering {share:.0} %", pattern.area_min_px2, pattern.area_max_px2)
     };
@@ -149,15 +157,15 @@ fn patterns(rig: &Rig) -> Vec<(String, Rig)> {
         let mut changed = rig.clone();
         // A rod has no lines.
         let lines = if rig.scenario.body.rod.is_some() { 0 } else { pattern.lines };
-        let change = format!("speckles {} (pattern {name}) instead of {}", words(&pattern), words(own));
+        let words = format!("speckles {} (pattern {name}) instead of {}", describe(&pattern), describe(own));
         changed.scenario.body.pattern = PatternSetup { lines, ..pattern };
-        Some((change, changed))
+        Some(Change { words, rig: changed })
     };
     PATTERNS.iter().filter_map(|name| with(name)).collect()
 }
 
-/// Twice the frame rate for the same motion.
-fn faster(rig: &Rig) -> (String, Rig) {
+/// Doubles the frame rate for the same motion.
+fn double_frame_rate(rig: &Rig) -> Change {
     let mut changed = rig.clone();
     let camera = &mut changed.scenario.camera;
     camera.frame_rate_hz *= 2.0;
@@ -169,11 +177,11 @@ fn faster(rig: &Rig) -> (String, Rig) {
     let shorter = exposure_us < rig.scenario.camera.exposure_us;
     let exposed =
         if shorter { format!(", exposure {exposure_us:.0} us with correspondingly more light") } else { String::new() };
-    (format!("twice the frame rate ({rate_hz:.0} Hz){exposed}"), changed)
+    Change { words: format!("twice the frame rate ({rate_hz:.0} Hz){exposed}"), rig: changed }
 }
 
-/// A longer flight before and after a collision.
-fn longer(rig: &Rig) -> Option<(String, Rig)> {
+/// Lengthens the flight before and after a collision.
+fn lengthen_film(rig: &Rig) -> Change {
     let mut changed = rig.clone();
     let camera = &mut changed.scenario.camera;
     let film_s = camera.frames as f64 / camera.frame_rate_hz;
@@ -185,57 +193,63 @@ fn longer(rig: &Rig) -> Option<(String, Rig)> {
             camera.frames = ((film_s + 2.0 * flight_s) * camera.frame_rate_hz).round() as u64;
         }
     }
-    Some(("a longer film: twice the flight before contact, and as much more after it".into(), changed))
+    Change { words: "a longer film: twice the flight before contact, and as much more after it".into(), rig: changed }
 }
 
-/// Better settings of the measurement.
-fn by_method(rig: &Rig) -> Vec<(String, Rig)> {
+/// Changes the settings of the measurement.
+fn change_method(rig: &Rig) -> Vec<Change> {
     let mut changes = Vec::new();
     if let Some(window) = rig.config.velocity.window_frames {
         let mut wider = rig.clone();
         wider.config.velocity.window_frames = Some(2 * window + 1);
-        changes.push((format!("velocity.window_frames = {} instead of {window}", 2 * window + 1), wider));
+        let words = format!("velocity.window_frames = {} instead of {window}", 2 * window + 1);
+        changes.push(Change { words, rig: wider });
         let mut free = rig.clone();
         free.config.velocity.window_frames = None;
-        changes.push(("velocity.window_frames omitted: the fit chooses its window".into(), free));
+        let words = "velocity.window_frames omitted: the fit chooses its window".into();
+        changes.push(Change { words, rig: free });
     }
     if matches!(rig.config.rotation, Rotation::Field | Rotation::Center) && rig.config.bodies[0].kind == BodyKind::Ball
     {
         let mut rigid = rig.clone();
         rigid.config.rotation = Rotation::Rigid;
-        changes.push(("rotation.method = \"rigid\": all pixels in one match".into(), rigid));
+        changes.push(Change { words: "rotation.method = \"rigid\": all pixels in one match".into(), rig: rigid });
     }
     changes
 }
 
-/// The same scene at a higher magnification.
-fn larger(rig: &Rig) -> Option<(String, Rig)> {
+/// Magnifies the scene.
+fn magnify(rig: &Rig) -> Option<Change> {
     let mut changed = rig.clone();
     let Rig { config, scenario } = &mut changed;
     if scenario.body.rod.is_some() {
         return None;
     }
-    let scaled = |length: u32| (f64::from(length) * LARGER).round() as u32;
+    let scaled = |length: u32| (f64::from(length) * MAGNIFICATION).round() as u32;
     let camera = &mut scenario.camera;
     (camera.width_px, camera.height_px) = (scaled(camera.width_px), scaled(camera.height_px));
-    scenario.scale.mm_per_px /= LARGER;
+    scenario.scale.mm_per_px /= MAGNIFICATION;
     let pattern = &mut scenario.body.pattern;
     (pattern.area_min_px2, pattern.area_max_px2) =
-        (pattern.area_min_px2 * LARGER * LARGER, pattern.area_max_px2 * LARGER * LARGER);
+        (pattern.area_min_px2 * MAGNIFICATION * MAGNIFICATION, pattern.area_max_px2 * MAGNIFICATION * MAGNIFICATION);
     if let Some(occluder) = &mut scenario.occluder {
-        occluder.point_px = occluder.point_px.map(|point| point.map(|at| at * LARGER));
-        occluder.speed_px_frame *= LARGER;
+        occluder.point_px = occluder.point_px.map(|point| point.map(|at| at * MAGNIFICATION));
+        occluder.speed_px_frame *= MAGNIFICATION;
     }
-    scenario.rescale_motion(LARGER, 1.0);
+    scenario.rescale_motion(MAGNIFICATION, 1.0);
     let camera = &scenario.camera;
     (config.camera.width_px, config.camera.height_px) = (Some(camera.width_px), Some(camera.height_px));
     if let Some(Scale::MmPerPx(mm_per_px)) = &mut config.scale {
-        *mm_per_px /= LARGER;
+        *mm_per_px /= MAGNIFICATION;
     }
     for body in &mut config.bodies {
-        [&mut body.min_radius_px, &mut body.max_radius_px].into_iter().flatten().for_each(|radius| *radius *= LARGER);
+        [&mut body.min_radius_px, &mut body.max_radius_px]
+            .into_iter()
+            .flatten()
+            .for_each(|radius| *radius *= MAGNIFICATION);
         body.roi_px = body.roi_px.map(|roi| roi.map(scaled));
     }
     let diameter_px = 2.0 * scenario.radius_px();
-    Some((format!("{LARGER} times the magnification (body of {diameter_px:.0} px, larger speckles)"), changed))
+    let words = format!("{MAGNIFICATION} times the magnification (body of {diameter_px:.0} px, larger speckles)");
+    Some(Change { words, rig: changed })
 }

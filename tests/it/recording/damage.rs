@@ -19,7 +19,7 @@ pub fn read_all(recording: &Recording) -> Vec<Vec<u8>> {
     let _ = recording.impacts().map(Iterator::count);
     let _ = recording.events().map(Iterator::count);
     let _ = recording.statuses().map(Iterator::count);
-    let _ = (recording.topics(), recording.last_frame(), info::look(recording));
+    let _ = (recording.topics(), recording.last_frame(), info::inspect(recording));
     let _ = Recording::peek_metadata(recording.path());
     frames.unwrap_or_default()
 }

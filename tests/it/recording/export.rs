@@ -152,7 +152,7 @@ fn info_counts_frames_losses_and_topics() {
     }
     writer.event(&samples::event(0)).unwrap();
     writer.finish().unwrap();
-    let info = info::look(&Recording::open(&path).unwrap()).unwrap();
+    let info = info::inspect(&Recording::open(&path).unwrap()).unwrap();
     assert_eq!((info.truncated, info.damage, info.frames_error), (None, Vec::new(), None));
     let frames = info.frames.unwrap();
     assert_eq!((frames.count, frames.lost, frames.gap_count), (5, Some(11), 2));
