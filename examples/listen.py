@@ -21,10 +21,10 @@ class Number(ctypes.Structure):
 
 
 class Velocity(ctypes.Structure):
-    """The velocity of one body in one frame: ricochet.Velocity.v1."""
+    """The velocity of one body in one frame: ricochet.Velocity.v2."""
 
     _fields_ = [(name, ctypes.c_uint64) for name in "run_id sequence stamp_ns".split()]
-    _fields_ += [(name, ctypes.c_uint32) for name in "body status phase points window_frames order".split()]
+    _fields_ += [(name, ctypes.c_uint32) for name in "body status phase rotation_status points window_frames order".split()]
     _fields_ += [
         (name, Number)
         for name in (
@@ -35,7 +35,7 @@ class Velocity(ctypes.Structure):
 
     @staticmethod
     def type_name():
-        return "ricochet.Velocity.v1"
+        return "ricochet.Velocity.v2"
 
 
 class Event(ctypes.Structure):
@@ -80,5 +80,5 @@ while not over:
         over = event.kind == TRACKED
     for row in take(velocities):
         if row.vn_m_s.known:
-            print(row.sequence, row.vn_m_s.value, row.vt_m_s.value, row.omega_rad_s.value, flush=True)
+            print(row.sequence, row.vn_m_s.value, row.vt_m_s.value, row.omega_rad_s.value if row.omega_rad_s.known else "-", flush=True)
     time.sleep(0.001)

@@ -23,7 +23,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         while let Some(message) = velocities.take()? {
             let Some(sample) = message.sample() else { continue };
             if let Some(velocity) = sample.velocity {
-                println!("{} {} {} {}", sample.frame, velocity.vn_m_s, velocity.vt_m_s, velocity.omega_rad_s);
+                let spin = velocity.omega_rad_s.map_or_else(|| "-".into(), |omega| omega.to_string());
+                println!("{} {} {} {spin}", sample.frame, velocity.vn_m_s, velocity.vt_m_s);
             }
         }
         std::thread::sleep(Duration::from_millis(1));

@@ -8,7 +8,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for sample in Recording::open(path.as_ref())?.velocities()? {
         let sample = sample?;
         if let Some(velocity) = sample.velocity {
-            println!("{} {} {} {}", sample.frame, velocity.vn_m_s, velocity.vt_m_s, velocity.omega_rad_s);
+            let spin = velocity.omega_rad_s.map_or_else(|| "-".into(), |omega| omega.to_string());
+            println!("{} {} {} {spin}", sample.frame, velocity.vn_m_s, velocity.vt_m_s);
         }
     }
     Ok(())

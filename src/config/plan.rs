@@ -46,11 +46,11 @@ impl Config {
         let body = &self.bodies[body];
         let side_px = f64::from(width_px.min(height_px));
         let (lowest, highest) = match self.predicted_radius_px(body) {
-            Some(radius_px) => (RADIUS_TOLERANCE.0 * radius_px, RADIUS_TOLERANCE.1 * radius_px),
+            Some(radius_px) => ((RADIUS_TOLERANCE.0 * radius_px).max(MIN_RADIUS_PX), RADIUS_TOLERANCE.1 * radius_px),
             None => ((RADIUS_SHARE.0 * side_px).max(MIN_RADIUS_PX), RADIUS_SHARE.1 * side_px),
         };
         let (min_radius_px, max_radius_px) = match (body.min_radius_px, body.max_radius_px) {
-            (None, None) => (lowest, highest),
+            (None, None) => (lowest, highest.max(MIN_RADIUS_RATIO * lowest)),
             (Some(min_px), None) => (min_px, highest.max(MIN_RADIUS_RATIO * min_px)),
             (None, Some(max_px)) => (lowest.min(max_px / MIN_RADIUS_RATIO), max_px),
             (Some(min_px), Some(max_px)) => (min_px, max_px),
@@ -101,6 +101,7 @@ impl Config {
             scale,
             rectifier: self.calibration.clone(),
             view: View::default(),
+            radius_px: self.predicted_radius_px(&self.bodies[body]),
             surface_angle_deg: self.surface.angle_deg,
             gravity_m_s2: self.velocity.gravity_m_s2,
             gravity_angle_deg: self.velocity.gravity_angle_deg,

@@ -22,8 +22,8 @@ mod tests;
 
 pub use crate::numeric::instruction_set;
 pub use body::{
-    BodyMotion, CenteredFrame, OcclusionMap, PolarCorrelator, Radii, RigidBody, RingRotation, STALE_DEG,
-    find_at_any_angle, find_occluded_within_angle,
+    BallDisc, BodyMotion, CenteredFrame, OcclusionMap, PolarCorrelator, Radii, RigidBody, RingRotation, STALE_DEG,
+    find_at_any_angle, find_occluded_within_angle, has_texture,
 };
 pub use correlate::{Correlator, KeptReference, KernelBenchmark, Series, Start, arithmetic};
 pub use error::CorrelationError;

@@ -409,6 +409,7 @@ mod tests {
                 frame,
                 time_frames: frame as f64,
                 component: 0,
+                turn: 0,
                 value,
                 sigma: [sigma; 3],
                 walk_share: [0.0; 3],

@@ -87,6 +87,12 @@ pub struct Verdict {
 }
 
 impl Verdict {
+    /// Returns the result with larger standard uncertainties.
+    #[must_use]
+    pub fn widened(self, factor: f64) -> Self {
+        Self { sigmas: self.sigmas.map(|sigma| factor * sigma), ..self }
+    }
+
     /// Returns the name of the most probable law in the results.
     pub fn law(&self) -> ForceLaw {
         law_of(self.best)

@@ -13,6 +13,8 @@ use crate::results::{Estimate, Impact};
 
 /// The maximum time that the force may last after the detected end, frames.
 const EARLY_FRAMES: f64 = 4.0;
+/// The time before the detected onset from which on the outline may be flattened, frames.
+const ONSET_FRAMES: f64 = 1.0;
 /// Share of its speed towards the camera that a contact may take from a body.
 const APPROACH_LOSS: f64 = 0.3;
 /// The residual apparent motion per unit of dilatation, as a share of the radius and in rad. A pattern with more edges
@@ -69,8 +71,9 @@ impl DilatationRates {
         let to = known_to_frames.min(end + FLIGHT_FRAMES);
         let flights = [(from, contact.flight_to_frames), (end + EARLY_FRAMES, to)];
         let seen = flights.map(|(from, to)| motion.growth.rate(from, to));
+        // Unlike a pose, the distance between pose and outline is not changed by the first small forces.
         let drifts =
-            [motion.drift.expected(flights[0].0, flights[0].1), motion.drift.significant(flights[1].0, flights[1].1)];
+            [motion.drift.expected(from, start - ONSET_FRAMES), motion.drift.significant(end + EARLY_FRAMES, to)];
         let drift = drifts.map(|drift| {
             let [x, y, turn] = drift?;
             let (value, sigma) = (motion.axes.surface(x.value, y.value), motion.axes.surface_sigma(x.sigma, y.sigma));
@@ -297,6 +300,7 @@ mod tests {
             frame: time_frames as u64,
             time_frames,
             component: 0,
+            turn: 0,
             value,
             sigma: [1e-3; 3],
             walk_share: [0.0; 3],
@@ -334,6 +338,7 @@ mod tests {
             frame,
             time_frames: frame as f64,
             component: 0,
+            turn: 0,
             value: pattern.map(|rate| rate * frame as f64),
             sigma: [1e-3; 3],
             walk_share: [0.0; 3],

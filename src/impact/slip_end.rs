@@ -48,7 +48,8 @@ pub fn slip_end(nodes: &[SurfaceNode], sliding: &Sliding, pushed: impl Fn(&Surfa
     }
     let point = |n: &SurfaceNode| Sample {
         time_frames: n.time_frames,
-        component: n.component,
+        // Every gap in the positions is one in the rotation, too.
+        component: n.turn,
         value: side * (n.value[TANGENTIAL] + radius * n.value[ANGLE]),
         sigma: n.sigma[TANGENTIAL].hypot(radius * n.sigma[ANGLE]),
         walk: (n.walk_share[TANGENTIAL] * n.sigma[TANGENTIAL]).hypot(n.walk_share[ANGLE] * radius * n.sigma[ANGLE]),

@@ -12,6 +12,8 @@ pub struct SurfaceNode {
     pub time_frames: f64,
     /// The component; nodes of one component are linked by steps.
     pub component: u32,
+    /// The component of the angle; nodes of one are linked by measured rotations.
+    pub turn: u32,
     /// Along the outward normal px, along the tangent px, angle rad (counter-clockwise).
     pub value: [f64; 3],
     /// White standard uncertainty of each.
@@ -36,6 +38,7 @@ impl SurfaceNode {
             frame: node.frame,
             time_frames: node.time_frames,
             component: node.component,
+            turn: node.turn,
             value: [at.normal, at.tangential, node.pose[2].to_radians()],
             sigma: [sigma.normal, sigma.tangential, node.sigma[2].to_radians()],
             walk_share: node.walk_share,
@@ -46,7 +49,7 @@ impl SurfaceNode {
     pub fn sample(&self, coordinate: usize) -> Sample {
         Sample {
             time_frames: self.time_frames,
-            component: self.component,
+            component: if coordinate == ANGLE { self.turn } else { self.component },
             value: self.value[coordinate],
             sigma: self.sigma[coordinate],
             walk: self.walk_share[coordinate] * self.sigma[coordinate],

@@ -4,6 +4,7 @@ use super::bounding_box::BoundingBox;
 use super::outline::Outline;
 use super::pending_frame::BodyKey;
 use super::rigid_match::{MAX_PREDICTION_ERROR_PX, RigidMatcher};
+use super::surface::Surface;
 use crate::dic::CorrelationParams;
 use crate::results::RigidStep;
 
@@ -19,6 +20,10 @@ pub(super) struct BlockState {
     pub(super) motion: Option<RigidStep>,
     /// The motion of its centre, if that differs.
     pub(super) center_motion: Option<RigidStep>,
+    /// The surface of a ball, judged in the first frame of the block in which it was found.
+    pub(super) surface: Option<Surface>,
+    /// The number of contradictions between its motion and its outlines since the last confirmed motion.
+    pub(super) doubts: u32,
     /// Whether results contradicted each other, since another object may be taken for the body.
     pub(super) is_ambiguous: bool,
     /// Whether a patch was searched at every angle.
@@ -42,6 +47,8 @@ impl BlockStates {
                 detected_frame: None,
                 motion: None,
                 center_motion: None,
+                surface: None,
+                doubts: 0,
                 is_ambiguous: false,
                 was_searched: false,
             });

@@ -13,11 +13,15 @@ use super::patch_finder::FrameKey;
 use super::pending_frame::{BodyKey, FramePair, Interval, Measured, PendingFrame, Target};
 use super::rigid_match::{RigidMatch, RigidMatcher, is_occluded};
 use super::ring_rotation::RingCorrelator;
+use super::surface::Surface;
 use crate::dic::{Correlator, PreparedFrame, Start};
 use crate::image::{Frame, FrameMeta, Image};
 use crate::motion::Rotation;
 use crate::results::{BodyStep, Estimate, PairField, PointStatus, RigidStep};
 use std::collections::VecDeque;
+
+/// The number of contradictions in a row after which a body is no longer followed within its block.
+const MAX_DOUBTS: u32 = 2;
 
 /// One body from a reference to its target.
 #[derive(Clone, Copy)]
@@ -47,7 +51,7 @@ pub struct Measurer {
     pub(super) size: ImageSize,
     pub(super) image: FrameImage,
     /// Frames whose motion is not measured yet, oldest first.
-    pending: VecDeque<PendingFrame>,
+    pub(super) pending: VecDeque<PendingFrame>,
     pub(super) spare: Vec<PreparedFrame>,
     pub(super) states: BlockStates,
     pub(super) rigid_matcher: RigidMatcher,
@@ -150,6 +154,7 @@ impl Measurer {
         } else {
             self.spare.extend(own.map(|(prepared, _)| prepared));
         }
+        self.complete_by_outlines(frame);
         self.emit_finished(measured);
         Ok(())
     }
@@ -214,7 +219,13 @@ impl Measurer {
         self.finders.iter_mut().for_each(|finder| finder.forget_before(oldest));
         for (body, outline) in outlines.iter().enumerate() {
             // The match of the whole ball detects what occludes its subsets, whatever gives its motion.
-            if let Ok(Outline::Ball(circle)) = outline
+            let Ok(Outline::Ball(circle)) = outline else { continue };
+            let state = self.states.of(BodyKey { body, block });
+            // A turning ball may show its marks only later.
+            if state.surface != Some(Surface::Textured) {
+                state.surface = Some(Surface::of(&prepared, circle));
+            }
+            if state.surface == Some(Surface::Textured)
                 && (self.params.rotation == Rotation::Rigid || is_occluded(circle))
             {
                 self.rigid_matcher.start(BodyKey { body, block }, meta.sequence, &prepared, circle);
@@ -246,11 +257,20 @@ impl Measurer {
                     are_detected: is_detected,
                 };
                 if consistency::is_consistent(measured, reference.before[slot].as_ref(), outlines) {
+                    let state = self.states.of(BodyKey { body, block: target.block });
+                    if place == 0 && is_detected && measured.step.motion.is_some() {
+                        state.doubts = 0;
+                    }
+                    // After a contradiction, only outlines make a motion credible again.
+                    if state.doubts == 0 || measured.step.motion.is_none() {
+                        continue;
+                    }
+                    measured.step = BodyStep { status: PointStatus::Ambiguous, ..measured.step.without_motion() };
                     continue;
                 }
                 measured.step = BodyStep { status: PointStatus::Ambiguous, ..measured.step.without_motion() };
                 if place == 0 {
-                    self.mark_ambiguous(BodyKey { body, block: target.block });
+                    self.doubt(BodyKey { body, block: target.block });
                 }
             }
         }
@@ -285,11 +305,14 @@ impl Measurer {
         }
     }
 
-    /// Stops following a body within a block, since another object may be taken for it.
-    fn mark_ambiguous(&mut self, key: BodyKey) {
+    /// Discards what is known of the motion of a body, and stops following it within a block after a second doubt.
+    ///
+    /// Another object may be taken for it, and one contradiction may be chance.
+    fn doubt(&mut self, key: BodyKey) {
         self.rigid_matcher.forget(key);
         let state = self.states.of(key);
-        (state.motion, state.is_ambiguous) = (None, true);
+        state.doubts += 1;
+        (state.motion, state.is_ambiguous) = (None, state.doubts >= MAX_DOUBTS);
     }
 
     /// Ends the stream: appends the results of the frames without a target.
@@ -349,7 +372,9 @@ impl Measurer {
         let outline = reference.outlines[body];
         let mut step = reference.outline_step(body, self.params.intervals_frames[place]);
         let Ok(outline) = outline else { return Some(Measured { step, field: None, is_matched: false }) };
-        let Some(target) = target else { return Some(Measured { step, field: None, is_matched: false }) };
+        let Some(target) = target.filter(|_| !self.is_plain(key)) else {
+            return Some(Measured { step, field: None, is_matched: false });
+        };
         let Target { sequence: target_frame, prepared, is_narrow } = target;
         let mut field =
             PairField { frame: step.frame, target_frame, stamp_ns: step.stamp_ns, body: step.body, points: Vec::new() };
@@ -461,7 +486,12 @@ impl Measurer {
                 let found = finder
                     .follow(FrameKey { block: reference.block, frame: target.sequence }, target.prepared, &near)
                     .ok()?;
-                Some(RigidMatch { step: pose.step_to(&found, frames), visible_fraction: None, lever: None })
+                Some(RigidMatch {
+                    step: pose.step_to(&found, frames),
+                    visible_fraction: None,
+                    lever: None,
+                    light_fraction: None,
+                })
             }
             _ => None,
         }

@@ -12,12 +12,14 @@ mod fixed_pattern;
 mod frame_image;
 mod measurer;
 mod outline;
+mod outline_motion;
 mod outline_search;
 mod params;
 mod patch_finder;
 mod pending_frame;
 mod rigid_match;
 mod ring_rotation;
+mod surface;
 mod warm_up;
 
 pub use error::MeasureError;

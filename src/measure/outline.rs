@@ -7,7 +7,7 @@ use super::patch_finder::{PatchFinder, PatchPose};
 use crate::ball::{BallFinder, Presence};
 use crate::dic::{CorrelationParams, GridPoint, Method, Region, grid};
 use crate::image::ImageView;
-use crate::results::{BodyStep, Circle, OutlineOrigin, OutlineShape, PointStatus, RigidStep, Rod};
+use crate::results::{BodyStep, Circle, Estimate, OutlineOrigin, OutlineShape, PointStatus, RigidStep, Rod};
 use crate::rod::{RodFinder, RodObservation};
 
 /// The margin of the subsets to the rim, as a fraction of the radius.
@@ -138,6 +138,14 @@ impl Outline {
             Self::Ball(circle) => (circle.x_px, circle.y_px),
             Self::Rod(observation) => (observation.rod.x_px.value, observation.rod.y_px.value),
             Self::Patch(pose) => pose.center_px(),
+        }
+    }
+
+    /// Returns the rotation of a patch since its reference image, deg.
+    pub(super) fn angle_deg(&self) -> Option<Estimate> {
+        match self {
+            Self::Patch(pose) => Some(pose.angle_deg()),
+            Self::Ball(_) | Self::Rod(_) => None,
         }
     }
 

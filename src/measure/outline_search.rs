@@ -88,8 +88,10 @@ impl Measurer {
         let found = match finder.cached(key) {
             Some(Ok(pose)) => Ok(pose),
             before => {
-                let was_searched = self.states.of(BodyKey { body, block }).was_searched;
-                let angles = if was_searched { AngleRange::Small } else { AngleRange::Full };
+                let state = *self.states.of(BodyKey { body, block });
+                // A patch that was just seen may have turned by any angle. One that stays lost is hidden.
+                let is_new = !state.was_searched || state.outline.is_some();
+                let angles = if is_new { AngleRange::Full } else { AngleRange::Small };
                 let (width, height) = (self.size.width as u32, self.size.height as u32);
                 let mut full_frame = self.spare.pop().unwrap_or_default();
                 let view = self.image.unpack_all(frame);

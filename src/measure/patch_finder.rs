@@ -6,7 +6,7 @@
 use crate::dic::{
     BodyMotion, Patch, PlanarMotion, Point, PreparedFrame, Region, RigidBody, find_occluded_within_angle,
 };
-use crate::results::{Circle, PointStatus, RigidStep};
+use crate::results::{Circle, Estimate, PointStatus, RigidStep};
 
 /// The range of rotations searched in every frame for a lost patch, deg; all rotations are searched once per block.
 const SEARCH_ANGLE_DEG: f64 = 6.0;
@@ -19,6 +19,17 @@ const MIN_VISIBLE_FRACTION: f64 = 0.4;
 
 /// The number of visible pixels that do not match by chance.
 const MIN_VISIBLE_PIXELS: u32 = 400;
+
+/// The visible fraction times the ZNCC from which no other rotation of a patch can match better.
+const COMPLETE_MATCH: f64 = 0.85;
+
+/// The ZNCC of an image with itself, up to rounding.
+const SELF_ZNCC: f64 = 0.999_999;
+
+/// The error of a step from the reference image itself, relative to its noise.
+///
+/// All other poses share the error of interpolation at sharp edges, which the reference does not have.
+const REFERENCE_ERROR: f64 = 3.0;
 
 /// Whether the visible pixels may match by chance.
 fn is_chance_match(visible_fraction: f64, pixels: u32) -> bool {
@@ -51,11 +62,18 @@ pub(super) struct PatchPose {
     radius_px: f64,
     /// The distance from the reported point to the farthest corner, px.
     reach_px: f64,
+    /// Whether it is the pose in the reference image itself, which matches exactly.
+    is_reference: bool,
 }
 
 impl PatchPose {
     pub(super) fn center_px(&self) -> (f64, f64) {
         (self.pose[0], self.pose[1])
+    }
+
+    /// Returns the rotation since the reference image, deg.
+    pub(super) fn angle_deg(&self) -> Estimate {
+        Estimate { value: self.pose[2], sigma: self.sigma[2] }
     }
 
     /// Returns a disc of the same area about the reported point.
@@ -93,7 +111,9 @@ impl PatchPose {
         let rotation_deg = later.pose[2] - self.pose[2];
         // The angle of a patch that was found again may be off by full turns.
         let rotation_deg = rotation_deg - 360.0 * (rotation_deg / 360.0).round();
-        let sigma = |k: usize| (0.5 * (self.sigma[k].powi(2) + later.sigma[k].powi(2))).sqrt() / frames;
+        let factor = if self.is_reference != later.is_reference { REFERENCE_ERROR } else { 1.0 };
+        // Errors of interpolation, which sharp print adds to the noise, are not common to two poses.
+        let sigma = |k: usize| factor * self.sigma[k].hypot(later.sigma[k]) / frames;
         RigidStep {
             dx_px: (later.pose[0] - self.pose[0]) / frames,
             dy_px: (later.pose[1] - self.pose[1]) / frames,
@@ -202,7 +222,9 @@ impl PatchFinder {
         if let (Err(_), Ok((reference, _))) = (&found, &self.reference) {
             let (region, center) = (self.patch.region(), Point::new(x, y));
             let mut start = find_occluded_within_angle(reference, target, &region, center, SEARCH_ANGLE_DEG);
-            if start.is_err() && angles == AngleRange::Full {
+            // A part of the patch may resemble another part turned by a larger angle.
+            let is_complete = start.is_ok_and(|found| found.visible_fraction * found.zncc > COMPLETE_MATCH);
+            if angles == AngleRange::Full && !is_complete {
                 start = find_occluded_within_angle(reference, target, &region, center, 180.0);
             }
             let start = start.and_then(|found| {
@@ -221,7 +243,7 @@ impl PatchFinder {
         let [x, y, angle_deg] = pose;
         let (cx, cy) = self.center_px;
         let (_, body) = self.reference.as_mut().map_err(|status| *status)?;
-        let BodyMotion { motion, zncc, visible_fraction } =
+        let BodyMotion { motion, zncc, visible_fraction, .. } =
             body.find_visible(target, Point::new(cx, cy), PlanarMotion { u_px: x - cx, v_px: y - cy, angle_deg })?;
         if zncc < MIN_ZNCC {
             return Err(PointStatus::LowCorrelation);
@@ -233,6 +255,7 @@ impl PatchFinder {
             pixels: motion.points,
             radius_px: self.radius_px,
             reach_px: self.reach_px,
+            is_reference: zncc > SELF_ZNCC,
         })
     }
 }

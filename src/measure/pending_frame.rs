@@ -74,6 +74,7 @@ impl PendingFrame {
             body: u32::try_from(body).unwrap_or(u32::MAX),
             interval_frames,
             outline: self.outlines[body].ok().map(|outline| outline.result(self.origins[body])),
+            angle_deg: self.outlines[body].ok().and_then(|outline| outline.angle_deg()),
             status: self.outlines[body].err().unwrap_or_default(),
             ..BodyStep::default()
         }

@@ -19,6 +19,11 @@ const UNOCCLUDED_FRACTION: f64 = 0.97;
 /// The maximum occluded fraction of a subset. Only occluded pixels at a moving edge are detected in the step from the
 /// reference's own frame.
 const MAX_OCCLUDED_FRACTION: f64 = 0.003;
+/// The uncertainty of the effect of light, relative to what its removal changes: light multiplies the pattern, and
+/// highlights have edges, but the removed field is smooth and added.
+const LIGHT_ERROR: f64 = 2.0;
+/// The minimum rotation that the effect of light is related to, deg.
+const MIN_TURN_DEG: f64 = 0.05;
 /// The number of occluded pixels that is always allowed, since a pixel may be stuck.
 const FREE_OCCLUDED_PIXELS: f64 = 2.0;
 
@@ -42,6 +47,8 @@ struct Pose {
     /// The standard uncertainties of x, y and the angle.
     sigma: [f64; 3],
     pixels: u32,
+    /// The rotation by which light was found to have held the match back, deg.
+    light_deg: f64,
     /// The visible fraction of the reference; `None` for the reference itself.
     visible_fraction: Option<f64>,
 }
@@ -80,6 +87,8 @@ pub(super) struct RigidMatch {
     pub(super) visible_fraction: Option<f64>,
     /// The motion that a dilatation of 1 adds, px, px and deg, if the body is not occluded.
     pub(super) lever: Option<[f64; 3]>,
+    /// The share by which light may have held back the rotation.
+    pub(super) light_fraction: Option<f64>,
 }
 
 impl RigidMatch {
@@ -92,6 +101,7 @@ impl RigidMatch {
         let RigidStep { dx_px, dy_px, dtheta_deg, .. } = self.step;
         let own = RigidStep { dx_px: dx_px - x, dy_px: dy_px - y, dtheta_deg: dtheta_deg - angle, ..self.step };
         (step.motion, step.method) = (Some(own), MotionMethod::WholeBody);
+        step.light_fraction = self.light_fraction;
         if let (Some(outline), Some(fraction)) = (&mut step.outline, self.visible_fraction)
             && let OutlineShape::Circle(circle) = &mut outline.shape
         {
@@ -182,7 +192,8 @@ impl RigidMatcher {
         }
         let pixels = reference.pixels() as u32;
         let (x_px, y_px) = (circle.x_px, circle.y_px);
-        let origin = Pose { frame, x_px, y_px, angle_deg: 0.0, sigma: [0.0; 3], pixels, visible_fraction: None };
+        let origin =
+            Pose { frame, x_px, y_px, angle_deg: 0.0, sigma: [0.0; 3], pixels, light_deg: 0.0, visible_fraction: None };
         let is_unoccluded = !is_occluded(circle);
         self.tracks.push(RigidTrack {
             key,
@@ -225,6 +236,7 @@ impl RigidMatcher {
             step: first.step_to(&second, circle, frames),
             visible_fraction: first.visible_fraction.filter(|_| track.is_unoccluded),
             lever: is_visible.then(|| track.reference.dilatation_error()),
+            light_fraction: first.light_fraction(&second),
         })
     }
 }
@@ -244,7 +256,7 @@ impl RigidTrack {
             angle_deg: guess.angle_deg - origin.angle_deg,
         };
         let found = self.reference.find_visible(target, Point::new(origin.x_px, origin.y_px), near).ok()?;
-        let BodyMotion { motion, visible_fraction, .. } = found;
+        let BodyMotion { motion, visible_fraction, light_deg, .. } = found;
         let pose = Pose {
             frame,
             x_px: origin.x_px + motion.u_px,
@@ -252,6 +264,7 @@ impl RigidTrack {
             angle_deg: origin.angle_deg + motion.angle_deg,
             sigma: [motion.sigma_u_px, motion.sigma_v_px, motion.sigma_angle_deg],
             pixels: motion.points,
+            light_deg,
             visible_fraction: Some(visible_fraction),
         };
         // Farther off, pixels outside the prepared box would count as occluded.
@@ -306,6 +319,18 @@ impl Pose {
             angle_deg: self.angle_deg + angle_deg,
             ..*self
         }
+    }
+
+    /// Returns the share by which light may have held back the rotation to a later pose.
+    fn light_fraction(&self, later: &Self) -> Option<f64> {
+        let turned_deg = (later.angle_deg - self.angle_deg).abs();
+        let light_deg = (later.light_deg - if later.is_renewed_at(self) { 0.0 } else { self.light_deg }).abs();
+        (light_deg > 0.0 && turned_deg > MIN_TURN_DEG).then(|| LIGHT_ERROR * light_deg / turned_deg)
+    }
+
+    /// Whether the reference of this pose was renewed in the frame of another.
+    fn is_renewed_at(&self, earlier: &Self) -> bool {
+        (earlier.angle_deg - self.angle_deg).abs() > crate::dic::STALE_DEG
     }
 
     /// Returns the step of the circle's centre to a later pose, per frame.

@@ -9,7 +9,7 @@ use iceoryx2::prelude::ZeroCopySend;
 
 /// One body in one frame, with its outline and its motion to the target frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("ricochet.FieldHeader.v8")]
+#[type_name("ricochet.FieldHeader.v9")]
 #[repr(C)]
 pub struct FieldHeader {
     /// The start of the acquire process that the frames belong to.
@@ -37,6 +37,10 @@ pub struct FieldHeader {
     pub method: u32,
     /// The exposure time of the frame, ns; 0 when it is unknown.
     pub exposure_ns: u32,
+    /// The number of the `PointStatus` of the rotation below.
+    pub rotation_status: u32,
+    /// 0.
+    pub reserved: u32,
     /// The centre of the circle along x, px. The circle has no meaning when there is a rod.
     pub center_x_px: f64,
     /// The centre of the circle along y (down), px.
@@ -65,6 +69,8 @@ pub struct FieldHeader {
     pub sigma_dtheta_deg: f64,
     /// The share by which short steps are underestimated because of the sensor's fixed pattern.
     pub fixed_fraction: Number,
+    /// The share by which light may have held back the rotation.
+    pub light_fraction: Number,
     /// The relative growth of the image of the body per frame.
     pub growth_fraction: Number,
     /// The standard uncertainty of `growth_fraction`.
@@ -79,6 +85,10 @@ pub struct FieldHeader {
     pub drift_deg: Number,
     /// The standard uncertainty of `drift_deg`, deg/frame.
     pub sigma_drift_deg: f64,
+    /// The rotation of a patch since the image that it was drawn in, deg.
+    pub angle_deg: Number,
+    /// The standard uncertainty of `angle_deg`, deg.
+    pub sigma_angle_deg: f64,
     /// The rod, if the body is one.
     pub rod: RodMessage,
 }
@@ -94,8 +104,10 @@ impl FieldHeader {
             body: step.body,
             interval_frames: step.interval_frames,
             status: step.status as u32,
+            rotation_status: step.rotation_status as u32,
             worker,
             fixed_fraction: step.fixed_fraction.into(),
+            light_fraction: step.light_fraction.into(),
             growth_fraction: step.growth_fraction.map(|growth| growth.value).into(),
             sigma_growth_fraction: step.growth_fraction.map_or(0.0, |growth| growth.sigma),
             drift_x_px: step.drift.map(|drift| drift[0].value).into(),
@@ -103,6 +115,8 @@ impl FieldHeader {
             sigma_drift_px: step.drift.map_or(0.0, |drift| drift[0].sigma),
             drift_deg: step.drift.map(|drift| drift[2].value).into(),
             sigma_drift_deg: step.drift.map_or(0.0, |drift| drift[2].sigma),
+            angle_deg: step.angle_deg.map(|angle| angle.value).into(),
+            sigma_angle_deg: step.angle_deg.map_or(0.0, |angle| angle.sigma),
             rod: step.rod().into(),
             ..Self::default()
         };
@@ -147,17 +161,21 @@ impl FieldHeader {
             method => (Some(self.motion()), MotionMethod::from_number(method)?),
         };
         let growth: Option<f64> = self.growth_fraction.into();
+        let angle: Option<f64> = self.angle_deg.into();
         Some(BodyStep {
             frame: self.sequence,
             stamp_ns: self.stamp_ns,
             body: self.body,
             interval_frames: self.interval_frames,
             outline,
+            angle_deg: angle.map(|value| Estimate { value, sigma: self.sigma_angle_deg }),
             motion,
             method,
             fixed_fraction: self.fixed_fraction.into(),
+            light_fraction: self.light_fraction.into(),
             growth_fraction: growth.map(|value| Estimate { value, sigma: self.sigma_growth_fraction }),
             drift: self.drift(),
+            rotation_status: PointStatus::from_number(self.rotation_status)?,
             status: PointStatus::from_number(self.status)?,
         })
     }
@@ -300,11 +318,14 @@ mod tests {
             body: 10,
             interval_frames: 11,
             outline: Some(Outline { rim_fraction: Some(0.9), ..Outline::new(shape, OutlineOrigin::Detected) }),
+            angle_deg: Some(Estimate { value: 12.0, sigma: 0.01 }),
             motion: Some(motion),
             method: MotionMethod::WholeBody,
             fixed_fraction: Some(-2.5e-4),
+            light_fraction: Some(3e-3),
             growth_fraction: Some(Estimate { value: 3e-5, sigma: 4e-6 }),
             drift: Some([(0.11, 0.01), (-0.07, 0.01), (0.02, 0.003)].map(|(value, sigma)| Estimate { value, sigma })),
+            rotation_status: PointStatus::LowContrast,
             status: PointStatus::Occluded,
         };
         let origins = OutlineOrigin::ALL.map(|origin| Some(Outline::new(shape, origin)));

@@ -2,7 +2,7 @@
 
 use super::{Number, RodMessage};
 use crate::results::{
-    BodyVelocity, Phase, PointStatus, RigidStep, TrackSample, VelocitySample, track_row, velocity_row,
+    BodyVelocity, MotionSample, Part, Phase, PointStatus, TrackSample, VelocitySample, track_row, velocity_row,
 };
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -18,7 +18,7 @@ macro_rules! sample_message {
                 $(
                     $(#[$group_doc:meta])*
                     $group:ident: $Group:ident {
-                        numbers { $($(#[$part_doc:meta])* $part:ident = $part_tag:tt,)* }
+                        numbers { $($(#[$part_doc:meta])* $part:ident: $Part:ty = $part_tag:tt,)* }
                         counts { $($(#[$count_doc:meta])* $count:ident = $count_tag:tt,)* }
                     }
                 )*
@@ -26,6 +26,7 @@ macro_rules! sample_message {
             numbers { $($(#[$later_doc:meta])* $later:ident = $later_tag:tt,)* }
             names { $($(#[$name_doc:meta])* $name:ident: $Name:ident = $name_tag:tt,)* }
             status = $status_tag:tt,
+            reasons { $($(#[$reason_doc:meta])* $reason:ident = $reason_tag:tt,)* }
             nested { $($(#[$nested_doc:meta])* $nested:ident: $Nested:ident, $NestedMessage:ident = $nested_tag:tt,)* }
         }
     ) => {
@@ -45,6 +46,7 @@ macro_rules! sample_message {
             /// The number of the `PointStatus`.
             pub status: u32,
             $($(#[$name_doc])* pub $name: u32,)*
+            $($(#[$reason_doc])* pub $reason: u32,)*
             $($($(#[$count_doc])* pub $count: u32,)*)*
             $($(#[$number_doc])* pub $number: Number,)*
             $($($(#[$part_doc])* pub $part: Number,)*)*
@@ -62,9 +64,10 @@ macro_rules! sample_message {
                     body: sample.body,
                     status: sample.status as u32,
                     $($name: sample.$name as u32,)*
+                    $($reason: sample.$reason as u32,)*
                     $($($count: sample.$group.map_or(0, |group| group.$count),)*)*
                     $($number: sample.$number.into(),)*
-                    $($($part: sample.$group.map(|group| group.$part).into(),)*)*
+                    $($($part: sample.$group.and_then(|group| Part::known(group.$part)).into(),)*)*
                     $($later: sample.$later.into(),)*
                     $($nested: sample.$nested.into(),)*
                 }
@@ -75,7 +78,7 @@ macro_rules! sample_message {
                 $(
                     let $group = || {
                         Some($Group {
-                            $($part: Option::from(self.$part)?,)*
+                            $($part: <$Part as Part>::of(self.$part.into())?,)*
                             $($count: self.$count,)*
                         })
                     };
@@ -88,6 +91,7 @@ macro_rules! sample_message {
                     $($group: $group(),)*
                     $($later: self.$later.into(),)*
                     $($name: $Name::from_number(self.$name)?,)*
+                    $($reason: PointStatus::from_number(self.$reason)?,)*
                     $($nested: self.$nested.into(),)*
                     status: PointStatus::from_number(self.status)?,
                 })

@@ -11,6 +11,8 @@ const DRIFT: f64 = 0.15;
 const GATE: f64 = 6.0;
 /// The time of consecutive rejections after which the propagated pose is dropped instead, frames.
 const PATIENCE_FRAMES: f64 = 8.0;
+/// The number of outlines that the scatter of outlines is averaged over.
+const EXCESS_OUTLINES: f64 = 32.0;
 /// The number of dropped offsets that are kept, since rows are published some frames later.
 const PAST: usize = 8;
 /// Uncertainty of the time at which a pose left its outlines, as a share of the distance.
@@ -46,6 +48,10 @@ pub struct CenterFilter {
 struct Offset {
     offset: [Estimate; 2],
     common: f64,
+    /// The running mean of the squared distances of outlines from their predictions, relative to the variances.
+    excess: f64,
+    /// The number of outlines, up to [`EXCESS_OUTLINES`].
+    outlines: f64,
     /// The component of the node whose outline was accepted last.
     component: u32,
     bridged: [f64; 2],
@@ -65,7 +71,15 @@ struct PastOffset {
 impl Offset {
     fn new(node: &Pose, offset: [Estimate; 2], variance: f64) -> Self {
         let bridged = [node.bridged[0], node.bridged[1]];
-        Self { offset, common: variance, component: node.component, bridged, time_frames: node.time_frames }
+        Self {
+            offset,
+            common: variance,
+            excess: 0.0,
+            outlines: 1.0,
+            component: node.component,
+            bridged,
+            time_frames: node.time_frames,
+        }
     }
 
     /// Returns the variance between a node and the one whose outline was accepted last, along x and y, px^2.
@@ -93,13 +107,22 @@ impl Offset {
             let (gain, old) = (prior[k] / (prior[k] + variance), self.offset[k].value);
             Estimate { value: old + gain * (seen[k] - old), sigma: (prior[k] * (1.0 - gain)).sqrt() }
         });
-        Self { common: self.common + 0.02 * (variance - self.common), ..Self::new(node, offset, variance) }
+        let apart = |k: usize| 0.5 * (seen[k] - self.offset[k].value).powi(2) / (prior[k] + variance);
+        let excess = self.excess + (apart(0) + apart(1) - self.excess) / self.outlines;
+        Self {
+            common: self.common + 0.02 * (variance - self.common),
+            excess,
+            outlines: (self.outlines + 1.0).min(EXCESS_OUTLINES),
+            ..Self::new(node, offset, variance)
+        }
     }
 
     fn center(&self, node: &Pose) -> Option<Center> {
         let gap = self.gap(node);
         let own = |k: usize| self.offset[k].sigma.powi(2) + node.sigma[k].powi(2) + gap[k];
         let variance = (0..2).map(own).sum::<f64>() / 2.0 + COMMON * self.common;
+        // Outlines that scatter more than they should are less certain than they say.
+        let variance = variance * self.excess.max(1.0);
         variance.is_finite().then(|| Center {
             x_px: node.pose[0] + self.offset[0].value,
             y_px: node.pose[1] + self.offset[1].value,
@@ -190,6 +213,7 @@ mod tests {
             frame: time_frames as u64,
             time_frames,
             component,
+            turn: 0,
             pose: [0.5 * time_frames, 0.0, 0.0],
             sigma: [1e-3; 3],
             bridged: [bridged; 3],

@@ -84,6 +84,8 @@ pub struct MotionParams {
     pub view: View,
     /// Direction of the struck surface's tangent, counter-clockwise from x, deg.
     pub surface_angle_deg: f64,
+    /// The radius that diameter and scale predict, px, where both are given.
+    pub radius_px: Option<f64>,
     /// Gravity, m/s^2; 0 switches it off.
     pub gravity_m_s2: f64,
     /// The direction of free fall, counter-clockwise from x (y up), deg; -90 for a level camera.

@@ -24,6 +24,8 @@ pub struct Pose {
     pub time_frames: f64,
     /// The component; nodes of one component are linked by steps.
     pub component: u32,
+    /// The component of the angle; nodes of one are linked by measured rotations.
+    pub turn: u32,
     /// x px, y px (down), angle deg (counter-clockwise) since the body's first node.
     pub pose: [f64; 3],
     /// White standard uncertainty of each.
@@ -42,6 +44,10 @@ pub struct Pose {
 pub struct PoseIntegrator {
     walk: RandomWalk,
     components: u32,
+    turns: u32,
+    source: PoseSource,
+    /// The last measured rotation.
+    spin: Option<Spin>,
     /// Poses at the ends of steps, by frame and interval.
     arrivals: BTreeMap<(u64, u32), Pose>,
     newest: Option<Pose>,
@@ -54,10 +60,56 @@ fn sound(step: &RigidStep) -> bool {
     numbers.iter().all(|x| x.is_finite())
 }
 
+/// A measured rotation per frame, from which a few frames without one are bridged.
+#[derive(Debug, Clone, Copy)]
+struct Spin {
+    rate_deg: f64,
+    /// The rotation per frame before.
+    before_deg: f64,
+    sigma_deg: f64,
+    /// The frames since then.
+    unseen_frames: f64,
+}
+
+impl Spin {
+    /// Returns the rotation in some further frames, deg, and its variance; infinite if that is too long ago.
+    fn extrapolated(&mut self, frames: f64) -> (f64, f64) {
+        self.unseen_frames += frames;
+        let change = 0.5 * self.unseen_frames * (self.rate_deg - self.before_deg);
+        let variance = 2.0 * self.sigma_deg.powi(2) + change.powi(2);
+        let is_known = self.unseen_frames <= BRIDGE_FRAMES;
+        (frames * self.rate_deg, if is_known { frames * frames * variance } else { f64::INFINITY })
+    }
+}
+
+/// The origin of the newest nodes' positions: matches or outlines.
+#[derive(Debug, Clone, Copy, Default)]
+struct PoseSource {
+    /// The component of the next node.
+    component: u32,
+    bridged: [f64; 3],
+    /// The position of nodes relative to outlines, if outlines place them, px.
+    offset_px: Option<[f64; 2]>,
+}
+
+/// Whether two rotations, given by their standard uncertainties in deg, are both known.
+fn is_turning(sigma_deg: f64, other_deg: f64) -> bool {
+    [sigma_deg, other_deg].iter().all(|sigma| RigidStep { sigma_dtheta_deg: *sigma, ..RigidStep::STILL }.has_rotation())
+}
+
 impl PoseIntegrator {
     /// Creates an empty chain of steps with this random walk.
     pub fn new(walk: RandomWalk) -> Self {
-        Self { walk, components: 0, arrivals: BTreeMap::new(), newest: None, last: None }
+        Self {
+            walk,
+            components: 0,
+            turns: 0,
+            source: PoseSource::default(),
+            spin: None,
+            arrivals: BTreeMap::new(),
+            newest: None,
+            last: None,
+        }
     }
 
     /// Takes the next step in frame order, the shortest of its frame. Returns the frame's node unless no step leads to
@@ -65,7 +117,12 @@ impl PoseIntegrator {
     ///
     /// `periods` is the time between the exposures of the body in this frame and the next, in nominal frame periods.
     pub fn push(&mut self, step: &BodyStep, time_frames: f64, periods: f64) -> Option<Pose> {
+        if let Some(node) = self.absolute(step, time_frames) {
+            self.newest = Some(node);
+            return Some(node);
+        }
         let arrived = self.arrive(step.frame);
+        let arrived = self.by_outline(step, arrived);
         let outgoing = step.motion.filter(sound);
         let n = f64::from(step.interval_frames.max(1));
         let sigma_out = outgoing.map(|s| {
@@ -76,13 +133,20 @@ impl PoseIntegrator {
             (None, None) => return None,
             (Some(node), None) => node,
             (Some(node), Some(out)) => {
-                let sigma = std::array::from_fn(|k| ((node.sigma[k].powi(2) + out[k].powi(2)) / 2.0).sqrt());
+                let both = |k: usize| ((node.sigma[k].powi(2) + out[k].powi(2)) / 2.0).sqrt();
+                // A rotation measured on one side only is known by that side.
+                let sigma = [
+                    both(0),
+                    both(1),
+                    if is_turning(node.sigma[2], out[2]) { both(2) } else { node.sigma[2].min(out[2]) },
+                ];
                 Pose { sigma, ..node }
             }
             (None, Some(sigma)) => self.begin(time_frames, sigma),
         };
         node.frame = step.frame;
         node.time_frames = time_frames;
+        self.follow_source(step, &node, arrived.is_some());
         self.newest = Some(node);
         if let (Some(out), Some(sigma)) = (outgoing, sigma_out) {
             let rates = [out.dx_px, out.dy_px, out.dtheta_deg];
@@ -90,30 +154,121 @@ impl PoseIntegrator {
             let arriving = Pose { sigma, ..self.moved(&node, step, rates.map(|rate| n * rate)) };
             self.arrivals.insert((target, step.interval_frames), arriving);
             let rates = rates.map(|rate| rate / periods);
+            if out.has_rotation() {
+                let before_deg = self.spin.map_or(rates[2], |spin| spin.rate_deg);
+                self.spin = Some(Spin { rate_deg: rates[2], before_deg, sigma_deg: node.sigma[2], unseen_frames: 0.0 });
+            }
             let before = self.last.map_or(rates, |(_, rates, _)| rates);
-            self.last = Some((node, rates, before));
+            self.last = Some((Pose { turn: arriving.turn, ..node }, rates, before));
         }
         Some(node)
     }
 
     /// Takes a step over a longer interval, after the shortest one of its frame.
     pub fn link(&mut self, step: &BodyStep) {
-        let Some(from) = self.newest.filter(|node| node.frame == step.frame) else { return };
+        let Some(from) = self.newest.filter(|node| node.frame == step.frame && step.angle_deg.is_none()) else {
+            return;
+        };
         let Some(out) = step.motion.filter(sound) else { return };
         let n = f64::from(step.interval_frames.max(1));
         let moved = [out.dx_px, out.dy_px, out.dtheta_deg].map(|rate| n * rate);
         let target = step.frame + u64::from(step.interval_frames);
-        self.arrivals.insert((target, step.interval_frames), self.moved(&from, step, moved));
+        let Pose { component, turn, bridged, .. } = from;
+        let arriving = Pose { component, turn, bridged, ..self.moved(&from, step, moved) };
+        self.arrivals.insert((target, step.interval_frames), arriving);
     }
 
     /// Returns the node at the end of a step of this size.
-    fn moved(&self, from: &Pose, step: &BodyStep, moved: [f64; 3]) -> Pose {
+    fn moved(&mut self, from: &Pose, step: &BodyStep, moved: [f64; 3]) -> Pose {
         let mut kept = from.kept;
         let walk_share = match step.method {
             MotionMethod::WholeBody => self.walk.whole(from.frame, from.pose[2], &mut kept),
             MotionMethod::Subsets => self.walk.subsets(moved),
+            // The sum of the differences between outlines is the last outline, whose error does not accumulate.
+            MotionMethod::Outlines => [0.0; 3],
         };
-        Pose { pose: std::array::from_fn(|k| from.pose[k] + moved[k]), walk_share, kept, ..*from }
+        let pose = std::array::from_fn(|k| from.pose[k] + moved[k]);
+        let (component, bridged) = (self.source.component, self.source.bridged);
+        let next = Pose { component, pose, bridged, walk_share, kept, ..*from };
+        if step.motion.is_some_and(|motion| motion.has_rotation()) {
+            next
+        } else {
+            self.turned_unseen(next, f64::from(step.interval_frames.max(1)))
+        }
+    }
+
+    /// Returns the node of a patch, whose pose in its reference image is measured in every frame.
+    ///
+    /// No step leads to it, so nothing accumulates and no gap matters. All poses contain the noise of the reference.
+    fn absolute(&self, step: &BodyStep, time_frames: f64) -> Option<Pose> {
+        let (angle, circle) = (step.angle_deg?, step.circle()?);
+        let newest_deg = self.newest.map_or(angle.value, |newest| newest.pose[2]);
+        let turns = ((newest_deg - angle.value) / 360.0).round();
+        let n = f64::from(step.interval_frames.max(1));
+        let out = step.motion.filter(sound).unwrap_or(RigidStep::STILL);
+        // The image that the patch was drawn in matches itself exactly; the step from it has its noise.
+        let sigma = [
+            circle.sigma_center_px.max(n * out.sigma_dx_px),
+            circle.sigma_center_px.max(n * out.sigma_dy_px),
+            angle.sigma.max(n * out.sigma_dtheta_deg),
+        ];
+        Some(Pose {
+            frame: step.frame,
+            time_frames,
+            component: 0,
+            turn: 0,
+            pose: [circle.x_px, circle.y_px, angle.value + 360.0 * turns],
+            sigma: sigma.map(|sigma| (sigma * std::f64::consts::FRAC_1_SQRT_2).max(SIGMA_FLOOR)),
+            bridged: [0.0; 3],
+            walk_share: [0.0; 3],
+            kept: None,
+        })
+    }
+
+    /// Returns the node of a frame whose motion comes from outlines: its outline, where the last ones are linked to.
+    ///
+    /// Outlines place the body without the frames between, so a gap in them breaks nothing.
+    fn by_outline(&mut self, step: &BodyStep, arrived: Option<Pose>) -> Option<Pose> {
+        let is_matched = step.motion.is_some() && step.method != MotionMethod::Outlines;
+        let offset_px = self.source.offset_px.filter(|_| !is_matched);
+        let circle = step.circle().filter(|_| step.is_detected());
+        let (Some([x, y]), Some(circle), Some(last)) = (offset_px, circle, self.newest) else { return arrived };
+        let turned = arrived.unwrap_or_else(|| {
+            self.turns += 1;
+            Pose { turn: self.turns, bridged: [last.bridged[0], last.bridged[1], f64::INFINITY], ..last }
+        });
+        let bridged = [self.source.bridged[0], self.source.bridged[1], turned.bridged[2]];
+        let sigma = [circle.sigma_center_px, circle.sigma_center_px, turned.sigma[2]];
+        let pose = [circle.x_px + x, circle.y_px + y, turned.pose[2]];
+        Some(Pose { component: self.source.component, pose, sigma, bridged, walk_share: [0.0; 3], ..turned })
+    }
+
+    /// Notes what places the nodes from this one on: matches, or outlines, whose errors are far larger.
+    ///
+    /// Nodes of the two kinds are not linked.
+    fn follow_source(&mut self, step: &BodyStep, node: &Pose, is_linked: bool) {
+        let Some(_) = step.motion else { return };
+        let circle = step.circle().filter(|_| step.method == MotionMethod::Outlines);
+        let was_outline = self.source.offset_px.is_some() && node.component == self.source.component;
+        let offset_px = circle.map(|circle| [node.pose[0] - circle.x_px, node.pose[1] - circle.y_px]);
+        let (mut component, mut bridged) = (node.component, node.bridged);
+        if is_linked && was_outline != offset_px.is_some() {
+            component = self.components;
+            self.components += 1;
+            let sigma = circle.map_or([node.sigma[0], node.sigma[1]], |circle| [circle.sigma_center_px; 2]);
+            bridged = [bridged[0] + sigma[0].powi(2), bridged[1] + sigma[1].powi(2), bridged[2]];
+        }
+        let offset_px = if was_outline && offset_px.is_some() { self.source.offset_px } else { offset_px };
+        self.source = PoseSource { component, bridged, offset_px };
+    }
+
+    /// Returns a node `frames` later whose angle is not measured, but extrapolated.
+    fn turned_unseen(&mut self, node: Pose, frames: f64) -> Pose {
+        self.turns += 1;
+        let (turned_deg, variance) = self.spin.as_mut().map_or((0.0, f64::INFINITY), |spin| spin.extrapolated(frames));
+        let pose = [node.pose[0], node.pose[1], node.pose[2] + turned_deg];
+        let bridged = [node.bridged[0], node.bridged[1], node.bridged[2] + variance];
+        Pose { turn: self.turns, pose, bridged, ..node }
     }
 
     /// Returns the node of this frame, in which the longer steps correct the shortest.
@@ -141,13 +296,14 @@ impl PoseIntegrator {
         // No step of its component leads to it.
         let walk_share = [0.0; 3];
         let kept = None;
-        let component = self.components;
-        self.components += 1;
+        let (component, turn) = (self.components, self.turns);
+        (self.components, self.turns) = (component + 1, turn + 1);
         let Some((last, rates, before)) = self.last else {
             return Pose {
                 frame: 0,
                 time_frames,
                 component,
+                turn,
                 pose: [0.0; 3],
                 sigma,
                 bridged: [0.0; 3],
@@ -165,7 +321,7 @@ impl PoseIntegrator {
             let rate = 2.0 * last.sigma[k].powi(2) + (0.5 * dt * (rates[k] - before[k])).powi(2);
             last.bridged[k] + dt * dt * rate
         });
-        Pose { frame: 0, time_frames, component, pose, sigma, bridged, walk_share, kept }
+        Pose { frame: 0, time_frames, component, turn, pose, sigma, bridged, walk_share, kept }
     }
 }
 

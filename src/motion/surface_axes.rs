@@ -92,6 +92,9 @@ impl PixelRates {
     }
 }
 
+/// The standard uncertainty from which a rotation is not known at all, deg/frame.
+const MAX_SPIN_SIGMA_DEG: f64 = 90.0;
+
 /// Converts rates in pixels and frames to physical velocities.
 pub fn physical(rates: &PixelRates, scale: MetresPerPixel, params: &MotionParams) -> BodyVelocity {
     let period_s = params.frame_period_ns * 1e-9;
@@ -100,14 +103,15 @@ pub fn physical(rates: &PixelRates, scale: MetresPerPixel, params: &MotionParams
     let (vx, vy) = (rates.x.value * per_frame, -rates.y.value * per_frame);
     let noise = rates.x.sigma.hypot(rates.y.sigma) * std::f64::consts::FRAC_1_SQRT_2 * per_frame;
     let from_scale = vx.hypot(vy) * scale.sigma / scale.value;
+    let spin = Some(rates.theta).filter(|theta| theta.sigma < MAX_SPIN_SIGMA_DEG);
     BodyVelocity {
         vx_m_s: vx,
         vy_m_s: vy,
         vn_m_s: along.normal * per_frame,
         vt_m_s: along.tangential * per_frame,
-        omega_rad_s: rates.theta.value.to_radians() / period_s,
+        omega_rad_s: spin.map(|theta| theta.value.to_radians() / period_s),
         sigma_v_m_s: noise.hypot(from_scale),
-        sigma_omega_rad_s: rates.theta.sigma.to_radians() / period_s,
+        sigma_omega_rad_s: spin.map(|theta| theta.sigma.to_radians() / period_s),
         window_frames: rates.window_frames,
         order: rates.order,
     }
@@ -123,6 +127,7 @@ mod tests {
             scale: Scale::MmPerPx(0.5),
             view: super::super::View::default(),
             rectifier: None,
+            radius_px: None,
             surface_angle_deg,
             gravity_m_s2: 9.81,
             gravity_angle_deg: -90.0,
@@ -149,7 +154,7 @@ mod tests {
         let v = physical(&rates(0.2, 0.4, 1.8), Estimate { value: 5e-4, sigma: 0.0 }, &params(0.0));
         assert!((v.vx_m_s - 1.0).abs() < 1e-12 && (v.vy_m_s + 2.0).abs() < 1e-12, "{v:?}");
         assert!((v.vn_m_s + 2.0).abs() < 1e-12 && (v.vt_m_s - 1.0).abs() < 1e-12);
-        assert!((v.omega_rad_s - 314.159_265_358_979_3).abs() < 1e-9);
+        assert!((v.omega_rad_s.unwrap() - 314.159_265_358_979_3).abs() < 1e-9);
         assert!((v.sigma_v_m_s - 0.005).abs() < 1e-12);
     }
 

@@ -2,7 +2,7 @@
 
 use super::{MotionParams, PixelRates, Pose};
 use crate::numeric::{MAX_ORDER, Polynomial, Sample};
-use crate::results::Estimate;
+use crate::results::{Estimate, RigidStep};
 
 /// The lag of a sample when the fit chooses its window, frames.
 pub const AUTO_AHEAD_FRAMES: u64 = 20;
@@ -46,6 +46,9 @@ const AFTER: (f64, f64) = (0.6, 3.0);
 const MAX_UNOBSERVED_CHANGE: [f64; GAP_FRAMES] = [2.5, 1.5, 0.7, 0.3];
 /// The number of frames on either side of a gap whose rates may miss a force.
 const GAP_FRAMES: usize = 4;
+
+/// The minimum number of measured rotations from frame to frame behind a spin.
+const MIN_TURNING_STEPS: usize = 2;
 
 /// The known motion of a body around a frame.
 #[derive(Debug, Clone, Copy)]
@@ -96,7 +99,7 @@ pub fn local_fit(nodes: &[Pose], at_frames: f64, order: u32) -> Option<PixelRate
 fn samples(nodes: &[Pose], axis: usize) -> Vec<Sample> {
     let sample = |n: &Pose| Sample {
         time_frames: n.time_frames,
-        component: n.component,
+        component: if axis == 2 { n.turn } else { n.component },
         value: n.pose[axis],
         sigma: n.sigma[axis],
         walk: n.walk_share[axis] * n.sigma[axis],
@@ -104,21 +107,33 @@ fn samples(nodes: &[Pose], axis: usize) -> Vec<Sample> {
     nodes.iter().map(sample).collect()
 }
 
+/// Whether the rotation between enough of the nodes was measured for a rate.
+fn has_rotation(nodes: &[Pose]) -> bool {
+    // Steps over n frames make n interleaved components.
+    let mut turns: Vec<u32> = nodes.iter().map(|node| node.turn).collect();
+    turns.sort_unstable();
+    turns.windows(2).filter(|pair| pair[0] == pair[1]).count() >= MIN_TURNING_STEPS
+}
+
 fn fit_rates(nodes: &[Pose], at_frames: f64, order: usize, gravity: [f64; 2]) -> Option<PixelRates> {
     let acceleration = [gravity[0], gravity[1], 0.0];
     let mut order = order;
+    let is_turning = has_rotation(nodes);
     let fits = loop {
         let fit = |axis: usize| Polynomial::fit(&samples(nodes, axis), at_frames, order, acceleration[axis]);
-        match (fit(0), fit(1), fit(2)) {
-            (Some(x), Some(y), Some(theta)) => break [x, y, theta],
+        let theta = if is_turning { fit(2) } else { None };
+        match (fit(0), fit(1), theta) {
+            (Some(x), Some(y), theta) if theta.is_some() || !is_turning => break (x, y, theta),
             _ if order > 1 => order -= 1,
             _ => return None,
         }
     };
-    let [x, y, theta] = fits.map(|fit| {
+    let rate = |fit: &Polynomial| {
         let rate = fit.rate(at_frames);
         Estimate { value: rate.value, sigma: rate.sigma * fit.excess() }
-    });
+    };
+    let (x, y) = (rate(&fits.0), rate(&fits.1));
+    let theta = fits.2.as_ref().map_or(Estimate { value: 0.0, sigma: RigidStep::ANY_ROTATION_DEG }, rate);
     let span = nodes.last()?.frame - nodes.first()?.frame + 1;
     Some(PixelRates { x, y, theta, window_frames: u32::try_from(span).ok()?, order: u32::try_from(order).ok()? })
 }

@@ -91,6 +91,22 @@ impl Polynomial {
         Some(fit)
     }
 
+    /// Returns a curve of which nothing is known but the scale of its rate, per frame.
+    pub fn unknown(at_frames: f64, sigma_rate: f64) -> Self {
+        let mut covariance = Matrix::zeros();
+        covariance[(0, 0)] = sigma_rate.powi(2);
+        Self {
+            at_frames,
+            unit_frames: 1.0,
+            acceleration: 0.0,
+            coefficients: Vector::zeros(),
+            covariance,
+            components: Vec::new(),
+            chi2: 0.0,
+            freedom: 0,
+        }
+    }
+
     fn powers(&self, time_frames: f64) -> Vector {
         let u = (time_frames - self.at_frames) / self.unit_frames;
         let mut power = 1.0;

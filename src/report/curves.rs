@@ -26,8 +26,8 @@ struct VelocityChart {
     /// The title with its symbol, as HTML.
     heading: PreEscaped<&'static str>,
     unit: &'static str,
-    value: fn(&BodyVelocity) -> f64,
-    sigma: fn(&BodyVelocity) -> f64,
+    /// Returns the number and its standard uncertainty.
+    number: fn(&BodyVelocity) -> Option<(f64, f64)>,
 }
 
 const VELOCITIES: [VelocityChart; 3] = [
@@ -35,22 +35,19 @@ const VELOCITIES: [VelocityChart; 3] = [
         title: "Normal velocity",
         heading: PreEscaped("Normal velocity <i>v</i><sub>n</sub>"),
         unit: "m/s",
-        value: |v| v.vn_m_s,
-        sigma: |v| v.sigma_v_m_s,
+        number: |v| Some((v.vn_m_s, v.sigma_v_m_s)),
     },
     VelocityChart {
         title: "Tangential velocity",
         heading: PreEscaped("Tangential velocity <i>v</i><sub>t</sub>"),
         unit: "m/s",
-        value: |v| v.vt_m_s,
-        sigma: |v| v.sigma_v_m_s,
+        number: |v| Some((v.vt_m_s, v.sigma_v_m_s)),
     },
     VelocityChart {
         title: "Spin, counter-clockwise",
         heading: PreEscaped("Spin <i>ω</i>, counter-clockwise"),
         unit: "rad/s",
-        value: |v| v.omega_rad_s,
-        sigma: |v| v.sigma_omega_rad_s,
+        number: |v| v.omega_rad_s.zip(v.sigma_omega_rad_s),
     },
 ];
 
@@ -97,10 +94,10 @@ impl<'a> Drawer<'a> {
     }
 
     fn velocity(&self, velocity: &VelocityChart) -> Markup {
-        let VelocityChart { title, heading, unit, value, sigma } = velocity;
-        let curves = self.pair(|row| row.velocity.map(|v| (value(&v), sigma(&v))));
+        let VelocityChart { title, heading, unit, number } = velocity;
+        let curves = self.pair(|row| row.velocity.as_ref().and_then(number));
         let chart = TimeChart { title: (*title).into(), curves, height: 130.0, has_axis: false };
-        let note = self.typical(|row| row.velocity.map(|v| sigma(&v)));
+        let note = self.typical(|row| row.velocity.as_ref().and_then(number).map(|(_, sigma)| sigma));
         self.figure(&html! { (heading) ", " (unit) }, note.as_ref(), &chart)
     }
 

@@ -74,10 +74,12 @@ pub fn figures(shot: &Shot, experiment: &Experiment<'_>) -> Vec<Figure> {
     let Some(drawer) = Drawer::new(shot, 0) else { return Vec::new() };
     let is_rod = experiment.name == "rod";
     let subject = if is_rod { "the mark on the rod" } else { "the centre of the ball" };
-    let of = |number: fn(&BodyVelocity) -> (f64, f64)| move |row: &VelocitySample| row.velocity.as_ref().map(number);
-    let normal = of(|v| (v.vn_m_s, v.sigma_v_m_s));
-    let tangential = of(|v| (v.vt_m_s, v.sigma_v_m_s));
-    let spin = of(|v| (v.omega_rad_s, v.sigma_omega_rad_s));
+    let of = |number: fn(&BodyVelocity) -> Option<(f64, f64)>| {
+        move |row: &VelocitySample| row.velocity.as_ref().and_then(number)
+    };
+    let normal = of(|v| Some((v.vn_m_s, v.sigma_v_m_s)));
+    let tangential = of(|v| Some((v.vt_m_s, v.sigma_v_m_s)));
+    let spin = of(|v| v.omega_rad_s.zip(v.sigma_omega_rad_s));
     let axes = SurfaceAxes::new(shot, experiment);
     let panel = |title: &'static str, number: Number<'_>| (title, pair(&drawer, number));
     let mut positions = vec![panel("normal position, mm", &|row| axes.normal_mm(row))];
@@ -224,7 +226,7 @@ fn picture(shot: &Shot, snapshot: &Snapshot, gain: f64, left: f64) -> Markup {
     let mut lines = vec![format!("frame {}, {} ms", shot.frame(snapshot.row.frame), fixed(t_ms, 3))];
     if let Some(v) = snapshot.row.velocity {
         lines.push(format!("vn {} m/s, vt {} m/s", three_digits(v.vn_m_s), three_digits(v.vt_m_s)));
-        lines.push(format!("spin {} rad/s", three_digits(v.omega_rad_s)));
+        lines.extend(v.omega_rad_s.map(|omega| format!("spin {} rad/s", three_digits(omega))));
     }
     html! {
         @if let Some((crop, png)) = &snapshot.picture {

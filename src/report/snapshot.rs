@@ -48,8 +48,10 @@ fn figure(shot: &Shot, snapshot: &Snapshot, gain: f64) -> Markup {
                 @if let Some(velocity) = snapshot.row.velocity {
                     br;
                     i { "v" } sub { "n" } " " (three_digits(velocity.vn_m_s)) " m/s, "
-                    i { "v" } sub { "t" } " " (three_digits(velocity.vt_m_s)) " m/s, "
-                    i { "ω" } " " (three_digits(velocity.omega_rad_s)) " rad/s"
+                    i { "v" } sub { "t" } " " (three_digits(velocity.vt_m_s)) " m/s"
+                    @if let Some(omega_rad_s) = velocity.omega_rad_s {
+                        ", " i { "ω" } " " (three_digits(omega_rad_s)) " rad/s"
+                    }
                 }
             }
         }

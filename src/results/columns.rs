@@ -82,6 +82,35 @@ impl<R> Column<R> {
     }
 }
 
+/// A number of a group, which may be missing on its own.
+pub trait Part: Copy {
+    /// Returns the number, if it was measured.
+    fn known(self) -> Option<f64>;
+
+    /// Returns the part of a measured group; `None` if the group cannot be without it.
+    fn of(number: Option<f64>) -> Option<Self>;
+}
+
+impl Part for f64 {
+    fn known(self) -> Option<f64> {
+        Some(self)
+    }
+
+    fn of(number: Option<f64>) -> Option<Self> {
+        number
+    }
+}
+
+impl Part for Option<f64> {
+    fn known(self) -> Option<f64> {
+        self
+    }
+
+    fn of(number: Option<f64>) -> Option<Self> {
+        Some(number)
+    }
+}
+
 /// A row per frame and body.
 pub trait Sample: Sized + 'static {
     /// The columns behind frame, body and time.
@@ -107,7 +136,7 @@ macro_rules! sample_row {
                 $(
                     $(#[$group_doc:meta])*
                     $group:ident: $Group:ident {
-                        numbers { $($(#[$part_doc:meta])* $part:ident = $part_tag:tt,)* }
+                        numbers { $($(#[$part_doc:meta])* $part:ident: $Part:ty = $part_tag:tt,)* }
                         counts { $($(#[$count_doc:meta])* $count:ident = $count_tag:tt,)* }
                     }
                 )*
@@ -115,6 +144,7 @@ macro_rules! sample_row {
             numbers { $($(#[$later_doc:meta])* $later:ident = $later_tag:tt,)* }
             names { $($(#[$name_doc:meta])* $name:ident: $Name:ident = $name_tag:tt,)* }
             status = $status_tag:tt,
+            reasons { $($(#[$reason_doc:meta])* $reason:ident = $reason_tag:tt,)* }
             nested { $($(#[$nested_doc:meta])* $nested:ident: $Nested:ident, $NestedMessage:ident = $nested_tag:tt,)* }
         }
     ) => {
@@ -131,6 +161,7 @@ macro_rules! sample_row {
             $($(#[$group_doc])* pub $group: Option<$Group>,)*
             $($(#[$later_doc])* pub $later: Option<f64>,)*
             $($(#[$name_doc])* pub $name: $Name,)*
+            $($(#[$reason_doc])* pub $reason: $crate::results::PointStatus,)*
             $($(#[$nested_doc])* pub $nested: Option<$Nested>,)*
             /// The status of the measurement.
             pub status: $crate::results::PointStatus,
@@ -140,7 +171,7 @@ macro_rules! sample_row {
             $(#[$group_doc])*
             #[derive(Debug, Clone, Copy, PartialEq, Default)]
             pub struct $Group {
-                $($(#[$part_doc])* pub $part: f64,)*
+                $($(#[$part_doc])* pub $part: $Part,)*
                 $($(#[$count_doc])* pub $count: u32,)*
             }
         )*
@@ -150,10 +181,11 @@ macro_rules! sample_row {
                 use $crate::results::{Cell, Column};
                 &[
                     $(Column::double(stringify!($number), |row| Cell::Double(row.$number)),)*
-                    $($(Column::double(stringify!($part), |row| Cell::Double(row.$group.map(|group| group.$part))),)*)*
+                    $($(Column::double(stringify!($part), |row| Cell::Double(row.$group.and_then(|group| $crate::results::Part::known(group.$part)))),)*)*
                     $(Column::double(stringify!($later), |row| Cell::Double(row.$later)),)*
                     $(Column::text(stringify!($name), |row| Cell::Text(row.$name.as_str().into())),)*
                     Column::text("status", |row| Cell::Text(row.status.as_str().into())),
+                    $(Column::text(stringify!($reason), |row| Cell::Text(row.$reason.as_str().into())),)*
                 ]
             };
 

@@ -65,10 +65,11 @@ mod tests {
             center_x_px: None,
             center_y_px: None,
             radius_px: None,
-            motion: moved.filter(|_| *status == PointStatus::Valid),
+            motion: moved.filter(|_| *status == PointStatus::Valid).map(Into::into),
             velocity: None,
             visible_fraction: None,
             phase: Phase::Unknown,
+            rotation_status: PointStatus::Valid,
             status: *status,
         };
         (5..).zip(statuses).map(row).collect()

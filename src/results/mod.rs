@@ -21,6 +21,7 @@ mod velocity;
 
 pub use alarm::{Alarm, AlarmKind};
 pub use body_kind::BodyKind;
+pub(crate) use columns::Part;
 pub use columns::{Cell, Column, Heading, Kind, Sample};
 pub use estimate::Estimate;
 pub(crate) use field::field_row;
@@ -34,8 +35,8 @@ pub use reason::Reason;
 pub use rod::{ROD_EDGES, Rod, RodEdge};
 pub use rod_lines::{Segment, segments};
 pub use status::{Phase, PointStatus};
-pub use step::{BodyStep, Circle, MotionMethod, Outline, OutlineOrigin, OutlineShape};
+pub use step::{BodyStep, Circle, MotionMethod, Outline, OutlineOrigin, OutlineShape, RigidStep};
 pub use track::TrackSample;
 pub(crate) use track::track_row;
 pub(crate) use velocity::velocity_row;
-pub use velocity::{BodyVelocity, RigidStep, VelocitySample};
+pub use velocity::{BodyVelocity, MotionSample, VelocitySample};

@@ -15,7 +15,7 @@ named_enum! {
         LowCorrelation = 2 "low-correlation",
         /// Two matches are about equally good, as on a regular grid.
         Ambiguous = 3 "ambiguous",
-        /// Measured, but the neighbours disagree.
+        /// Measured, but the neighbours disagree; a collision: measured, but no fixed surface and no fall explains it.
         Outlier = 4 "outlier",
         /// Hidden behind something.
         Occluded = 5 "occluded",

@@ -1,7 +1,7 @@
 //! Steps: one body in one frame, and its motion to a later one.
 
 use super::named::named_enum;
-use super::{Estimate, PointStatus, RigidStep, Rod};
+use super::{Estimate, MotionSample, PointStatus, Rod};
 
 /// The outline of a ball in one frame; for a patch, a disc of the same area around its reported point.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,7 +20,38 @@ pub struct Circle {
     pub visible_fraction: f64,
 }
 
+/// The motion of a body per frame: the displacement of its centre and its rotation.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct RigidStep {
+    /// The displacement of the centre along x, px/frame.
+    pub dx_px: f64,
+    /// The displacement of the centre along y (down), px/frame.
+    pub dy_px: f64,
+    /// The rotation, counter-clockwise as seen on the screen, deg/frame.
+    pub dtheta_deg: f64,
+    /// The standard uncertainty of `dx_px`, px/frame.
+    pub sigma_dx_px: f64,
+    /// The standard uncertainty of `dy_px`, px/frame.
+    pub sigma_dy_px: f64,
+    /// The standard uncertainty of `dtheta_deg`, deg/frame; [`Self::ANY_ROTATION_DEG`] if it was not measured.
+    pub sigma_dtheta_deg: f64,
+    /// The number of subsets or pixels it rests on.
+    pub points: u32,
+}
+
+/// The standard uncertainty from which a rotation is not known at all, deg/frame.
+const UNKNOWN_ROTATION_DEG: f64 = 90.0;
+
 impl RigidStep {
+    /// The standard uncertainty of a rotation that was not measured, deg/frame: any is possible.
+    pub const ANY_ROTATION_DEG: f64 = 1e4;
+
+    /// Whether the rotation was measured.
+    #[must_use]
+    pub fn has_rotation(&self) -> bool {
+        self.sigma_dtheta_deg < UNKNOWN_ROTATION_DEG
+    }
+
     /// No motion, with no uncertainty.
     pub const STILL: Self = Self {
         dx_px: 0.0,
@@ -80,6 +111,21 @@ impl Outline {
     }
 }
 
+impl From<RigidStep> for MotionSample {
+    fn from(step: RigidStep) -> Self {
+        let rotation = Some(step).filter(RigidStep::has_rotation);
+        Self {
+            dx_px: step.dx_px,
+            dy_px: step.dy_px,
+            dtheta_deg: rotation.map(|step| step.dtheta_deg),
+            sigma_dx_px: step.sigma_dx_px,
+            sigma_dy_px: step.sigma_dy_px,
+            sigma_dtheta_deg: rotation.map(|step| step.sigma_dtheta_deg),
+            points: step.points,
+        }
+    }
+}
+
 impl From<Circle> for Outline {
     fn from(circle: Circle) -> Self {
         Self::new(OutlineShape::Circle(circle), OutlineOrigin::Detected)
@@ -101,6 +147,8 @@ named_enum! {
         Subsets = 1 "subsets",
         /// A rigid match of the whole body with a stored reference.
         WholeBody = 2 "whole-body",
+        /// The outlines of the body in both frames, which say nothing about its rotation.
+        Outlines = 3 "outlines",
     }
 }
 
@@ -117,6 +165,8 @@ pub struct BodyStep {
     pub interval_frames: u32,
     /// The outline in this frame.
     pub outline: Option<Outline>,
+    /// The rotation of a patch since the image that it was drawn in, deg; full turns are not counted.
+    pub angle_deg: Option<Estimate>,
     /// The motion from this frame on; `None` in the last frames of a stream and where it could not be measured.
     pub motion: Option<RigidStep>,
     /// The method that measured `motion`.
@@ -124,6 +174,8 @@ pub struct BodyStep {
     /// The share by which steps much shorter than a pixel are underestimated because of the sensor's fixed pattern. It is
     /// measured against an earlier frame and scatters about its mean, also below zero. `None` where it was not measured.
     pub fixed_fraction: Option<f64>,
+    /// The share by which light that stays in the room may have held back the rotation. `None` where there is none.
+    pub light_fraction: Option<f64>,
     /// The relative growth of the body's image per frame from this frame on, measured from its subsets. The body comes
     /// nearer to the camera, or moves to where the lens draws it larger.
     pub growth_fraction: Option<Estimate>,
@@ -131,6 +183,8 @@ pub struct BodyStep {
     /// pattern moves with the front of the ball, which moves differently when the ball turns about an axis in the image
     /// plane.
     pub drift: Option<[Estimate; 3]>,
+    /// The reason why the rotation of `motion` was not measured; valid if it was, or if there is no motion.
+    pub rotation_status: PointStatus,
     /// The status of the measurement.
     pub status: PointStatus,
 }
@@ -208,6 +262,7 @@ impl BodyStep {
             motion: None,
             method: MotionMethod::default(),
             fixed_fraction: None,
+            light_fraction: None,
             growth_fraction: None,
             drift: None,
             ..self

@@ -29,6 +29,7 @@ macro_rules! track_row {
                 numbers {}
                 names {}
                 status = 11,
+                reasons {}
                 nested {
                     /// The rod, if the body is one.
                     rod: Rod, RodMessage = 12,

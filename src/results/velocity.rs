@@ -8,7 +8,7 @@ macro_rules! velocity_row {
     ($derive:ident) => {
         $derive! {
             /// A row of the `velocity` table: one body in one frame.
-            VelocitySample(VelocityMessage, "ricochet.Velocity.v1", Velocity) {
+            VelocitySample(VelocityMessage, "ricochet.Velocity.v2", Velocity) {
                 numbers {
                     /// The centre along x, px.
                     center_x_px = 4,
@@ -21,20 +21,21 @@ macro_rules! velocity_row {
                     /// The unsmoothed motion of a body from one frame to the next.
                     ///
                     /// It is measured over `interval_frames` and divided by it, so it is always per frame.
-                    motion: RigidStep {
+                    motion: MotionSample {
                         numbers {
                             /// The motion of the body's centre along x, px/frame.
-                            dx_px = 7,
+                            dx_px: f64 = 7,
                             /// The motion of the body's centre along y (down), px/frame.
-                            dy_px = 8,
-                            /// The rotation, counter-clockwise as seen on the screen, deg/frame.
-                            dtheta_deg = 9,
+                            dy_px: f64 = 8,
+                            /// The rotation, counter-clockwise as seen on the screen, deg/frame. `None` where only the outline moves, and
+                            /// nothing on it turns visibly.
+                            dtheta_deg: Option<f64> = 9,
                             /// The standard uncertainty of `dx_px`, px/frame.
-                            sigma_dx_px = 10,
+                            sigma_dx_px: f64 = 10,
                             /// The standard uncertainty of `dy_px`, px/frame.
-                            sigma_dy_px = 11,
+                            sigma_dy_px: f64 = 11,
                             /// The standard uncertainty of `dtheta_deg`, deg/frame.
-                            sigma_dtheta_deg = 12,
+                            sigma_dtheta_deg: Option<f64> = 12,
                         }
                         counts {
                             /// The number of subsets it rests on.
@@ -45,19 +46,19 @@ macro_rules! velocity_row {
                     velocity: BodyVelocity {
                         numbers {
                             /// The velocity along x (right), m/s.
-                            vx_m_s = 14,
+                            vx_m_s: f64 = 14,
                             /// The velocity along y (**up**), m/s.
-                            vy_m_s = 15,
+                            vy_m_s: f64 = 15,
                             /// The velocity along the outward normal of the struck surface, m/s.
-                            vn_m_s = 16,
+                            vn_m_s: f64 = 16,
                             /// The velocity along the surface's tangent, m/s.
-                            vt_m_s = 17,
-                            /// The spin, counter-clockwise positive, rad/s.
-                            omega_rad_s = 18,
+                            vt_m_s: f64 = 17,
+                            /// The spin, counter-clockwise positive, rad/s. `None` where it cannot be seen.
+                            omega_rad_s: Option<f64> = 18,
                             /// The standard uncertainty of each velocity component, m/s.
-                            sigma_v_m_s = 19,
+                            sigma_v_m_s: f64 = 19,
                             /// The standard uncertainty of the spin, rad/s.
-                            sigma_omega_rad_s = 20,
+                            sigma_omega_rad_s: Option<f64> = 20,
                         }
                         counts {
                             /// The number of frames the local fit spans.
@@ -76,6 +77,11 @@ macro_rules! velocity_row {
                     phase: Phase = 24,
                 }
                 status = 25,
+                reasons {
+                    /// The reason why rotation and spin are missing in a row with a velocity: `low-contrast` if nothing on
+                    /// the body turns visibly.
+                    rotation_status = 27,
+                }
                 nested {}
             }
         }

@@ -7,7 +7,7 @@ use super::sensor::Sensor;
 use super::trajectory::{Pose, Trajectory, tangent};
 use crate::image::{Image, PixelFormat};
 use crate::numeric::{Stream, key, scramble};
-use crate::results::{Impact, VelocitySample};
+use crate::results::{Impact, PointStatus, VelocitySample};
 use crate::synth::render::Rod;
 use crate::synth::render::SpeckledSphere;
 use crate::synth::render::total_sigma_px;
@@ -297,7 +297,8 @@ impl SimulatedFilm {
             center_x_px: Some(pose.center_px[0]),
             center_y_px: Some(pose.center_px[1]),
             radius_px: scenario.body.rod.is_none().then_some(radius_px),
-            motion: next.map(|next| step(&pose, &next)),
+            motion: next.map(|next| step(&pose, &next).into()),
+            rotation_status: PointStatus::Valid,
             velocity: Some(velocity(&pose, tangent(scenario))),
             visible_fraction: Some(visible),
             phase: phase(trajectory, shown_s),

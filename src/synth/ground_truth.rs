@@ -47,9 +47,9 @@ pub(super) fn velocity(pose: &Pose, tangent: [f64; 2]) -> BodyVelocity {
         vy_m_s: pose.velocity_m_s[1],
         vn_m_s,
         vt_m_s,
-        omega_rad_s: pose.omega_rad_s,
+        omega_rad_s: Some(pose.omega_rad_s),
         sigma_v_m_s: 0.0,
-        sigma_omega_rad_s: 0.0,
+        sigma_omega_rad_s: Some(0.0),
         window_frames: 0,
         order: 0,
     }

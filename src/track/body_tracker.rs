@@ -1,6 +1,9 @@
 //! The tracker of one body.
 
+mod flights;
+
 use super::gating::ValidationGate;
+use super::pending_impact::{PendingImpact, REVISIONS_FRAMES, Revision, stage};
 use super::rows::TrackerRows;
 use crate::impact::{
     Contact, Detector, DilatationRates, Event, ImpactContext, OutOfPlane, SurfaceNode, deepest_so_far, solve,
@@ -15,43 +18,20 @@ use crate::results::{
     Alarm, AlarmKind, BodyStep, Estimate, Impact, MotionMethod, Phase, PointStatus, TrackSample, VelocitySample,
 };
 
-/// The lengths of the flight after the end of contact at which an impact is measured again; the last is final, frames.
-const REVISIONS_FRAMES: [f64; 2] = [16.0, 64.0];
 /// The number of frames after which a collision that could not be measured is tried again.
 const RETRY_FRAMES: f64 = 3.0;
+/// The distance from which an outline and the integrated motion place the centre differently, sigmas.
+const CONTRADICTION_SIGMAS: f64 = 8.0;
+/// The difference between measured and expected radius that an inaccurate scale explains, as a fraction.
+const RADIUS_TOLERANCE: f64 = 0.01;
+/// The same that noise explains, sigmas.
+const RADIUS_SIGMAS: f64 = 1.0;
+/// The share of the rotation held back by light that appears as a motion of a lopsided pattern.
+const LIGHT_PULL: f64 = 0.3;
 /// The time after the end of contact from which the first revision is final, s.
 const FINAL_AFTER_S: f64 = 0.035;
 /// The number of nodes kept beyond the reach of the local fits.
 const SPARE_NODES: u64 = 64;
-
-/// The last collision, which is measured again as the flight after it grows.
-#[derive(Debug, Clone)]
-struct PendingImpact {
-    contact: Contact,
-    number: u32,
-    revision: u32,
-    measured_to_frames: f64,
-    /// The number of [`REVISIONS_FRAMES`] that are reached.
-    stage: usize,
-    /// The standard uncertainty of the last published restitution.
-    sigma: f64,
-    /// The time of the last measurement, with or without a result.
-    tried_frames: f64,
-}
-
-/// The kind of a measurement of a collision.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Revision {
-    /// Replaces an earlier one if it is more certain.
-    Preliminary,
-    /// Replaces all earlier ones.
-    Final,
-}
-
-/// Returns the number of revisions that are due.
-fn stage(known_frames: f64) -> usize {
-    REVISIONS_FRAMES.iter().filter(|after| known_frames >= **after).count()
-}
 
 /// The tracker of one body.
 #[derive(Debug, Clone)]
@@ -65,6 +45,7 @@ pub struct BodyTracker {
     center_filter: CenterFilter,
     radius: RunningRadius,
     fixed_pattern_bias: RunningBias,
+    light_bias: RunningBias,
     size_change: SizeChange,
     outline_drift: OutlineDrift,
     rolling: RollingShutter,
@@ -96,6 +77,7 @@ impl BodyTracker {
             center_filter: CenterFilter::new(),
             radius: RunningRadius::new(),
             fixed_pattern_bias: RunningBias::default(),
+            light_bias: RunningBias::default(),
             size_change: SizeChange::default(),
             outline_drift: OutlineDrift::new(&rolling),
             rolling,
@@ -134,6 +116,9 @@ impl BodyTracker {
         }
         if let Some(share) = step.fixed_fraction {
             self.fixed_pattern_bias.push(share);
+        }
+        if let Some(share) = step.light_fraction {
+            self.light_bias.push(share);
         }
         if step.motion.is_some() {
             self.method = step.method;
@@ -308,14 +293,17 @@ impl BodyTracker {
         };
         let period_s = self.params.frame_period_ns * 1e-9;
         let center = self.nodes.last().and_then(|node| self.center_filter.center(node));
+        let light_fraction = self.light_bias.significant();
+        let pulled_px = LIGHT_PULL * light_fraction * self.radius.radius_px().map_or(0.0, |radius| radius.value);
         Some(ImpactContext {
             metres_per_px,
             period_s,
             gravity_px: [gravity.normal, gravity.tangential],
             radius_px,
             mass_kg: self.params.mass_kg,
-            center_sigma_px: center.map_or(0.0, |center| center.sigma_px),
+            center_sigma_px: center.map_or(0.0, |center| center.sigma_px).hypot(pulled_px),
             speed_bias: self.speed_bias(),
+            light_fraction,
         })
     }
 
@@ -339,6 +327,7 @@ impl BodyTracker {
         else {
             return;
         };
+        let known = impacts.len();
         let newest = detector.trail().last().map_or(f64::NEG_INFINITY, |n| n.time_frames).min(time_frames);
         if newest.total_cmp(&pending_impact.measured_to_frames).is_eq() {
             return;
@@ -364,6 +353,11 @@ impl BodyTracker {
             pending_impact.revision += 1;
             let impact = if self.params.form == Form::Rod { without_spin(impact) } else { impact };
             impacts.push(Impact { body: self.body, number, revision, origin_ns: self.origin_ns, ..impact });
+        }
+        for impact in &mut impacts[known..] {
+            if self.contradicts_flights(impact) {
+                impact.status = PointStatus::Outlier;
+            }
         }
     }
 
@@ -397,10 +391,22 @@ impl BodyTracker {
             .map(|center| Center { sigma_px: center.sigma_px.hypot(center_uncertainty_px), ..center })
     }
 
+    /// Returns the difference between the measured and the expected radius that neither noise nor the scale explains, px.
+    ///
+    /// Glancing reflections hide the rim on one side, which moves the centre by about as much.
+    fn rim_misfit_px(&self) -> f64 {
+        let both = self.radius.radius_px().zip(self.params.radius_px).filter(|_| self.params.form == Form::Ball);
+        both.map_or(0.0, |(radius, expected_px)| {
+            let allowed_px = RADIUS_TOLERANCE * expected_px + RADIUS_SIGMAS * radius.sigma;
+            ((radius.value - expected_px).abs() - allowed_px).max(0.0)
+        })
+    }
+
     /// Adds the systematic uncertainty of measured motions.
     fn with_systematic(&self, rates: PixelRates) -> PixelRates {
         let (speed_bias, motion) = (self.speed_bias(), [rates.x.value, rates.y.value, rates.theta.value]);
-        rates.biased_by(speed_bias.of(motion)).biased_by(speed_bias.interpolated(motion))
+        let rates = rates.biased_by(speed_bias.of(motion)).biased_by(speed_bias.interpolated(motion));
+        PixelRates { theta: rates.theta.short_by(self.light_bias.significant()), ..rates }
     }
 
     /// Returns the rows of a frame whose step was pushed, from everything pushed so far.
@@ -416,12 +422,14 @@ impl BodyTracker {
             (d.regime(step.frame), if node.is_some() { d.phase(step.frame) } else { Phase::Unknown })
         });
         let outline = outline.map(|c| Center { x_px: c.x_px, y_px: c.y_px, sigma_px: c.sigma_center_px });
+        let seen = outline.filter(|_| step.is_detected());
         let here = node.map(|node| (node, self.outline_drift.here(&node, regime)));
         let by_pose = |(node, here): (Pose, LocalDrift)| {
             let center = self.outline_drift.center(&node, &here).or_else(|| self.predicted_center(&node, &here))?;
             Some(self.outline_drift.widened(&node, center))
         };
         let center = here.and_then(by_pose).and_then(|center| self.params.recorded(center)).or(outline);
+        let center = center.map(|center| seen.filter(|seen| contradicts(seen, &center)).unwrap_or(center));
         let angle = here.filter(|(n, _)| n.bridged[2].is_finite());
         let sigma_angle = |(n, here): (Pose, LocalDrift)| {
             let noise = (n.sigma[2].powi(2) + self.first_sigma_deg.unwrap_or(0.0).powi(2) + n.bridged[2]).sqrt();
@@ -435,7 +443,7 @@ impl BodyTracker {
             center_y_px: center.map(|c| c.y_px),
             angle_deg: angle.map(|(n, _)| n.pose[2]),
             radius_px: circle.map(|c| c.radius_px),
-            sigma_center_px: center.map(|c| c.sigma_px),
+            sigma_center_px: center.map(|c| c.sigma_px.hypot(self.rim_misfit_px())),
             sigma_angle_deg: angle.map(sigma_angle),
             visible_fraction: circle.map(|c| c.visible_fraction),
             rod: step.rod().filter(|_| !is_missing),
@@ -459,16 +467,23 @@ impl BodyTracker {
                 .motion
                 .filter(|_| !is_missing)
                 .map(|moved| here.map_or(moved, |(_, here)| OutlineDrift::apply_to_step(moved, step.drift, &here)))
-                .map(|moved| moved.about(center_sigma_px)),
+                .map(|moved| moved.about(center_sigma_px).into()),
             velocity: rates.zip(scale).map(|(rates, scale)| {
                 physical(&self.with_systematic(rates.about(center_sigma_px)), scale, &self.params)
             }),
             visible_fraction: track.visible_fraction,
             phase,
+            rotation_status: step.rotation_status,
             status: step.status,
         };
         (track, velocity)
     }
+}
+
+/// Whether the outline of a frame places the centre elsewhere than the motion from other frames does.
+fn contradicts(seen: &Center, by_motion: &Center) -> bool {
+    let apart_px = (seen.x_px - by_motion.x_px).hypot(seen.y_px - by_motion.y_px);
+    apart_px > CONTRADICTION_SIGMAS * seen.sigma_px.hypot(by_motion.sigma_px)
 }
 
 /// Removes the spin, which an upright rod does not have, whatever its tilt does.

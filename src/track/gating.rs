@@ -33,6 +33,8 @@ struct Position {
     sigma_px: f64,
     /// The last motion, px/frame.
     motion_px: [f64; 2],
+    /// Its standard uncertainty, px/frame.
+    sigma_motion_px: f64,
     /// Whether the motion was measured in this frame.
     is_measured: bool,
 }
@@ -73,10 +75,17 @@ impl ValidationGate {
             }
         }
         (self.rejected, self.is_ambiguous) = (0, false);
-        let measured = step.center_motion().map(|step| [step.dx_px, step.dy_px]);
-        let motion_px = measured.or(self.last.map(|last| last.motion_px)).unwrap_or_default();
-        self.last =
-            Some(Position { frame: step.frame, center_px, sigma_px, motion_px, is_measured: measured.is_some() });
+        let measured = step.center_motion();
+        let motion_px = measured.map(|step| [step.dx_px, step.dy_px]).or(self.last.map(|last| last.motion_px));
+        let sigma_motion_px = measured.map_or(0.0, |step| step.sigma_dx_px.hypot(step.sigma_dy_px));
+        self.last = Some(Position {
+            frame: step.frame,
+            center_px,
+            sigma_px,
+            motion_px: motion_px.unwrap_or_default(),
+            sigma_motion_px,
+            is_measured: measured.is_some(),
+        });
         *step
     }
 
@@ -99,7 +108,8 @@ impl Position {
         let apart: [f64; 2] = std::array::from_fn(|k| center_px[k] - self.center_px[k] - frames * self.motion_px[k]);
         let unmeasured = if self.is_measured { frames - 1.0 } else { frames };
         let growth_px = unmeasured * growth_px;
-        apart[0].hypot(apart[1]) <= GATE_RADIUS_PX.max(GATE_SIGMAS * sigma_px.hypot(self.sigma_px)) + growth_px
+        let sigma_px = sigma_px.hypot(self.sigma_px).hypot(frames * self.sigma_motion_px);
+        apart[0].hypot(apart[1]) <= GATE_RADIUS_PX.max(GATE_SIGMAS * sigma_px) + growth_px
     }
 }
 

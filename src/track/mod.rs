@@ -6,6 +6,7 @@
 mod body_tracker;
 mod gating;
 mod ordered_tracker;
+mod pending_impact;
 mod reorder;
 mod rows;
 mod tracker;

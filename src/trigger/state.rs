@@ -170,9 +170,9 @@ mod tests {
             vy_m_s: vn_m_s,
             vn_m_s,
             vt_m_s: 0.0,
-            omega_rad_s: 0.0,
+            omega_rad_s: Some(0.0),
             sigma_v_m_s: 0.01,
-            sigma_omega_rad_s: 0.0,
+            sigma_omega_rad_s: Some(0.0),
             window_frames: 9,
             order: 2,
         };
@@ -187,6 +187,7 @@ mod tests {
             velocity: Some(velocity),
             visible_fraction: None,
             phase,
+            rotation_status: PointStatus::Valid,
             status: PointStatus::Valid,
         }
     }

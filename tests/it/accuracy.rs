@@ -6,7 +6,7 @@ use ricochet::dic::CorrelationParams;
 use ricochet::image::Frame;
 use ricochet::measure::{MeasureParams, Measured, Measurer, Share};
 use ricochet::motion::Rotation;
-use ricochet::results::{AlarmKind, Impact, PointStatus, RigidStep};
+use ricochet::results::{AlarmKind, Impact, MotionSample, PointStatus};
 use ricochet::synth::physics::NormalLaw;
 use ricochet::synth::{MotionSetup, OccluderSetup, PartSetup, Scenario, SimulatedFilm};
 use ricochet::track::TrackerRows;
@@ -15,11 +15,11 @@ use std::collections::BTreeMap;
 const FRAMES: u64 = 16;
 
 /// Measures the motion of a simulated ball, each step with its truth.
-fn measure(scenario: &Scenario) -> Vec<(RigidStep, RigidStep)> {
+fn measure(scenario: &Scenario) -> Vec<(MotionSample, MotionSample)> {
     let world = SimulatedFilm::new(scenario).unwrap();
     let truth = |frame: u64| world.truth(frame).motion;
     let rows = measured(&world);
-    rows.iter().filter_map(|row| Some((row.step.motion?, truth(row.step.frame)?))).collect()
+    rows.iter().filter_map(|row| Some((row.step.motion?.into(), truth(row.step.frame)?))).collect()
 }
 
 /// Measures a simulated ball.
@@ -85,8 +85,10 @@ fn the_rotation_of_a_ball_is_found_within_0_02_deg() {
     for spin in [0.35, 1.7] {
         let steps = measure(&scenario(0.37, 0.13, spin));
         assert_eq!(steps.len() as u64, FRAMES - 1);
-        let errors: Vec<_> =
-            steps.iter().map(|(step, truth)| (step.dtheta_deg - truth.dtheta_deg, step.sigma_dtheta_deg)).collect();
+        let errors: Vec<_> = steps
+            .iter()
+            .map(|(step, truth)| (step.dtheta_deg.unwrap() - truth.dtheta_deg.unwrap(), step.sigma_dtheta_deg.unwrap()))
+            .collect();
         let [mean, rms, largest, pulls] = judge(&errors);
         println!("{spin} deg/frame: bias {mean:.5}, rms {rms:.5}, max {largest:.5} deg, pulls {pulls:.2}");
         assert!(mean.abs() <= 0.02 && rms <= 0.02, "{spin} deg/frame: {mean}, {rms}");

@@ -57,7 +57,7 @@ fn judge(world: &SimulatedFilm, seen_through: &Rectifier, rig: &str, mm_per_px: 
     let off = |v: &ricochet::results::BodyVelocity| (v.vx_m_s - truth[0]).hypot(v.vy_m_s - truth[1]);
     let pull = worst(&|v| off(v) / v.sigma_v_m_s);
     let of_speed = worst(&|v| off(v) / speed);
-    let of_spin = worst(&|v| (v.omega_rad_s / truth[2] - 1.0).abs());
+    let of_spin = worst(&|v| (v.omega_rad_s.unwrap() / truth[2] - 1.0).abs());
     println!(
         "{} velocities, worst {of_speed:.4} of the speed, {pull:.1} sigmas, {of_spin:.4} of the spin",
         velocities.len()

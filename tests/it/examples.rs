@@ -50,7 +50,7 @@ fn recorded(path: &Path) -> Vec<Row> {
     let samples = Recording::open(path).unwrap().velocities().unwrap().map(Result::unwrap);
     samples
         .filter_map(|s| Some((s.frame, s.velocity?)))
-        .map(|(frame, v)| (frame, [v.vn_m_s, v.vt_m_s, v.omega_rad_s].map(f64::to_bits)))
+        .map(|(frame, v)| (frame, [v.vn_m_s, v.vt_m_s, v.omega_rad_s.unwrap()].map(f64::to_bits)))
         .collect()
 }
 

@@ -63,12 +63,12 @@ fn judge(film: &[Shot], rows: &TrackerRows) -> Verdict {
         if let Some((step, true_step)) = row.motion.zip(truth.motion) {
             check("dx", Some(step.dx_px), Some(true_step.dx_px), Some(step.sigma_dx_px));
             check("dy", Some(step.dy_px), Some(true_step.dy_px), Some(step.sigma_dy_px));
-            check("turn", Some(step.dtheta_deg), Some(true_step.dtheta_deg), Some(step.sigma_dtheta_deg));
+            check("turn", step.dtheta_deg, true_step.dtheta_deg, step.sigma_dtheta_deg);
         }
         if let Some((v, t)) = row.velocity.zip(truth.velocity) {
             check("vx", Some(v.vx_m_s), Some(t.vx_m_s), Some(v.sigma_v_m_s));
             check("vy", Some(v.vy_m_s), Some(t.vy_m_s), Some(v.sigma_v_m_s));
-            check("omega", Some(v.omega_rad_s), Some(t.omega_rad_s), Some(v.sigma_omega_rad_s));
+            check("omega", v.omega_rad_s, t.omega_rad_s, v.sigma_omega_rad_s);
         }
         verdict.measured += usize::from(row.velocity.is_some());
     }

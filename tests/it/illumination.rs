@@ -29,10 +29,12 @@ fn judge(world: &SimulatedFilm, (vx, vy, spin_deg): (f64, f64, f64)) -> [(f64, f
     let [speed, spin] = [truth[0].hypot(truth[1]), truth[2].abs()];
     let (mut most, mut squares) = ([0.0_f64; 2], [0.0; 2]);
     for measured in &measured {
-        let off =
-            [(measured.vx_m_s - truth[0]).hypot(measured.vy_m_s - truth[1]), (measured.omega_rad_s - truth[2]).abs()];
+        let off = [
+            (measured.vx_m_s - truth[0]).hypot(measured.vy_m_s - truth[1]),
+            (measured.omega_rad_s.unwrap() - truth[2]).abs(),
+        ];
         for (k, (sigma, whole)) in
-            [(measured.sigma_v_m_s, speed), (measured.sigma_omega_rad_s, spin)].into_iter().enumerate()
+            [(measured.sigma_v_m_s, speed), (measured.sigma_omega_rad_s.unwrap(), spin)].into_iter().enumerate()
         {
             most[k] = most[k].max(off[k] / whole);
             squares[k] += (off[k] / sigma).powi(2);

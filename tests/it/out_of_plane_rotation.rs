@@ -163,7 +163,7 @@ fn the_spin_is_right_where_part_of_the_ball_is_occluded() {
             let truth = world.truth(row.frame);
             occluded = occluded.max(1.0 - truth.visible_fraction.unwrap_or(1.0));
             let (Some(measured), Some(truth)) = (row.velocity, truth.velocity) else { continue };
-            spins.push(measured.omega_rad_s - truth.omega_rad_s, measured.sigma_omega_rad_s);
+            spins.push(measured.omega_rad_s.unwrap() - truth.omega_rad_s.unwrap(), measured.sigma_omega_rad_s.unwrap());
             speeds.push((measured.vx_m_s - truth.vx_m_s).hypot(measured.vy_m_s - truth.vy_m_s), measured.sigma_v_m_s);
         }
         println!(

@@ -22,11 +22,11 @@ fn film(seed: u64, (vx, vy, spin_deg): (f64, f64, f64)) -> Scenario {
 /// The root mean square errors of the rotation from frame to frame, in deg and in sigmas, and the number of steps.
 fn judge(rows: &TrackerRows, spin_deg: f64) -> (f64, f64, usize) {
     let steps: Vec<_> = rows.velocities.iter().filter_map(|row| row.motion).collect();
-    let rms = |of: &dyn Fn(&ricochet::results::RigidStep) -> f64| {
+    let rms = |of: &dyn Fn(&ricochet::results::MotionSample) -> f64| {
         (steps.iter().map(|step| of(step).powi(2)).sum::<f64>() / steps.len() as f64).sqrt()
     };
-    let error = |step: &ricochet::results::RigidStep| step.dtheta_deg - spin_deg;
-    (rms(&error), rms(&|step| error(step) / step.sigma_dtheta_deg), steps.len())
+    let error = |step: &ricochet::results::MotionSample| step.dtheta_deg.unwrap() - spin_deg;
+    (rms(&error), rms(&|step| error(step) / step.sigma_dtheta_deg.unwrap()), steps.len())
 }
 
 fn rig(scenario: &Scenario, rotation: &str) -> String {

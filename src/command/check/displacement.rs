@@ -6,7 +6,7 @@ use crate::failure::Failure;
 use crate::image::Frame;
 use crate::measure::{Measured, Measurer, Share};
 use crate::process::{analysis_params, reference_picture};
-use crate::results::{PairField, PointStatus};
+use crate::results::{PairField, PointStatus, RigidStep};
 
 /// A body is static if its mean motion is below this many standard errors, or below `STILL_PX` and `STILL_DEG`.
 const STILL_SIGMAS: f64 = 5.0;
@@ -72,7 +72,9 @@ pub(super) fn floor(config: &Config, grabbed: &Grabbed) -> Result<Floor, Failure
     let valid = points().filter(|point| point.status == PointStatus::Valid).count();
     let steps: Vec<[f64; 3]> = measured
         .iter()
-        .filter_map(|measured| measured.step.motion.map(|step| [step.dx_px, step.dy_px, step.dtheta_deg]))
+        .filter_map(|measured| {
+            measured.step.motion.filter(RigidStep::has_rotation).map(|step| [step.dx_px, step.dy_px, step.dtheta_deg])
+        })
         .collect();
     let moves = motion(&steps);
     let still = moves.is_none();

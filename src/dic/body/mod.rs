@@ -1,6 +1,7 @@
 //! Whole bodies: matching all of a rigid body at once, where it is occluded, and how far it turned.
 
 mod box_filter;
+mod light_field;
 mod median_residual;
 mod motion;
 mod occlusion;
@@ -8,6 +9,7 @@ mod occlusion_map;
 mod polar;
 mod rigid_body;
 mod rotation_search;
+mod texture;
 mod visibility;
 
 pub use motion::{BodyMotion, STALE_DEG};
@@ -15,3 +17,4 @@ pub use occlusion_map::OcclusionMap;
 pub use polar::{CenteredFrame, PolarCorrelator, Radii, RingRotation};
 pub use rigid_body::RigidBody;
 pub use rotation_search::{find_at_any_angle, find_occluded_within_angle};
+pub use texture::{BallDisc, has_texture};

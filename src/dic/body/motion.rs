@@ -1,5 +1,6 @@
 //! The motion of a whole body and its uncertainty.
 
+use super::light_field::LightCorrection;
 use crate::dic::field::RigidMotion;
 use crate::dic::geometry::Point;
 use crate::dic::refine::{Match, MatchError, Refiner};
@@ -22,6 +23,8 @@ pub struct BodyMotion {
     pub zncc: f64,
     /// The visible fraction of the reference pixels, 0 to 1.
     pub visible_fraction: f64,
+    /// The rotation by which smooth light was found to have held the match back, deg.
+    pub light_deg: f64,
 }
 
 impl BodyMotion {
@@ -48,24 +51,31 @@ pub(super) fn spreads(inverse: &[[f64; 6]; 6], angle: f64, offset: Point) -> [f6
     rows.map(|a| (0..3).map(|i| (0..3).map(|j| a[i] * inverse[i][j] * a[j]).sum::<f64>()).sum())
 }
 
+/// Returns the inverse Hessian of three parameters in the memory of six.
+fn padded(inverse: &[[f64; 3]; 3]) -> [[f64; 6]; 6] {
+    std::array::from_fn(|i| std::array::from_fn(|j| if i < 3 && j < 3 { inverse[i][j] } else { 0.0 }))
+}
+
 /// Returns the motion and its uncertainty at an offset from the centre. `pool` holds the texture of the matched pixels,
-/// and `residual` is the residual of the match.
+/// and `residual` is the residual of the match. `light` removes a smooth light field.
 pub(super) fn motion(
     refiner: &Refiner<'_>,
     found: &Match,
     offset: Point,
     pool: &mut NoisePool,
     residual: &[Lanes],
+    light: Option<LightCorrection>,
 ) -> RigidMotion {
     let (subset, window, pixels) = (refiner.subset, refiner.window, refiner.window.pixels);
     pool.set_residual(window, residual);
     let free = (pixels as f64 - 7.0).max(1.0);
     let variance = 2.0 * subset.energy * (1.0 - found.zncc) / free;
-    let warp = found.warp;
+    let warp = light.and_then(|light| found.warp.after_inverse(&light.step)).unwrap_or(found.warp);
+    let inverse = light.map_or(subset.inverse, |light| padded(&light.inverse));
     let angle = warp.uy.atan2(1.0 + warp.ux);
     let Point { x_px: dx, y_px: dy } = offset;
     let (x, y) = warp.apply(dx, dy);
-    let [along_u, along_v, along_angle] = spreads(&subset.inverse, angle, offset);
+    let [along_u, along_v, along_angle] = spreads(&inverse, angle, offset);
     let factor = pool.factor().weighted_by_slopes(&GradientNoise::of(subset, window, residual));
     let (var_u, var_v) = factor.variances(variance, along_u, along_v);
     let mean = 0.5 * (factor.x + factor.y);

@@ -1,8 +1,9 @@
 //! Matching of a partly occluded body: determines its visible pixels and their motion together.
 
+use super::light_field::{LightCorrection, LightField};
 use super::motion::{BodyMotion, motion, status_of};
 use super::occlusion_map::OcclusionMap;
-use super::visibility::{VisibilityMap, is_noise};
+use super::visibility::{VisibilityMap, even_out, is_noise};
 use crate::dic::geometry::{Point, SubsetMask, Warp};
 use crate::dic::refine::{Match, Refiner};
 use crate::dic::subset::ReferenceSubset;
@@ -27,6 +28,9 @@ const CONVERGED_PX: f64 = 0.002;
 /// The minimum visible fraction of a body.
 const MIN_VISIBLE_FRACTION: f64 = 0.15;
 
+/// The minimum visible fraction of a body that need not match to within the noise.
+const MIN_CHANGED_FRACTION: f64 = 0.5;
+
 /// The minimum ZNCC of the visible pixels.
 const MIN_ZNCC: f64 = 0.6;
 
@@ -40,6 +44,8 @@ pub(in crate::dic) struct OcclusionSearch {
     /// The last samples of the target, minus the mean of the reference, and the last residual of the visible pixels.
     samples: Vec<Lanes>,
     residual: Vec<Lanes>,
+    /// The last residual with its errors at sharp edges scaled down to the noise.
+    even: Vec<Lanes>,
     /// 1 where a pixel is visible, packed like the body's mask.
     kept: Vec<Lanes>,
     window: SubsetMask,
@@ -56,6 +62,11 @@ enum Mask {
     Residual,
 }
 
+/// Returns the gradients of all pixels of a body.
+fn gradients<'a>(body: &Refiner<'a>) -> [&'a [Lanes]; 2] {
+    [&body.subset.gradient_x, &body.subset.gradient_y]
+}
+
 impl OcclusionSearch {
     /// Plans for a body of these pixels.
     pub(in crate::dic) fn plan(&mut self, window: &SubsetMask) {
@@ -64,8 +75,17 @@ impl OcclusionSearch {
     }
 
     /// Whether a match of all pixels left no residual that indicates occlusion.
-    pub(in crate::dic) fn is_whole(&mut self, window: &SubsetMask, found: &Match, residual: &[Lanes]) -> bool {
-        found.zncc >= MIN_WHOLE_ZNCC && self.visibility.is_whole(window, residual, MIN_NOISE_DN)
+    pub(in crate::dic) fn is_whole(&mut self, body: &Refiner<'_>, found: &Match, residual: &[Lanes]) -> bool {
+        let window = body.window;
+        if found.zncc < MIN_WHOLE_ZNCC {
+            return false;
+        }
+        if self.visibility.is_whole(window, residual, MIN_NOISE_DN) {
+            return true;
+        }
+        // The noise may only be uneven.
+        even_out(gradients(body), residual, &window.mask, MIN_NOISE_DN, &mut self.even);
+        self.visibility.is_whole(window, &self.even, MIN_NOISE_DN)
     }
 
     /// Finds the visible pixels and their motion.
@@ -104,18 +124,21 @@ impl OcclusionSearch {
             }
             if (is_matched || round > coarse) && length < CONVERGED_PX {
                 let zncc = (zncc + zncc_gain).min(1.0);
-                return self.check(Match { warp, second: [[0.0; 3]; 2], zncc, iterations: round + 1 }, noise);
+                return self.check(body, Match { warp, second: [[0.0; 3]; 2], zncc, iterations: round + 1 }, noise);
             }
         }
         let found = self.refiner(body).refine(warp).map_err(status_of)?;
         let noise = self.update_visible(body, &found.warp, Mask::Residual);
-        self.check(found, noise)
+        self.check(body, found, noise)
     }
 
     /// Checks a match: its residual must be noise, and its ZNCC high enough. Otherwise a small part of the body may fit
     /// by chance.
-    fn check(&self, found: Match, noise: f32) -> Result<Match, PointStatus> {
-        let is_sound = found.zncc >= MIN_ZNCC && is_noise(&self.residual, noise, &self.kept);
+    fn check(&self, body: &Refiner<'_>, found: Match, noise: f32) -> Result<Match, PointStatus> {
+        let is_most = self.window.pixels as f64 >= MIN_CHANGED_FRACTION * body.window.pixels as f64;
+        // Changed shading, or background within a polygon, leave a residual that is no noise.
+        let is_changed = is_most && found.zncc >= MIN_WHOLE_ZNCC;
+        let is_sound = is_changed || (found.zncc >= MIN_ZNCC && is_noise(&self.even, noise, &self.kept));
         if is_sound { Ok(found) } else { Err(PointStatus::LowCorrelation) }
     }
 
@@ -127,12 +150,17 @@ impl OcclusionSearch {
         let refiner = self.refiner(body);
         // The residual before the last step, which hardly changes it.
         refiner.residual_from(body, &self.samples, &mut residual);
-        let noise = self.visibility.noise(&residual, &self.kept).max(MIN_NOISE_DN);
-        let pixels = self.visibility.mark_visible(body.window, &residual, noise, &self.kept, &mut self.visible);
+        even_out(gradients(body), &residual, &self.kept, MIN_NOISE_DN, &mut self.even);
+        let noise = self.visibility.noise(&self.even, &self.kept).max(MIN_NOISE_DN);
+        let pixels = self.visibility.mark_visible(body.window, &self.even, noise, &self.kept, &mut self.visible);
         residual.iter_mut().zip(&self.window.mask).for_each(|(residual, mask)| *residual = *residual * *mask);
-        let motion = motion(&self.refiner(body), found, offset, &mut pool, &residual);
+        let field = LightField::of(&self.subset, &self.window);
+        let light = field.and_then(|field| field.correction(&self.window, &residual));
+        let light_deg = LightCorrection::rotation_deg(light.as_ref());
+        let motion = motion(&self.refiner(body), found, offset, &mut pool, &residual, light);
         (self.pool, self.residual) = (pool, residual);
-        BodyMotion { motion, zncc: found.zncc, visible_fraction: pixels as f64 / body.window.pixels as f64 }
+        let visible_fraction = pixels as f64 / body.window.pixels as f64;
+        BodyMotion { motion, zncc: found.zncc, visible_fraction, light_deg }
     }
 
     /// Clears the occlusion of the last frame.
@@ -184,9 +212,10 @@ impl OcclusionSearch {
 
     /// Updates the visible pixels from the residual of the previously visible ones and returns its noise, DN.
     fn mask(&mut self, body: &Refiner<'_>, residual: &[Lanes], mask: Mask) -> f32 {
-        let noise = self.visibility.noise(residual, &self.kept).max(MIN_NOISE_DN);
+        even_out(gradients(body), residual, &self.kept, MIN_NOISE_DN, &mut self.even);
+        let noise = self.visibility.noise(&self.even, &self.kept).max(MIN_NOISE_DN);
         match mask {
-            Mask::Residual => self.visibility.by_residual(body.window, residual, noise, &mut self.kept),
+            Mask::Residual => self.visibility.by_residual(body.window, &self.even, noise, &mut self.kept),
             Mask::Zncc => self.visibility.by_zncc(body.window, &body.subset.levels, residual, &mut self.kept),
         }
         body.window.restrict(&self.kept, &mut self.window);

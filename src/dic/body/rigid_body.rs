@@ -3,6 +3,7 @@
 //! A rigid motion fitted to the displacements of subsets loses the pixels between and outside the subsets. One match of
 //! all pixels is closer to the Cramer-Rao bound, and cheaper.
 
+use super::light_field::{LightCorrection, LightField};
 use super::motion::{BodyMotion, motion, spreads, status_of};
 use super::occlusion::OcclusionSearch;
 use super::occlusion_map::OcclusionMap;
@@ -31,6 +32,8 @@ pub struct RigidBody {
     occlusion: OcclusionSearch,
     /// The gradient gain of the texture: the factor that corrects one Gauss-Newton step.
     gradient_gain: f64,
+    /// Smooth light on it.
+    light: Option<Box<LightField>>,
 }
 
 impl RigidBody {
@@ -73,6 +76,7 @@ impl RigidBody {
         pool.add_texture(subset, window);
         occlusion.plan(window);
         let spans = window.spans(reference.local(at), reference.levels.height());
+        self.light = LightField::of(subset, window).map(Box::new);
         self.gradient_gain = GradientGain::of(reference, &spans).gain();
         Ok(())
     }
@@ -154,7 +158,7 @@ impl RigidBody {
         occlusion.clear_occlusion();
         let plain = self.refiner(target).refine_near(start, self.gradient_gain, &mut residual).map_err(status_of);
         let found = match plain {
-            Ok(found) if occlusion.is_whole(&self.window, &found, &residual) => {
+            Ok(found) if occlusion.is_whole(&self.refiner(target), &found, &residual) => {
                 Ok(self.body_motion(target, &found, offset, &residual))
             }
             _ => {
@@ -192,11 +196,13 @@ impl RigidBody {
 
     /// Computes the motion and its uncertainty from a match of all pixels and its residual.
     fn body_motion(&mut self, target: &PreparedFrame, found: &Match, offset: Point, residual: &[Lanes]) -> BodyMotion {
-        let Self { subset, window, at, pool, .. } = self;
+        let Self { subset, window, at, pool, light, .. } = self;
+        let light = light.as_ref().and_then(|light| light.correction(window, residual));
         let refiner =
             Refiner { subset, window, shape: Shape::Rigid, target: &target.interpolated, at: target.local(*at) };
-        let motion = motion(&refiner, found, offset, pool, residual).with_sigmas(self.gradient_gain);
-        BodyMotion { motion, zncc: found.zncc, visible_fraction: 1.0 }
+        let light_deg = LightCorrection::rotation_deg(light.as_ref());
+        let motion = motion(&refiner, found, offset, pool, residual, light).with_sigmas(self.gradient_gain);
+        BodyMotion { motion, zncc: found.zncc, visible_fraction: 1.0, light_deg }
     }
 
     /// Runs the match from an initial warp.

@@ -364,7 +364,7 @@ impl GradientNoise {
         let [squares, x_squared, y_squared, x_noisy, y_noisy] = self.sums;
         let noise_ratios = |noisy: f64, squared: f64| {
             let ratio = noisy * self.pixels / (squared * squares);
-            if ratio.is_finite() { ratio.clamp(0.25, 4.0) } else { 1.0 }
+            if ratio.is_finite() { ratio.clamp(0.25, 25.0) } else { 1.0 }
         };
         (noise_ratios(x_noisy, x_squared), noise_ratios(y_noisy, y_squared))
     }

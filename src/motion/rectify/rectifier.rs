@@ -195,7 +195,8 @@ impl Rectifier {
             Some(Estimate { value: grown.value + larger, ..grown })
         });
         // Lens distortion looks like a rotation out of the plane; only outlines separate the two.
-        Some(BodyStep { outline, growth_fraction, drift: None, motion, ..*step })
+        // The angle since the reference image holds in the recorded image only.
+        Some(BodyStep { outline, angle_deg: None, growth_fraction, drift: None, motion, ..*step })
     }
 
     /// Returns the pixel of the centre of the ball whose outline is best fitted by a circle, and its uncertainty in

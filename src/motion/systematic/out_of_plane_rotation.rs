@@ -416,8 +416,9 @@ impl OutlineDrift {
                 |seen: &[Sample; 2]| seen[axis].value - mean - rates[axis].value * (seen[axis].time_frames - middle);
             let off = (near.iter().map(|seen| left(seen).powi(2)).sum::<f64>() / count).sqrt();
             let away = node.time_frames - middle;
-            // The errors of a film's outlines are correlated.
-            (mean + rates[axis].value * away, near[0][axis].sigma.hypot(rates[axis].sigma * away), off)
+            let own = (near.iter().map(|seen| seen[axis].sigma.powi(2)).sum::<f64>() / count).sqrt();
+            // The errors of a film's outlines are correlated, so they do not average.
+            (mean + rates[axis].value * away, own.max(off).hypot(rates[axis].sigma * away), off)
         };
         let ((x, sigma_x, off_x), (y, sigma_y, off_y)) = (at(0), at(1));
         let center = Center { x_px: node.pose[0] + x, y_px: node.pose[1] + y, sigma_px: sigma_x.max(sigma_y) };

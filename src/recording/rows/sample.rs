@@ -2,7 +2,9 @@
 
 use super::{Row, unknown};
 use crate::recording::schema::proto::{Rod, message};
-use crate::results::{BodyVelocity, RigidStep, TrackSample, VelocitySample, track_row, velocity_row};
+use crate::results::{
+    BodyVelocity, MotionSample, Part, PointStatus, TrackSample, VelocitySample, track_row, velocity_row,
+};
 
 /// Derives the protobuf message of a row per frame and body from its description.
 macro_rules! sample_file {
@@ -14,7 +16,7 @@ macro_rules! sample_file {
                 $(
                     $(#[$group_doc:meta])*
                     $group:ident: $Group:ident {
-                        numbers { $($(#[$part_doc:meta])* $part:ident = $part_tag:tt,)* }
+                        numbers { $($(#[$part_doc:meta])* $part:ident: $Part:ty = $part_tag:tt,)* }
                         counts { $($(#[$count_doc:meta])* $count:ident = $count_tag:tt,)* }
                     }
                 )*
@@ -22,6 +24,7 @@ macro_rules! sample_file {
             numbers { $($(#[$later_doc:meta])* $later:ident = $later_tag:tt,)* }
             names { $($(#[$name_doc:meta])* $name:ident: $Name:ident = $name_tag:tt,)* }
             status = $status_tag:tt,
+            reasons { $($(#[$reason_doc:meta])* $reason:ident = $reason_tag:tt,)* }
             nested { $($(#[$nested_doc:meta])* $nested:ident: $Nested:ident, $NestedMessage:ident = $nested_tag:tt,)* }
         }
     ) => {
@@ -39,6 +42,7 @@ macro_rules! sample_file {
                 $([double, optional] $later: Option<f64> = $later_tag,)*
                 $([string] $name: String = $name_tag,)*
                 [string] status: String = $status_tag,
+                $([string] $reason: String = $reason_tag,)*
                 $([message, optional] $nested: Option<$Nested> = $nested_tag,)*
             }
         }
@@ -53,12 +57,13 @@ macro_rules! sample_file {
                     stamp_ns: self.stamp_ns,
                     $($number: self.$number,)*
                     $(
-                        $($part: self.$group.map(|group| group.$part),)*
+                        $($part: self.$group.and_then(|group| Part::known(group.$part)),)*
                         $($count: self.$group.map(|group| group.$count),)*
                     )*
                     $($later: self.$later,)*
                     $($name: self.$name.as_str().into(),)*
                     status: self.status.as_str().into(),
+                    $($reason: self.$reason.as_str().into(),)*
                     $($nested: self.$nested.as_ref().map(Row::to_message),)*
                 }
             }
@@ -67,7 +72,7 @@ macro_rules! sample_file {
                 $(
                     let $group = || {
                         Some($Group {
-                            $($part: message.$part?,)*
+                            $($part: <$Part as Part>::of(message.$part)?,)*
                             $($count: message.$count?,)*
                         })
                     };
@@ -80,6 +85,7 @@ macro_rules! sample_file {
                     $($group: $group(),)*
                     $($later: message.$later,)*
                     $($name: message.$name.parse().map_err(unknown)?,)*
+                    $($reason: if message.$reason.is_empty() { PointStatus::Valid } else { message.$reason.parse().map_err(unknown)? },)*
                     $($nested: message.$nested.map(Row::from_message).transpose()?,)*
                     status: message.status.parse().map_err(unknown)?,
                 })

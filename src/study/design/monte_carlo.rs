@@ -137,7 +137,7 @@ impl Course {
         let truth = [there.center_x_px? - here.center_x_px?, there.center_y_px? - here.center_y_px?, turned - angle];
         let left = match self.noise.step.method {
             MotionMethod::WholeBody if self.renewed[index + 1..=to].contains(&true) => self.noise.renewal,
-            MotionMethod::WholeBody => [0.0; 3],
+            MotionMethod::WholeBody | MotionMethod::Outlines => [0.0; 3],
             MotionMethod::Subsets => {
                 let share = subset_walk(truth);
                 std::array::from_fn(|k| share[k] * self.noise.walk[k] * self.noise.pose[k])

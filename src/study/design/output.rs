@@ -98,6 +98,7 @@ impl Study<'_> {
         let method = match noise.step.method {
             MotionMethod::WholeBody => "whole-body match",
             MotionMethod::Subsets => "subsets",
+            MotionMethod::Outlines => "outlines",
         };
         let pose = format!("pose noise ({method}): {x:.5} px, {y:.5} px, {angle:.5} deg (1 sigma)");
         let header = ["result", "true", "scatter (1 sigma)", "relative", "mean error", ""].map(str::to_owned).to_vec();

@@ -93,7 +93,7 @@ impl Noise {
                 smoothing = smoothed(&matched.poses, &bound);
                 (bound, matched.renewal, [1.0; 3], [1.0; 3])
             }
-            MotionMethod::Subsets => {
+            MotionMethod::Subsets | MotionMethod::Outlines => {
                 let (stated, seen) = (stated(&found), subset_noise::stepped(rig, world, first)?);
                 let over = |k: usize| if seen.pose[k] > 0.0 { stated[k] / seen.pose[k] } else { 1.0 };
                 (seen.pose, [0.0; 3], seen.walk, [0, 1, 2].map(over))

@@ -37,12 +37,12 @@ pub struct Expected {
 /// A column of the `velocity` table.
 struct VelocityColumn {
     name: &'static str,
-    value: fn(&BodyVelocity) -> f64,
+    value: fn(&BodyVelocity) -> Option<f64>,
 }
 
 const VELOCITIES: [VelocityColumn; 3] = [
-    VelocityColumn { name: "vn_m_s", value: |velocity| velocity.vn_m_s },
-    VelocityColumn { name: "vt_m_s", value: |velocity| velocity.vt_m_s },
+    VelocityColumn { name: "vn_m_s", value: |velocity| Some(velocity.vn_m_s) },
+    VelocityColumn { name: "vt_m_s", value: |velocity| Some(velocity.vt_m_s) },
     VelocityColumn { name: "omega_rad_s", value: |velocity| velocity.omega_rad_s },
 ];
 
@@ -121,9 +121,9 @@ fn of_velocity(
 ) -> Option<Expected> {
     let (mut variance, mut offset, mut size, mut frames, mut fraction, mut outliers) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
     for (index, row) in truth.iter().enumerate().filter(|(_, row)| row.phase == phase) {
-        let Some(exact) = row.velocity.as_ref().map(column.value) else { continue };
+        let Some(exact) = row.velocity.as_ref().and_then(column.value) else { continue };
         let measured = films.iter().filter_map(|film| film.velocities.get(index)?.velocity.as_ref());
-        let errors = Errors(measured.map(|velocity| (column.value)(velocity) - exact).collect());
+        let errors = Errors(measured.filter_map(|velocity| Some((column.value)(velocity)? - exact)).collect());
         let count = errors.0.len() as f64;
         let Some(own) = errors.scatter().filter(|_| count >= MIN_FRACTION * films.len() as f64) else { continue };
         variance += own.variance;

@@ -108,8 +108,8 @@ pub fn analyze(folder: &Path, rig: &Path, arguments: &str) -> Measured {
     assert!(output.exists(), "{arguments}: {}: {messages}", done.status);
     let rows: Vec<_> = Recording::open(&output).unwrap().velocities().unwrap().map(Result::unwrap).collect();
     let row = |velocity: ricochet::results::BodyVelocity| {
-        let (v, omega) = (velocity.sigma_v_m_s, velocity.sigma_omega_rad_s);
-        [velocity.vx_m_s, velocity.vy_m_s, velocity.omega_rad_s, v, omega]
+        let (v, omega) = (velocity.sigma_v_m_s, velocity.sigma_omega_rad_s.unwrap());
+        [velocity.vx_m_s, velocity.vy_m_s, velocity.omega_rad_s.unwrap(), v, omega]
     };
     Measured { messages, frames: rows.len(), rows: rows.iter().filter_map(|row| row.velocity).map(row).collect() }
 }

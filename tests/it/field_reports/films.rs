@@ -48,7 +48,10 @@ fn measured(film: &Path, fps: Option<&str>) -> Measured {
     let values = [
         [median(&|k| velocities[k].vx_m_s), sigma_v],
         [median(&|k| velocities[k].vy_m_s), sigma_v],
-        [median(&|k| velocities[k].omega_rad_s), median(&|k| velocities[k].sigma_omega_rad_s)],
+        [
+            median(&|k| velocities[k].omega_rad_s.unwrap_or(f64::NAN)),
+            median(&|k| velocities[k].sigma_omega_rad_s.unwrap_or(f64::NAN)),
+        ],
     ];
     Measured { said, values, frames: velocities.len() }
 }

@@ -26,7 +26,7 @@ fn the_columns_are_those_of_the_contract() {
         header("velocity"),
         "frame, body, stamp_ns, t_s, center_x_px, center_y_px, radius_px, dx_px, dy_px, dtheta_deg, sigma_dx_px, \
          sigma_dy_px, sigma_dtheta_deg, vx_m_s, vy_m_s, vn_m_s, vt_m_s, omega_rad_s, sigma_v_m_s, sigma_omega_rad_s, \
-         visible_fraction, phase, status"
+         visible_fraction, phase, status, rotation_status"
     );
     assert_eq!(header("truth"), header("velocity"));
     assert_eq!(header("field"), "frame, x_px, y_px, u_px, v_px, sigma_u_px, sigma_v_px, zncc, peak_ratio, status");
@@ -65,7 +65,7 @@ fn numbers_read_back_exactly_and_missing_ones_are_empty() {
         assert_eq!(read(&row[4]), sample.center_x_px.map(f64::to_bits));
         assert_eq!(row[6], "", "no radius");
         assert_eq!(read(&row[7]), sample.motion.map(|s| s.dx_px.to_bits()));
-        assert_eq!(read(&row[17]), sample.velocity.map(|v| v.omega_rad_s.to_bits()));
+        assert_eq!(read(&row[17]), sample.velocity.and_then(|v| Some(v.omega_rad_s?.to_bits())));
         assert_eq!(row[21..], [sample.phase.as_str(), sample.status.as_str()]);
     }
     let text = rows.concat().join(",");

@@ -3,8 +3,8 @@
 use ricochet::image::{Frame, FrameMeta, PixelFormat};
 use ricochet::recording::{Annotations, EventRow, RecordingInfo, RecordingWriter, StatusRow, WriterOptions};
 use ricochet::results::{
-    BodyVelocity, Displacement, Estimate, FieldPoint, ForceLaw, Impact, PairField, Phase, PointStatus, RigidStep, Rod,
-    RodEdge, TrackSample, VelocitySample,
+    BodyVelocity, Displacement, Estimate, FieldPoint, ForceLaw, Impact, MotionSample, PairField, Phase, PointStatus,
+    Rod, RodEdge, TrackSample, VelocitySample,
 };
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -52,13 +52,13 @@ pub fn velocity(frame: u64, body: u32) -> VelocitySample {
         center_x_px: whole.then(|| n(0)),
         center_y_px: Some(n(1)),
         radius_px: None,
-        motion: whole.then(|| RigidStep {
+        motion: whole.then(|| MotionSample {
             dx_px: n(2),
             dy_px: n(3),
-            dtheta_deg: n(4),
+            dtheta_deg: (!frame.is_multiple_of(5)).then(|| n(4)),
             sigma_dx_px: n(5),
             sigma_dy_px: n(6),
-            sigma_dtheta_deg: n(7),
+            sigma_dtheta_deg: (!frame.is_multiple_of(5)).then(|| n(7)),
             points: frame as u32,
         }),
         velocity: (frame.is_multiple_of(2)).then(|| BodyVelocity {
@@ -66,14 +66,15 @@ pub fn velocity(frame: u64, body: u32) -> VelocitySample {
             vy_m_s: n(9),
             vn_m_s: n(10),
             vt_m_s: n(11),
-            omega_rad_s: n(12),
+            omega_rad_s: (!frame.is_multiple_of(5)).then(|| n(12)),
             sigma_v_m_s: n(13),
-            sigma_omega_rad_s: n(14),
+            sigma_omega_rad_s: (!frame.is_multiple_of(5)).then(|| n(14)),
             window_frames: 9,
             order: 2,
         }),
         visible_fraction: Some(1.0),
         phase: Phase::ALL[frame as usize % 4],
+        rotation_status: PointStatus::ALL[frame as usize % 7],
         status: PointStatus::ALL[frame as usize % 8],
     }
 }

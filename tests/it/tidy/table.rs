@@ -369,6 +369,7 @@ pub const DIMENSIONLESS: &[&str] = &[
     "restitution_tangential",
     "revision",
     "role",
+    "rotation_status",
     "sequence",
     "shot",
     "sigma",

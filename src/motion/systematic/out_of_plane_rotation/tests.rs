@@ -10,6 +10,7 @@ fn node(frame: u64) -> Pose {
         frame,
         time_frames: frame as f64,
         component: 0,
+        turn: 0,
         pose: [1.5 * frame as f64, 0.0, 0.0],
         sigma: [1e-3; 3],
         bridged: [0.0; 3],

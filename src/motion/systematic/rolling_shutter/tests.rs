@@ -88,6 +88,7 @@ fn node(angle_deg: f64) -> Pose {
         frame: 0,
         time_frames: 0.0,
         component: 0,
+        turn: 0,
         pose: [0.0, 0.0, angle_deg],
         sigma: [0.0; 3],
         bridged: [0.0; 3],
