@@ -3,22 +3,28 @@
 use super::console::Outcome;
 use crate::command;
 use crate::command::analyze::{self, AnalyzeOptions};
+use crate::command::batch;
 use crate::command::bench::{self, BenchOptions};
 use crate::command::cameras::{self, CamerasOptions};
 use crate::command::check::{self, CheckOptions};
+use crate::command::config::{self, ConfigCommand};
 use crate::command::control::{self, RigOptions};
 use crate::command::demo::{self, DemoOptions};
 use crate::command::diagnose::{self, DiagnoseOptions};
+use crate::command::doctor::{self, DoctorOptions};
 use crate::command::export::{self, ExportOptions};
 use crate::command::import::{self, ImportOptions};
 use crate::command::info::{self, InfoOptions};
+use crate::command::init::{self, InitOptions};
 use crate::command::listen::{self, ListenOptions};
+use crate::command::merge::{self, MergeOptions};
 use crate::command::recover::{self, RecoverOptions};
 use crate::command::replay::{self, ReplayOptions};
 use crate::command::report::{self, ReportOptions};
 use crate::command::rig::{self, RoleOptions};
 use crate::command::serve::{self, ServeOptions};
 use crate::command::setup::{self, SetupOptions};
+use crate::command::shell;
 use crate::command::simulate::{self, SimulateOptions};
 use crate::command::status;
 use crate::failure::Failure;
@@ -28,15 +34,27 @@ mod field;
 mod study;
 
 use clap::error::ErrorKind;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use field::Field;
 use std::ffi::OsString;
 use std::path::PathBuf;
 use study::Study;
 
+/// The exit codes, as `--help` shows them.
+const EXIT_CODES: &str = "\
+Exit codes:
+  0  Done
+  1  Internal error
+  2  Wrong usage or configuration
+  3  A camera cannot be used
+  4  The shared memory cannot be used, or no such rig runs
+  5  A recording or another file cannot be read or written
+  6  Finished, but data were lost
+  7  Finished, but no body was measured in any frame";
+
 /// Measures an impact live with a high-speed camera.
 #[derive(Debug, Parser)]
-#[command(name = "ricochet", version, max_term_width = 100)]
+#[command(name = "ricochet", version, max_term_width = 100, after_help = EXIT_CODES)]
 struct Args {
     #[command(subcommand)]
     command: Command,
@@ -75,6 +93,12 @@ pub enum Command {
     /// Check whether a rig is ready: noise floor, light, speckle pattern, focus, lost frames.
     #[command(after_help = "Example: ricochet check rig.toml -o check.html")]
     Check(CheckOptions),
+    /// Examine this machine: memory, disk, network, cameras, tools; with a command for what is wrong.
+    #[command(after_help = "Example: ricochet doctor rig.toml")]
+    Doctor(DoctorOptions),
+    /// Explain the keys of the rig file, check a file, or print the schema for editors.
+    #[command(subcommand, after_help = "Example: ricochet config explain body.diameter_mm")]
+    Config(ConfigCommand),
     /// Show the state of each process of a running rig.
     #[command(after_help = "Example: ricochet status --rig lacrosse")]
     Status(RigOptions),
@@ -96,6 +120,12 @@ pub enum Command {
     /// Measure a recording offline.
     #[command(after_help = "Example: ricochet analyze recordings/lacrosse.mcap -o results.mcap")]
     Analyze(AnalyzeOptions),
+    /// Merge the results of many films into one table.
+    #[command(after_help = "Example: ricochet merge results --topic impact -o impacts.csv")]
+    Merge(MergeOptions),
+    /// Ask what camera, body, scale and surface there are, and write a commented rig file.
+    #[command(after_help = "Example: ricochet init -o rig.toml")]
+    Init(InitOptions),
     /// Propose a rig file for a film: find what moves, its radius, the scale, the surface and gravity.
     #[command(after_help = "Example: ricochet setup drop.mp4 --fps 240 --diameter-mm 63.25 -o rig.toml")]
     Setup(SetupOptions),
@@ -129,6 +159,21 @@ pub enum Command {
     /// Study how settings, speckle patterns and methods affect accuracy.
     #[command(subcommand, after_help = "Example: ricochet study convergence --json")]
     Study(Study),
+    /// Print the completions of a shell: bash, zsh, fish, elvish or powershell.
+    #[command(after_help = "Example: ricochet completions bash > /usr/share/bash-completion/completions/ricochet")]
+    Completions {
+        /// Shell.
+        shell: clap_complete::Shell,
+    },
+    /// Print the manual page of the program or of a command, or write all of them.
+    #[command(after_help = "Example: ricochet man analyze | man -l -")]
+    Man {
+        /// Command [default: the program].
+        command: Option<String>,
+        /// Folder to write the pages of all commands into.
+        #[arg(short, long, conflicts_with = "command")]
+        output: Option<PathBuf>,
+    },
 }
 
 /// The parsed command line.
@@ -199,7 +244,16 @@ pub fn run(command: Command, stop: &Stop) -> Result<Outcome, Failure> {
         Command::Trigger(options) => control::run(&options, Request::Trigger),
         Command::Listen(options) => listen::run(&options, stop),
         Command::Replay(options) => replay::run(&options, stop),
-        Command::Analyze(options) => analyze::run(&options, stop),
+        Command::Analyze(options) => match options.shard {
+            None => analyze::run(&options, stop),
+            Some(shard) => batch::run(&options, shard, stop),
+        },
+        Command::Doctor(options) => doctor::run(&options),
+        Command::Merge(options) => merge::run(&options),
+        Command::Config(command) => config::run(&command),
+        Command::Completions { shell } => shell::completions(shell, Args::command()),
+        Command::Man { command, output } => shell::manual(command.as_deref(), output.as_deref(), Args::command()),
+        Command::Init(options) => init::run(&options),
         Command::Setup(options) => setup::run(&options, stop),
         Command::Diagnose(options) => diagnose::run(&options, stop),
         Command::Field(arguments) => Ok(command::field::run(&arguments.options()?, stop)?),

@@ -3,6 +3,7 @@
 use super::body_summary::{self, BodySummary, FilmShape};
 use super::frame_source::{Film, GIVEN_ORDER, GIVEN_RATE, span};
 use super::json_cells;
+use super::shard::{SETTINGS, Shard};
 use crate::camera::{CameraIdentity, StreamFormat};
 use crate::config::Record;
 use crate::console::{Outcome, Overwrite, UsageError, print_line, print_note, progress, table};
@@ -46,9 +47,13 @@ pub struct AnalyzeOptions {
     /// Stop before this time after the first frame, s.
     #[arg(long = "to", value_name = "S")]
     pub to_s: Option<f64>,
-    /// Results file [default: next to the recording].
+    /// Results file [default: next to the recording]; with --shard the folder of the results.
     #[arg(short, long)]
     pub output: Option<PathBuf>,
+    /// Measure each input on its own, and of these only share K of N. A text file (.txt) lists inputs. Films whose results
+    /// are complete are skipped.
+    #[arg(long, value_name = "K/N", requires = "output")]
+    pub shard: Option<Shard>,
     /// Number of workers; the results do not depend on it.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=64))]
     pub workers: Option<u32>,
@@ -63,31 +68,48 @@ pub struct AnalyzeOptions {
 ///
 /// When the film or the rig file cannot be used, or the results cannot be written.
 pub fn run(options: &AnalyzeOptions, stop: &Stop) -> Result<Outcome, Failure> {
+    let film = open(options, &options.inputs)?;
+    let output =
+        options.output.clone().unwrap_or_else(|| free_results_path(&options.inputs, options.camera.as_deref()));
+    measure_and_print(film, options, &options.inputs, &output, stop)
+}
+
+/// Opens a film with the chosen rig file, within the chosen interval.
+pub(super) fn open(options: &AnalyzeOptions, inputs: &[PathBuf]) -> Result<Film, Failure> {
     let span = span(options.from_s, options.to_s)?;
-    let camera = options.camera.as_deref();
     let order = if options.reverse { Order::Reversed } else { Order::Forward };
-    let film = Film::open(&options.inputs, camera, options.config.as_deref(), options.fps, order)?;
+    let film = Film::open(inputs, options.camera.as_deref(), options.config.as_deref(), options.fps, order)?;
     let mut film = film.within(span);
     if let Some(count) = options.workers {
         film.config.workers.count = count;
     }
     if film.config.workers.count == 0 {
-        let (origin, input) = (&film.config.origin, options.inputs[0].display());
+        let (origin, input) = (&film.config.origin, inputs[0].display());
         let reason = "0 workers or no bodies; pass a rig file with --config, or --workers";
         return Err(UsageError(format!("{input}: nothing to measure with {origin}: {reason}")).into());
     }
     film.config.record = Some(results_record());
-    let output = options.output.clone().unwrap_or_else(|| free_results_path(&options.inputs, camera));
-    Overwrite::REFUSED.check(&output)?;
+    Ok(film)
+}
+
+/// Measures an opened film into a results file and prints its impacts.
+pub(super) fn measure_and_print(
+    film: Film,
+    options: &AnalyzeOptions,
+    inputs: &[PathBuf],
+    output: &Path,
+    stop: &Stop,
+) -> Result<Outcome, Failure> {
+    Overwrite::REFUSED.check(output)?;
     let (truncated, format, config) = (film.truncated.clone(), film.format, film.config.clone());
-    let measured = measure(film, &output, stop)?;
+    let measured = measure(film, output, stop)?;
     let results = Recording::open(&measured.path)?;
     let rows = results.velocities()?.collect::<Result<Vec<_>, _>>()?;
     let rows = rows.iter().filter(|row| measured.runs.contains(row.frame));
     let film = FilmShape { size_px: Some([format.width_px, format.height_px]), first_frame: measured.runs.first() };
     let bodies = body_summary::of_rows(rows, &config, &film);
     print_results(&last_revisions(&results)?, &bodies, &results, options.json);
-    let outcome = Outcome::of_file(measured.missing, &options.inputs[0], truncated.as_deref());
+    let outcome = Outcome::of_file(measured.missing, &inputs[0], truncated.as_deref());
     Ok(if bodies.iter().all(BodySummary::is_empty) { outcome.with_nothing_measured() } else { outcome })
 }
 
@@ -139,7 +161,7 @@ pub(super) fn measure(film: Film, output: &Path, stop: &Stop) -> Result<Measured
     config.check_calibration(format.width_px, format.height_px)?;
     let (measure_params, tracker_params) = analysis_params(&config, &format);
     let mut info = recording_info(&config, &format, &CameraIdentity::default(), "none: analysed offline");
-    for key in ["camera", "serial", "host", "trigger", GIVEN_RATE, GIVEN_ORDER] {
+    for key in ["camera", "serial", "host", "trigger", GIVEN_RATE, GIVEN_ORDER, SETTINGS] {
         if let Some(value) = metadata.get(key) {
             info.metadata.insert(key.to_owned(), value.clone());
         }

@@ -52,6 +52,27 @@ pub fn run(options: &CamerasOptions) -> Result<Outcome, Failure> {
     Ok(Outcome::Clean)
 }
 
+/// A camera that a rig can use.
+pub(super) struct FoundCamera {
+    /// The value of `camera.id`.
+    pub id: String,
+    /// The id with the model.
+    pub description: String,
+}
+
+/// Returns the cameras at hand; none of GenICam where its library is missing.
+pub(super) fn found() -> Vec<FoundCamera> {
+    let genicam = list().unwrap_or_default().into_iter().map(|camera| FoundCamera {
+        description: format!("{} ({} {}, {})", camera.id, camera.vendor, camera.model, camera.protocol),
+        id: camera.id,
+    });
+    let kernels = v4l2::list().into_iter().filter(|camera| camera.unavailable.is_none()).map(|camera| {
+        let id = camera.path.display().to_string();
+        FoundCamera { description: format!("{id} ({})", camera.capability.card), id }
+    });
+    genicam.chain(kernels).collect()
+}
+
 /// Prints the features of one camera; of a V4L2 camera also its formats, sizes and rates.
 fn print_features(id: &str, options: &CamerasOptions) -> Result<(), Failure> {
     let (camera, lines) = match v4l2::is_v4l2_id(id) {

@@ -1,20 +1,25 @@
 //! The commands of the program, one file per command.
 
 pub mod analyze;
+pub mod batch;
 pub mod bench;
 mod body_summary;
 pub mod cameras;
 pub mod check;
+pub mod config;
 pub mod control;
 pub mod demo;
 pub mod diagnose;
+pub mod doctor;
 pub mod export;
 pub mod field;
 mod film_survey;
 mod frame_source;
 pub mod import;
 pub mod info;
+pub mod init;
 pub mod listen;
+pub mod merge;
 pub mod recover;
 pub mod replay;
 pub mod report;
@@ -23,6 +28,8 @@ pub mod rig;
 mod rod;
 pub mod serve;
 pub mod setup;
+mod shard;
+pub mod shell;
 pub mod simulate;
 pub mod status;
 

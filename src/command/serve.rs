@@ -4,8 +4,7 @@ use crate::config::Config;
 use crate::console::{Outcome, UsageError, print_line};
 use crate::failure::Failure;
 use crate::process::Stop;
-use crate::serve;
-use std::net::SocketAddr;
+use crate::serve::{self, Offer};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
@@ -38,7 +37,10 @@ pub fn run(options: &ServeOptions, stop: &Stop) -> Result<Outcome, Failure> {
             stop.request();
         });
     }
-    serve::run(&config, address, stop, |bound: SocketAddr| print_line(&format!("page: http://{bound}/")))?;
+    serve::run(&config, address, stop, |offer| match offer {
+        Offer::Page(bound) => print_line(&format!("page: http://{bound}/")),
+        Offer::Foxglove(bound) => print_line(&format!("foxglove: ws://{bound}/")),
+    })?;
     Ok(Outcome::Clean)
 }
 

@@ -167,7 +167,7 @@ fn known_words(message: &str) -> impl Iterator<Item = &str> {
 }
 
 /// Returns the known word with the most similar spelling.
-fn nearest<'w>(name: &str, known: impl Iterator<Item = &'w str>) -> &'w str {
+pub(super) fn nearest<'w>(name: &str, known: impl Iterator<Item = &'w str>) -> &'w str {
     known.min_by_key(|word| edit_distance(name, word)).unwrap_or_default()
 }
 

@@ -24,7 +24,8 @@ pub struct View {
 const VIEWS_MAX: usize = 8;
 const NAME_MAX: usize = 16;
 /// The tables that a view shares with the first camera's.
-const TABLES: [&str; 8] = ["camera", "scale", "surface", "calibration", "body", "correlation", "rotation", "velocity"];
+pub(super) const TABLES: [&str; 8] =
+    ["camera", "scale", "surface", "calibration", "body", "correlation", "rotation", "velocity"];
 
 /// Checks the views and derives a rig from each.
 pub(super) fn views(file: &Text<'_>, raw: BTreeMap<String, RawView>, whole: &Config) -> Result<Vec<View>, ConfigError> {

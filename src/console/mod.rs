@@ -5,4 +5,4 @@ mod output;
 pub mod progress;
 
 pub use files::{OutputFile, Overwrite, WriteError, check_no_input, create_directory, write_file};
-pub use output::{Outcome, UsageError, print_line, print_note, table};
+pub use output::{Outcome, UsageError, print_line, print_note, table, wrapped};

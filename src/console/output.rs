@@ -107,6 +107,25 @@ pub fn print_line(line: &str) {
     let _ = writeln!(std::io::stdout().lock(), "{line}");
 }
 
+/// The width of running text, characters.
+const TEXT_COLUMNS: usize = 80;
+
+/// Breaks text at blanks into lines of at most 80 characters, each indented by this number of blanks.
+pub fn wrapped(text: &str, indent: usize) -> String {
+    let mut lines = vec![String::new()];
+    for word in text.split_whitespace() {
+        let columns = lines.last().map_or(0, |line| line.chars().count());
+        if columns > 0 && indent + columns + 1 + word.chars().count() > TEXT_COLUMNS {
+            lines.push(String::new());
+        }
+        if let Some(line) = lines.last_mut() {
+            *line += if line.is_empty() { "" } else { " " };
+            *line += word;
+        }
+    }
+    lines.iter().map(|line| format!("{:indent$}{line}", "")).collect::<Vec<_>>().join("\n")
+}
+
 /// Formats rows as columns, each as wide as its widest cell; all but the first are right-aligned.
 pub fn table(rows: &[Vec<String>]) -> String {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);

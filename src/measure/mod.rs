@@ -20,7 +20,6 @@ mod pending_frame;
 mod rigid_match;
 mod ring_rotation;
 mod surface;
-mod warm_up;
 
 pub use error::MeasureError;
 pub use measurer::Measurer;

@@ -57,7 +57,6 @@ pub fn run(config: &Config, index: u32, mut resume: Option<Resume>, stop: &Stop)
         exposure_ns: 0,
     };
     worker.needs_reference = worker.measurer.needs_reference();
-    worker.measurer.warm_up()?;
     let mut recorder =
         RecorderProgress { progress: bus.subscriber(&limits)?, completed: None, expected: config.record.is_some() };
     let ear = bus.ear("frames")?;

@@ -11,6 +11,7 @@ mod clock;
 mod control;
 mod feed;
 mod files;
+mod foxglove;
 mod guard;
 mod numbers;
 mod page;
@@ -67,12 +68,35 @@ impl Fatal for AddressError {
     }
 }
 
-/// Serves the page of a rig until a stop is requested. `ready` gets its address once it can be opened.
+/// The address for Foxglove viewers cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot serve Foxglove at {address}: {reason}; set [serve] foxglove to another address, or to \"off\"")]
+struct FoxgloveAddressError {
+    address: SocketAddr,
+    reason: String,
+}
+
+impl Fatal for FoxgloveAddressError {
+    fn exit_code(&self) -> ExitCode {
+        ExitCode::Usage
+    }
+}
+
+/// An address at which the server can be reached.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Offer {
+    /// The page, and the streams of topics.
+    Page(SocketAddr),
+    /// The server for Foxglove viewers.
+    Foxglove(SocketAddr),
+}
+
+/// Serves the page of a rig until a stop is requested. `announce` gets each address once it can be opened.
 ///
 /// # Errors
 ///
 /// When the address or the token cannot be used, or shared memory fails.
-pub fn run(config: &Config, address: SocketAddr, stop: &Stop, ready: impl FnOnce(SocketAddr)) -> Result<(), Failure> {
+pub fn run(config: &Config, address: SocketAddr, stop: &Stop, announce: impl Fn(Offer)) -> Result<(), Failure> {
     let token = config.serve.token_file.as_deref().map(Token::read).transpose()?;
     let fail = |reason| AddressError { address, reason };
     let listener = TcpListener::bind(address).map_err(fail)?;
@@ -96,8 +120,8 @@ pub fn run(config: &Config, address: SocketAddr, stop: &Stop, ready: impl FnOnce
         });
         scope.spawn(|| picture_feed::run(&app.config, &app.pictures, link));
         scope.spawn(|| Watcher::new(&app.config, link, &app.shots, &app.control, outputs).run());
-        ready(bound);
-        let served = serve_until(listener, app, stop);
+        announce(Offer::Page(bound));
+        let served = serve_until(listener, app, stop, &announce);
         // The threads end too.
         stop.request();
         served
@@ -105,12 +129,17 @@ pub fn run(config: &Config, address: SocketAddr, stop: &Stop, ready: impl FnOnce
 }
 
 /// Runs the server on the thread that calls it.
-fn serve_until(listener: TcpListener, app: &Arc<App>, stop: &Stop) -> Result<(), Failure> {
+fn serve_until(listener: TcpListener, app: &Arc<App>, stop: &Stop, announce: &impl Fn(Offer)) -> Result<(), Failure> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;
     runtime.block_on(async {
         let listener = tokio::net::TcpListener::from_std(listener)?;
+        if let Some(address) = app.config.serve.foxglove {
+            let bound = foxglove::start(app, address).await;
+            let bound = bound.map_err(|error| FoxgloveAddressError { address, reason: error.to_string() })?;
+            announce(Offer::Foxglove(bound));
+        }
         server::serve(listener, routes::router(Arc::clone(app)), stop).await;
-        Ok::<(), std::io::Error>(())
+        Ok::<(), Failure>(())
     })?;
     runtime.shutdown_timeout(END_TIMEOUT);
     Ok(())

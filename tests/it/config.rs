@@ -2,6 +2,7 @@
 
 mod accepted;
 mod files;
+mod reference;
 mod refused;
 
 use ricochet::config::Config;

@@ -258,6 +258,19 @@ fn the_page_of_the_cameras_can_be_followed() {
     follow("docs/cameras.md");
 }
 
+#[test]
+fn each_status_is_explained_with_its_cure() {
+    let page = read("docs/statuses.md");
+    for status in ricochet::results::PointStatus::ALL {
+        assert!(page.contains(&format!("| `{}` |", status.as_str())), "{status:?}");
+    }
+    let keys = ricochet::results::PointStatus::ALL
+        .into_iter()
+        .filter_map(|status| status.reason(ricochet::results::BodyKind::Ball))
+        .map(|reason| reason.keys[0]);
+    keys.for_each(|key| assert!(page.contains(key), "{key}"));
+}
+
 /// Every page that people read.
 fn pages() -> Vec<String> {
     let docs = std::fs::read_dir(root().join("docs")).unwrap().map(|entry| entry.unwrap().file_name());
@@ -280,6 +293,42 @@ fn every_command_of_every_page_is_understood() {
         }
     }
     assert!(count > 60, "{count} commands in {pages:?}");
+}
+
+/// The anchor of a heading, as viewers of Markdown make it.
+fn anchor(heading: &str) -> String {
+    let plain: String = heading.trim_start_matches('#').trim().to_lowercase();
+    plain
+        .chars()
+        .filter(|c| c.is_alphanumeric() || " -_".contains(*c))
+        .map(|c| if c == ' ' { '-' } else { c })
+        .collect()
+}
+
+#[test]
+fn every_link_between_pages_resolves() {
+    let mut pages = pages();
+    pages.extend(["CONTRIBUTING.md".into(), "SECURITY.md".into()]);
+    let mut count = 0;
+    for page in &pages {
+        let text = read(page);
+        let folder = Path::new(page).parent().unwrap();
+        for target in text.split("](").skip(1).map(|rest| rest.split(')').next().unwrap()) {
+            if target.starts_with("http") {
+                continue;
+            }
+            let (file, part) = target.split_once('#').unwrap_or((target, ""));
+            let path = if file.is_empty() { PathBuf::from(page) } else { folder.join(file) };
+            assert!(root().join(&path).exists(), "{page}: no {target}");
+            if !part.is_empty() {
+                let linked = std::fs::read_to_string(root().join(&path)).unwrap();
+                let found = linked.lines().filter(|line| line.starts_with('#')).any(|line| anchor(line) == part);
+                assert!(found, "{page}: no heading for {target}");
+            }
+            count += 1;
+        }
+    }
+    assert!(count > 30, "{count} links");
 }
 
 /// Every file below a folder of the project.

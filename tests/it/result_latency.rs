@@ -1,11 +1,6 @@
 //! The time from a contact to its published numbers, by the clock.
 
 use crate::support::{Rig, kill, ricochet};
-use ricochet::camera::simulated;
-use ricochet::config::Config;
-use ricochet::image::Frame;
-use ricochet::measure::{Measured, Measurer, Share};
-use ricochet::process::{analysis_params, open_camera, truth_world};
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
@@ -134,34 +129,5 @@ fn time_from_the_end_of_a_contact_to_its_numbers_is_printed() {
                 "{name}, {workers} workers: {which} {middle:.0} ms after the end of contact ({min:.0} to {max:.0})"
             );
         }
-    }
-}
-
-/// The results of a block of the lacrosse ball's film, and the time that its first frame took.
-fn first_measured(rehearses: bool, share: Share) -> (Vec<Measured>, Duration) {
-    let config = Config::parse(include_str!("../../config/lacrosse.toml"), "lacrosse.toml").unwrap();
-    let (world, format) = (truth_world(&config).unwrap().unwrap(), open_camera(&config).unwrap().format());
-    let params = analysis_params(&config, &format).0;
-    let mut measurer = Measurer::new(&params, share, format.width_px as usize, format.height_px as usize).unwrap();
-    if rehearses {
-        measurer.warm_up().unwrap();
-    }
-    let (mut measured, mut bytes, mut first) = (Vec::new(), vec![0; world.frame_bytes()], None);
-    for frame in 0..20 {
-        world.render(frame, &mut bytes);
-        let began = Instant::now();
-        measurer.push(&Frame { meta: simulated::meta(&world, frame), bytes: &bytes }, &mut measured).unwrap();
-        first = first.or(measurer.needs(frame).then(|| began.elapsed()));
-    }
-    measurer.finish(&mut measured);
-    (measured, first.unwrap())
-}
-
-#[test]
-fn warming_up_changes_no_result() {
-    for share in [Share::ALL, Share { index: 1, of: 2 }] {
-        let ((measured, cold), (rehearsed, warm)) = (first_measured(false, share), first_measured(true, share));
-        println!("first frame: {cold:?}, after warming up {warm:?}");
-        assert!(measured.iter().any(|measured| measured.step.motion.is_some()) && measured == rehearsed);
     }
 }

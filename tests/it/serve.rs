@@ -2,6 +2,7 @@
 
 mod access;
 mod chromium;
+mod foxglove;
 mod page;
 mod socket;
 mod streams;
@@ -26,17 +27,23 @@ impl Server {
 
     /// Starts a command that prints the address of its server first.
     pub fn start_by(command: &str, config: &Path) -> Self {
-        let mut process = Background::start(ricochet([command.as_ref(), config.as_os_str()]));
+        let process = Background::start(ricochet([command.as_ref(), config.as_os_str()]));
+        let mut server = Self { process, address: String::new() };
+        server.address = server.printed("page: http://");
+        server
+    }
+
+    /// Reads the next line of the server, an address behind these words.
+    pub fn printed(&mut self, words: &str) -> String {
         // Byte by byte, so that the rest of the output stays in the pipe.
-        let output = process.0.stdout.as_mut().unwrap();
+        let output = self.process.0.stdout.as_mut().unwrap();
         let (mut line, mut byte) = (Vec::new(), [0]);
         while output.read(&mut byte).unwrap() == 1 && byte != *b"\n" {
             line.push(byte[0]);
         }
         let line = String::from_utf8(line).unwrap();
-        let address = line.trim().strip_prefix("page: http://").and_then(|rest| rest.strip_suffix('/'));
-        let address = address.unwrap_or_else(|| panic!("not an address: {line:?}")).to_owned();
-        Self { process, address }
+        let address = line.trim().strip_prefix(words).and_then(|rest| rest.strip_suffix('/'));
+        address.unwrap_or_else(|| panic!("not an address: {line:?}")).to_owned()
     }
 
     pub fn url(&self, path: &str) -> String {

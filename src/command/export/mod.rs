@@ -13,7 +13,7 @@ use crate::failure::{ExitCode, Failure, Fatal};
 use crate::recording::{self, Recording, RecordingError};
 use crate::results::named_enum;
 pub(super) use picture::grey_levels;
-use sink::Csv;
+use sink::{Csv, Merged};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
@@ -221,6 +221,28 @@ fn whole(
     let count = write(&mut file)?;
     file.finish().map_err(ExportError::Output)?;
     Ok(count)
+}
+
+/// Writes one of [`TABLES`] of several recordings as one CSV table, whose first column names the recording.
+///
+/// # Errors
+///
+/// [`ExportError`] as [`run`], or when the tables of two recordings have different columns.
+pub(super) fn write_merged(
+    recordings: &[PathBuf],
+    topic: &str,
+    to: impl Write,
+    name: &str,
+) -> Result<u64, ExportError> {
+    let mut table = Csv::new(to, name);
+    let mut first = None;
+    for path in recordings {
+        let recording = Recording::open(path)?;
+        let stem = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+        let mut part = Merged { table: &mut table, columns: &mut first, recording: &stem };
+        rows::send(&recording, topic, &mut part)?;
+    }
+    table.finish()
 }
 
 /// Writes one of [`TABLES`] as CSV and returns the number of its rows. Errors call the target `name`.

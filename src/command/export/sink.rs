@@ -1,7 +1,7 @@
 //! The writer of a table, and the one for CSV.
 
 use super::ExportError;
-use crate::results::{Cell, Heading};
+use crate::results::{Cell, Heading, Kind};
 use std::io::Write;
 
 /// A writer of a table: the header first, then every row.
@@ -45,5 +45,38 @@ impl<W: Write> Sink for Csv<W> {
     fn row(&mut self, cells: Vec<Cell>) -> Result<(), ExportError> {
         self.rows += 1;
         self.record(cells.iter().map(Cell::to_string))
+    }
+}
+
+/// The table of one of several recordings, written into a table of all.
+pub(super) struct Merged<'a> {
+    /// The table of all.
+    pub(super) table: &'a mut dyn Sink,
+    /// The names of its columns, once the first recording is written.
+    pub(super) columns: &'a mut Option<Vec<&'static str>>,
+    /// The name of the recording.
+    pub(super) recording: &'a str,
+}
+
+impl Sink for Merged<'_> {
+    fn header(&mut self, headings: &[Heading]) -> Result<(), ExportError> {
+        let names: Vec<&'static str> = headings.iter().map(|heading| heading.name).collect();
+        match self.columns {
+            Some(columns) if *columns == names => Ok(()),
+            Some(_) => {
+                let reason = "has other columns than the recordings before it; merge those of one kind of body";
+                Err(ExportError::Usage(format!("{} {reason}", self.recording)))
+            }
+            None => {
+                *self.columns = Some(names);
+                let first = Heading { name: "recording", kind: Kind::Text };
+                self.table.header(&[&[first], headings].concat())
+            }
+        }
+    }
+
+    fn row(&mut self, mut cells: Vec<Cell>) -> Result<(), ExportError> {
+        cells.insert(0, Cell::Text(self.recording.to_owned()));
+        self.table.row(cells)
     }
 }

@@ -267,8 +267,9 @@ fn an_incomplete_line_trigger_or_view_is_refused_with_its_line() {
 fn tables_that_this_version_does_not_offer_are_refused_by_name() {
     refused_on_a_simulated_rig(&[
         (
-            "[serve]\nfoxglove = \"127.0.0.1:8765\"",
-            ", line 4: serve.foxglove = \"127.0.0.1:8765\": must be left out, because this version does not serve Foxglove",
+            "[serve]\nfoxglove = \"0.0.0.0:8765\"",
+            ", line 4: serve.foxglove = \"0.0.0.0:8765\": must be \"off\", or an address of this computer and a port, such as \
+             \"127.0.0.1:8765\"",
         ),
         ("[bridge]\nzenoh = {}", ", line 3: the table [bridge] is not supported by this version; leave it out"),
     ]);

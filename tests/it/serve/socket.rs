@@ -30,20 +30,30 @@ impl Socket {
         if status == 101 { Ok(Self { reader }) } else { Err(status) }
     }
 
-    /// Sends a text; a client masks its messages.
+    /// Sends a text.
     pub fn send(&mut self, text: &str) {
-        let mut frame = vec![0x81];
-        match (u8::try_from(text.len()), u16::try_from(text.len())) {
+        self.send_frame(0x81, text.as_bytes());
+    }
+
+    /// Sends bytes.
+    pub fn send_bytes(&mut self, bytes: &[u8]) {
+        self.send_frame(0x82, bytes);
+    }
+
+    /// Sends a message of one frame; a client masks its messages.
+    fn send_frame(&mut self, opcode: u8, payload: &[u8]) {
+        let mut frame = vec![opcode];
+        match (u8::try_from(payload.len()), u16::try_from(payload.len())) {
             (Ok(length @ 0..=125), _) => frame.push(0x80 | length),
             (_, Ok(length)) => {
                 frame.push(0x80 | 126);
                 frame.extend(length.to_be_bytes());
             }
-            _ => panic!("no test sends {} bytes", text.len()),
+            _ => panic!("no test sends {} bytes", payload.len()),
         }
-        // The mask of zeros leaves the text as it is.
+        // The mask of zeros leaves the payload as it is.
         frame.extend([0; 4]);
-        frame.extend(text.as_bytes());
+        frame.extend(payload);
         self.reader.get_mut().write_all(&frame).unwrap();
     }
 

@@ -1,0 +1,140 @@
+//! Measuring many films, each on its own, by several processes or computers: `ricochet analyze --shard K/N`.
+//!
+//! Every process takes each N-th film of the same list, so they need not know of each other. A film whose results are
+//! complete is skipped, and so a list can be continued after any interruption.
+
+use super::analyze::{self, AnalyzeOptions};
+use super::shard::{SETTINGS, Shard};
+use crate::config::Config;
+use crate::console::{Outcome, UsageError, print_note};
+use crate::failure::{ExitCode, Failure, Fatal};
+use crate::process::Stop;
+use crate::recording::{Recording, part_path};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Films that could not be measured.
+#[derive(Debug, thiserror::Error)]
+#[error("{count} of {films} films could not be measured; the first: {first}")]
+struct FailedFilms {
+    count: usize,
+    films: usize,
+    first: Failure,
+}
+
+impl Fatal for FailedFilms {
+    fn exit_code(&self) -> ExitCode {
+        self.first.exit_code()
+    }
+}
+
+/// Measures the films of one share into a folder.
+///
+/// # Errors
+///
+/// A list that cannot be read, films of one name, or films that cannot be measured. These do not keep others from being
+/// measured.
+pub fn run(options: &AnalyzeOptions, shard: Shard, stop: &Stop) -> Result<Outcome, Failure> {
+    let folder = options.output.clone().unwrap_or_else(|| PathBuf::from("."));
+    std::fs::create_dir_all(&folder)?;
+    let films = films(&options.inputs)?;
+    let named = results_by_film(&films, &folder)?;
+    let _lock = lock(&folder, shard)?;
+    let (mut lost, mut empty, mut failures, mut tried) = (0, 0, Vec::new(), 0);
+    for (film, results) in named.iter().skip(shard.index - 1).step_by(shard.of) {
+        if stop.requested() {
+            break;
+        }
+        tried += 1;
+        match measure(options, film, results, stop) {
+            Ok(Outcome::Clean) => {}
+            Ok(Outcome::Lost { count, .. }) => lost += count,
+            Ok(Outcome::NothingMeasured { count, .. }) => {
+                lost += count;
+                empty += 1;
+            }
+            Err(failure) => {
+                print_note(&format!("{}: {failure}", film.display()));
+                failures.push(failure);
+            }
+        }
+    }
+    let count = failures.len();
+    match failures.into_iter().next() {
+        Some(first) => Err(FailedFilms { count, films: tried, first }.into()),
+        None if tried > 0 && empty == tried => Ok(Outcome::of_losses(lost).with_nothing_measured()),
+        None => Ok(Outcome::of_losses(lost)),
+    }
+}
+
+/// Returns the films of the arguments. A text file (`.txt` or `.list`) has the path of a film on each line.
+fn films(inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
+    let mut films = Vec::new();
+    for input in inputs {
+        if !input.extension().is_some_and(|extension| extension == "txt" || extension == "list") {
+            films.push(input.clone());
+            continue;
+        }
+        let text = std::fs::read_to_string(input)
+            .map_err(|error| UsageError(format!("cannot read the list {}: {error}", input.display())))?;
+        let lines = text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'));
+        films.extend(lines.map(PathBuf::from));
+    }
+    if films.is_empty() { Err(UsageError("the list names no film".into()).into()) } else { Ok(films) }
+}
+
+/// Returns each film with the file of its results, which has the film's name.
+fn results_by_film(films: &[PathBuf], folder: &Path) -> Result<Vec<(PathBuf, PathBuf)>, UsageError> {
+    let mut taken: BTreeMap<PathBuf, &Path> = BTreeMap::new();
+    let mut named = Vec::new();
+    for film in films {
+        let stem = film.file_stem().ok_or_else(|| UsageError(format!("{}: names no film", film.display())))?;
+        let results = folder.join(stem).with_extension("mcap");
+        if let Some(other) = taken.insert(results.clone(), film) {
+            let (film, other) = (film.display(), other.display());
+            return Err(UsageError(format!("{other} and {film} would have the same results, {}", results.display())));
+        }
+        if results == *film {
+            return Err(UsageError(format!("{}: --output must be another folder than the film's", film.display())));
+        }
+        named.push((film.clone(), results));
+    }
+    Ok(named)
+}
+
+/// Locks a share, so that two processes never measure the same film.
+fn lock(folder: &Path, shard: Shard) -> Result<std::fs::File, Failure> {
+    let path = folder.join(format!(".shard-{}-of-{}", shard.index, shard.of));
+    let file = std::fs::File::create(&path)?;
+    file.try_lock().map_err(|_| {
+        let share = format!("share {} of {}", shard.index, shard.of);
+        UsageError(format!("{}: another process measures {share}", path.display()))
+    })?;
+    Ok(file)
+}
+
+fn measure(options: &AnalyzeOptions, film: &Path, results: &Path, stop: &Stop) -> Result<Outcome, Failure> {
+    let inputs = [film.to_owned()];
+    let mut opened = analyze::open(options, &inputs)?;
+    let settings = settings(options, &opened.config, film);
+    if let Ok(made) = Recording::open(results) {
+        let is_same = made.metadata().get(SETTINGS) == Some(&settings);
+        if is_same && made.truncated().is_none() {
+            return Ok(Outcome::Clean);
+        }
+        let reason = "has results of another version or of other settings; remove it, or choose another folder";
+        return Err(UsageError(format!("{} {reason}", results.display())).into());
+    }
+    // The share is locked, so an unfinished file is that of a process that died.
+    let _ = std::fs::remove_file(part_path(results));
+    opened.metadata.insert(SETTINGS.into(), settings);
+    analyze::measure_and_print(opened, options, &inputs, results, stop)
+}
+
+/// Returns the version, and a checksum of all that results depend on besides the frames.
+fn settings(options: &AnalyzeOptions, config: &Config, film: &Path) -> String {
+    let bytes = film.metadata().map_or(0, |metadata| metadata.len());
+    let given = (&options.camera, options.fps, options.reverse, options.from_s, options.to_s, bytes);
+    let checksum = crc32fast::hash(format!("{given:?} {}", config.text).as_bytes());
+    format!("{} {checksum:08x}", env!("CARGO_PKG_VERSION"))
+}

@@ -1,0 +1,86 @@
+//! Processors, clock, huge pages and limits.
+
+use super::Finding;
+use super::host::Host;
+use rustix::process::{Resource, getrlimit};
+
+const CLOCK: &str = "/sys/devices/system/clocksource/clocksource0";
+const HUGE_PAGES: &str = "/sys/kernel/mm/transparent_hugepage/shmem_enabled";
+const PROCESSORS: &str = "/sys/devices/system/cpu";
+/// Clock sources that are read in tens of nanoseconds, best first. Others take microseconds.
+const FAST_CLOCKS: [&str; 5] = ["tsc", "kvm-clock", "arch_sys_counter", "hyperv_clocksource_tsc_page", "xen"];
+/// A rig with 16 bodies and 8 cameras has about 500 files open.
+const OPEN_FILES: u64 = 1024;
+
+pub(super) fn examine(host: &Host) -> Vec<Finding> {
+    let findings = [Some(processors()), governor(host), clock(host), huge_pages(host), Some(open_files())];
+    findings.into_iter().flatten().collect()
+}
+
+fn processors() -> Finding {
+    let count = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let found = format!("{count} usable");
+    match count {
+        1 => Finding { fix: None, ..Finding::advice("processors", found + "; a rig has at least four processes", "") },
+        _ => Finding::good("processors", found),
+    }
+}
+
+/// Examines the frequency control; `None` where the processors have none.
+fn governor(host: &Host) -> Option<Finding> {
+    let file = |name: &str| format!("{PROCESSORS}/{name}/cpufreq/scaling_governor");
+    let named: Vec<(String, String)> =
+        host.names(PROCESSORS).into_iter().filter_map(|name| Some((host.read(&file(&name))?, name))).collect();
+    let slow: Vec<&(String, String)> = named.iter().filter(|(governor, _)| governor != "performance").collect();
+    match (named.is_empty(), slow.first()) {
+        (true, _) => None,
+        (false, None) => Some(Finding::good("frequency", "performance")),
+        (false, Some((governor, _))) => {
+            let found =
+                format!("{governor} on {} of {} processors; frames wait while they speed up", slow.len(), named.len());
+            let files = host.path(&format!("{PROCESSORS}/cpu*/cpufreq/scaling_governor"));
+            let fix = format!("for file in {}; do echo performance > $file; done", files.display());
+            Some(Finding::advice("frequency", found, fix))
+        }
+    }
+}
+
+fn clock(host: &Host) -> Option<Finding> {
+    let current = host.read(&format!("{CLOCK}/current_clocksource"))?;
+    if FAST_CLOCKS.contains(&current.as_str()) {
+        return Some(Finding::good("clock", current));
+    }
+    let available = host.read(&format!("{CLOCK}/available_clocksource")).unwrap_or_default();
+    let better = FAST_CLOCKS.iter().find(|clock| available.split_whitespace().any(|word| word == **clock));
+    let found = format!("{current}, slow to read");
+    Some(match better {
+        Some(clock) => {
+            Finding::advice("clock", found, host.write_command(&format!("{CLOCK}/current_clocksource"), clock))
+        }
+        None => Finding::advice("clock", found, "add clocksource=tsc to the kernel's command line"),
+    })
+}
+
+/// Examines the pages of shared memory. The chosen word is the one in brackets.
+fn huge_pages(host: &Host) -> Option<Finding> {
+    let text = host.read(HUGE_PAGES)?;
+    let chosen = text.split_once('[')?.1.split_once(']')?.0.to_owned();
+    Some(match chosen.as_str() {
+        "always" | "within_size" | "force" => Finding::good("huge pages", chosen),
+        _ => {
+            let found = format!("{chosen} in shared memory; the ring of frames then has 4 KiB pages");
+            Finding::advice("huge pages", found, host.write_command(HUGE_PAGES, "within_size"))
+        }
+    })
+}
+
+fn open_files() -> Finding {
+    match getrlimit(Resource::Nofile).current {
+        Some(count) if count < OPEN_FILES => {
+            let found = format!("at most {count}, and a large rig needs {OPEN_FILES}");
+            Finding::bad("open files", found, format!("ulimit -n {OPEN_FILES}"))
+        }
+        Some(count) => Finding::good("open files", format!("at most {count}")),
+        None => Finding::good("open files", "no limit"),
+    }
+}

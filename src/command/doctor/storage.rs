@@ -1,0 +1,102 @@
+//! Shared memory, and the folder of the recordings.
+
+use super::Finding;
+use super::host::Host;
+use crate::config::Config;
+use rustix::fs::statvfs;
+use std::fs::File;
+use std::io::Write;
+use std::path::Path;
+use std::time::Instant;
+
+const SHARED_MEMORY: &str = "/dev/shm";
+/// The shared memory of a rig besides its ring of frames: topics, fields and their queues, bytes.
+const TOPICS_BYTES: u64 = 128 << 20;
+/// The ring of a rig whose file is not given, or does not state the size of its image, bytes.
+const RING_BYTES: u64 = 256 << 20;
+/// The number of bytes that are written for a measurement of the disk.
+const TRIAL_BYTES: usize = 64 << 20;
+const CHUNK_BYTES: usize = 4 << 20;
+/// The room that a folder of recordings should have, bytes.
+const FREE_BYTES: u64 = 2 << 30;
+
+pub(super) fn examine(host: &Host, config: Option<&Config>, directory: &Path) -> Vec<Finding> {
+    shared_memory(host, config).into_iter().chain(folder(config, directory)).collect()
+}
+
+/// The bytes of a second of frames; `None` if the file does not state size and rate.
+fn bytes_per_second(config: &Config) -> Option<f64> {
+    let (width, height) = config.camera.image_px()?;
+    Some(f64::from(width) * f64::from(height) * config.camera.frame_rate_hz?)
+}
+
+fn shared_memory(host: &Host, config: Option<&Config>) -> Option<Finding> {
+    let place = host.path(SHARED_MEMORY);
+    let Ok(stat) = statvfs(&place) else {
+        let found = format!("{} is missing", place.display());
+        let fix = format!("mkdir -p {0} && mount -t tmpfs tmpfs {0}", place.display());
+        return Some(Finding::bad("shared memory", found, fix));
+    };
+    let ring = config.and_then(|config| Some(bytes_per_second(config)? * 2.0 * config.trigger.pre_s));
+    let needed = TOPICS_BYTES + ring.map_or(RING_BYTES, |bytes| bytes as u64);
+    let (free, total) = (stat.f_bavail * stat.f_frsize, stat.f_blocks * stat.f_frsize);
+    let found = format!("{} MiB free, {} MiB needed", free >> 20, needed >> 20);
+    if free >= needed {
+        return Some(Finding::good("shared memory", found));
+    }
+    let mib = ((total - free + needed) >> 20) + 64;
+    Some(Finding::bad("shared memory", found, format!("mount -o remount,size={mib}M {}", place.display())))
+}
+
+fn folder(config: Option<&Config>, directory: &Path) -> Vec<Finding> {
+    let name = directory.display();
+    if !directory.is_dir() {
+        return vec![Finding::bad("recordings", format!("{name} is not a folder"), format!("mkdir -p '{name}'"))];
+    }
+    let speed = match trial(directory) {
+        Ok(speed) => speed,
+        Err(error) => {
+            let found = format!("{name} takes no file: {error}");
+            return vec![Finding::bad("recordings", found, format!("chmod u+rwx '{name}'"))];
+        }
+    };
+    let mut findings = Vec::new();
+    let found = format!("{:.0} MB/s into {name}", 1e-6 * speed);
+    findings.push(match config.and_then(bytes_per_second) {
+        Some(needed) if needed > speed => Finding {
+            fix: None,
+            ..Finding::advice("disk speed", format!("{found}, and frames come at {:.0} MB/s", 1e-6 * needed), "")
+        },
+        _ => Finding::good("disk speed", found),
+    });
+    findings.extend(statvfs(directory).ok().map(|stat| {
+        let free = stat.f_bavail * stat.f_frsize;
+        let found = format!("{:.1} GB free in {name}", 1e-9 * free as f64);
+        match free {
+            free if free < FREE_BYTES => Finding { fix: None, ..Finding::advice("disk space", found, "") },
+            _ => Finding::good("disk space", found),
+        }
+    }));
+    findings
+}
+
+/// Writes a file, syncs and removes it. Returns the speed, bytes/s.
+fn trial(directory: &Path) -> std::io::Result<f64> {
+    let path = directory.join(format!(".ricochet-trial-{}", std::process::id()));
+    let written = write_trial(&path);
+    let removed = std::fs::remove_file(&path);
+    written.and_then(|speed| removed.map(|()| speed))
+}
+
+fn write_trial(path: &Path) -> std::io::Result<f64> {
+    let mut file = File::options().write(true).create_new(true).open(path)?;
+    // Some disks compress, so the bytes must not be equal.
+    let chunk: Vec<u8> = (0..CHUNK_BYTES as u32).map(|k| (k.wrapping_mul(0x9E37_79B9) >> 24) as u8).collect();
+    #[expect(clippy::disallowed_methods, reason = "measures the disk, not a film")]
+    let started = Instant::now();
+    for _ in 0..TRIAL_BYTES / CHUNK_BYTES {
+        file.write_all(&chunk)?;
+    }
+    file.sync_all()?;
+    Ok(TRIAL_BYTES as f64 / started.elapsed().as_secs_f64())
+}

@@ -1,0 +1,33 @@
+//! Programs and libraries that are opened when they are needed.
+
+use super::Finding;
+use crate::camera::genicam;
+use std::path::PathBuf;
+
+pub(super) fn examine() -> Vec<Finding> {
+    vec![aravis(), ffmpeg()]
+}
+
+fn aravis() -> Finding {
+    match genicam::library() {
+        Ok(_) => Finding::good("Aravis", "GigE Vision and USB3 Vision cameras can be used"),
+        Err(error) => Finding::advice(
+            "Aravis",
+            format!("{error}; only GigE Vision and USB3 Vision cameras need it"),
+            "apt-get install libaravis-0.8-0",
+        ),
+    }
+}
+
+fn ffmpeg() -> Finding {
+    let paths = std::env::var_os("PATH").unwrap_or_default();
+    let is_missing = |name: &&str| !std::env::split_paths(&paths).any(|folder: PathBuf| folder.join(name).is_file());
+    let missing: Vec<&str> = ["ffmpeg", "ffprobe"].into_iter().filter(is_missing).collect();
+    match missing.as_slice() {
+        [] => Finding::good("ffmpeg", "films can be read and written"),
+        missing => {
+            let found = format!("no {}; films of AVI, MP4 and the like need it", missing.join(", no "));
+            Finding::advice("ffmpeg", found, "apt-get install ffmpeg")
+        }
+    }
+}

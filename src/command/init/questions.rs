@@ -1,0 +1,131 @@
+//! Questions at a terminal, or answered by lines of standard input.
+
+use crate::command::cameras::FoundCamera;
+use crate::config::{BodyKind, Entry, Key, find};
+use crate::console::{UsageError, print_note};
+use crate::failure::Failure;
+use std::io::{BufRead, Write};
+
+/// The folder of recordings that is proposed.
+const DIRECTORY: &str = "shots";
+const SIZE: &str = "640x480";
+
+/// Asks, or takes the default of every question.
+pub(super) struct Questions {
+    takes_defaults: bool,
+}
+
+impl Questions {
+    pub fn new(takes_defaults: bool) -> Self {
+        Self { takes_defaults }
+    }
+
+    /// Asks for a camera by its number in the list of those found, or by its name.
+    pub fn camera(&mut self, given: Option<&str>, found: &[FoundCamera]) -> Result<String, Failure> {
+        if given.is_none() && !self.takes_defaults {
+            let names = found.iter().enumerate().map(|(k, camera)| format!("  {}  {}", k + 1, camera.description));
+            names.for_each(|line| print_note(&line));
+        }
+        let question = match found.len() {
+            0 => "No camera was found. Camera: simulated, a device file, or an address".to_owned(),
+            count => format!("Camera: 1 to {count}, simulated, a device file, or an address"),
+        };
+        let default = if found.is_empty() { "simulated" } else { "1" };
+        self.ask(&question, given, Some(default), |answer| match answer.parse::<usize>() {
+            Ok(number) if (1..=found.len()).contains(&number) => Ok(found[number - 1].id.clone()),
+            Ok(_) if answer.len() < 3 => Err(format!("camera {answer}: must be 1 to {}, or a name", found.len())),
+            _ => Ok(answer.to_owned()),
+        })?
+        .ok_or_else(|| UsageError("no camera is named".into()).into())
+    }
+
+    pub fn size(&mut self, given: Option<&str>) -> Result<[u32; 2], Failure> {
+        let size = self.ask("Size of the image, WIDTHxHEIGHT in px", given, Some(SIZE), |answer| {
+            let sides: Option<Vec<u32>> = answer.split(['x', 'X']).map(|side| side.trim().parse().ok()).collect();
+            let sides = sides.and_then(|sides| <[u32; 2]>::try_from(sides).ok());
+            let range = 16..=65_535;
+            let sides = sides.filter(|sides| sides.iter().all(|side| range.contains(side)));
+            sides.ok_or_else(|| format!("size {answer:?}: must be WIDTHxHEIGHT, each 16 to 65535 px"))
+        })?;
+        size.ok_or_else(|| UsageError("no size is given".into()).into())
+    }
+
+    pub fn body(&mut self, given: Option<&str>) -> Result<BodyKind, Failure> {
+        let body = self.ask("Body: ball, rod or patch", given, Some("ball"), |answer| {
+            answer.parse().map_err(|_| format!("body {answer:?}: must be ball, rod or patch"))
+        })?;
+        Ok(body.unwrap_or(BodyKind::Ball))
+    }
+
+    /// Asks for a number in the range of a key of the rig file; `None` if it is left open.
+    pub fn number(
+        &mut self,
+        key: &str,
+        question: &str,
+        given: Option<f64>,
+        default: Option<f64>,
+    ) -> Result<Option<f64>, Failure> {
+        let (given, default) = (given.map(|x| x.to_string()), default.map(|x| x.to_string()));
+        let key = key_of(key)?;
+        self.ask(question, given.as_deref(), default.as_deref(), |answer| {
+            // A decimal comma is what half of the world types.
+            let number = answer.replace(',', ".").parse::<f64>().ok();
+            let is_allowed = |x: &f64| key.range().is_none_or(|range| range.contains(*x));
+            number.filter(is_allowed).ok_or_else(|| format!("{answer}: must be {}", key.allowed))
+        })
+    }
+
+    /// Asks for the folder of the recordings; `None` if nothing is to be recorded.
+    pub fn directory(&mut self, given: Option<&str>) -> Result<Option<String>, Failure> {
+        let question = "Folder of the recordings (- records nothing)";
+        let folder = self.ask(question, given, Some(DIRECTORY), |answer| match answer {
+            answer if answer.chars().any(char::is_control) => Err("the path must be one line of text".into()),
+            answer => Ok(answer.to_owned()),
+        })?;
+        Ok(folder.filter(|folder| folder != "-"))
+    }
+
+    /// Asks until an answer is accepted. A given answer is only checked. Returns `None` for an empty answer without a
+    /// default.
+    fn ask<T>(
+        &mut self,
+        question: &str,
+        given: Option<&str>,
+        default: Option<&str>,
+        accept: impl Fn(&str) -> Result<T, String>,
+    ) -> Result<Option<T>, Failure> {
+        if let Some(given) = given.or(default.filter(|_| self.takes_defaults)) {
+            return Ok(Some(accept(given).map_err(UsageError)?));
+        }
+        if self.takes_defaults {
+            return Ok(None);
+        }
+        let shown = default.map_or_else(String::new, |default| format!(" [{default}]"));
+        loop {
+            let _ = write!(std::io::stderr(), "{question}{shown}: ");
+            let _ = std::io::stderr().flush();
+            let mut line = String::new();
+            if std::io::stdin().lock().read_line(&mut line)? == 0 {
+                let cure = "answer it, or pass --defaults";
+                return Err(
+                    UsageError(format!("standard input ended before the answer to {question:?}; {cure}")).into()
+                );
+            }
+            match (line.trim(), default) {
+                ("", None) => return Ok(None),
+                (answer, default) => match accept(if answer.is_empty() { default.unwrap_or_default() } else { answer })
+                {
+                    Ok(value) => return Ok(Some(value)),
+                    Err(reason) => print_note(&reason),
+                },
+            }
+        }
+    }
+}
+
+fn key_of(name: &str) -> Result<&'static Key, UsageError> {
+    match find(name) {
+        Ok(Entry::Key(_, key)) => Ok(key),
+        _ => Err(UsageError(format!("no key {name:?}"))),
+    }
+}
