@@ -106,8 +106,8 @@ pub fn solve(nodes: &[SurfaceNode], contact: &Contact, known_to_frames: f64, wor
         let excess = flights.before[NORMAL].excess().max(flights.after[NORMAL].excess());
         judge(&guess, &samples(nodes, NORMAL), excess)
     });
-    let verdict =
-        verdict.map(|verdict| if is_by_outlines(nodes, &hindsight) { verdict.widened(OUTLINE_ERROR) } else { verdict });
+    // A law that leaves the moments open says nothing.
+    let verdict = verdict.filter(|v| v.sigmas[0].max(v.sigmas[2]) < v.findings[9].max(1.0));
     let interval = verdict.as_ref().map_or(hindsight, |verdict| by_law(verdict, hindsight.deepest));
     let flights = match &verdict {
         // A law may put the end so late that no flight after it exists yet.
@@ -115,9 +115,10 @@ pub fn solve(nodes: &[SurfaceNode], contact: &Contact, known_to_frames: f64, wor
         None => flights,
     };
     // Where the body was not seen, nothing tests the law.
-    let unseen = 1.0 / seen_fraction(nodes, &interval);
-    let interval = if verdict.is_some() { interval.widened(unseen) } else { interval };
-    let verdict = verdict.map(|verdict| verdict.widened(unseen));
+    let by_outlines = if is_by_outlines(nodes, &hindsight) { OUTLINE_ERROR } else { 1.0 };
+    let factor = by_outlines / seen_fraction(nodes, &interval);
+    let interval = if verdict.is_some() { interval.widened(factor) } else { interval };
+    let verdict = verdict.map(|verdict| verdict.widened(factor));
     let mut impact = assemble(&interval, &flights, verdict.as_ref(), world);
     let sides =
         [between(nodes, f64::NEG_INFINITY, interval.before_to), between(nodes, interval.after_from, f64::INFINITY)];

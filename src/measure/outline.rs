@@ -18,6 +18,14 @@ pub(super) const RIM_CLEARANCE: f64 = 0.04;
 /// The width of the zone inside the rim that is affected by the blur of the edge, px.
 const EDGE_MARGIN_PX: f64 = 4.0;
 
+/// The uncertainty of the displacement of a ball that is not seen, as a fraction of it.
+///
+/// A ball that rebounds at once is off by twice its displacement.
+const STRUCK_FRACTION: f64 = 0.5;
+
+/// The maximum time for which a ball is predicted by its outlines, frames.
+const MAX_UNSEEN_FRAMES: u64 = 8;
+
 /// The detected outline of a body in one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[expect(clippy::large_enum_variant, reason = "one per body and frame, copied about as often; a box saves nothing")]
@@ -165,6 +173,14 @@ impl Outline {
             Self::Patch(pose) => Self::Patch(pose.predicted(step, frames)),
         };
         (moved, true)
+    }
+
+    /// Returns a predicted ball that may have struck something since it was seen; `None` if that is too long ago.
+    pub(super) fn coasted(&self, step: &RigidStep, unseen_frames: u64) -> Option<Self> {
+        let Self::Ball(circle) = self else { return None };
+        let sigma_px = STRUCK_FRACTION * unseen_frames as f64 * step.dx_px.hypot(step.dy_px);
+        let outline = Self::Ball(Circle { sigma_center_px: circle.sigma_center_px.hypot(sigma_px), ..*circle });
+        (unseen_frames <= MAX_UNSEEN_FRAMES).then_some(outline)
     }
 
     /// Returns what is known of an outline that only the motion predicts.

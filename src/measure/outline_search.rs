@@ -49,12 +49,25 @@ impl Measurer {
                 finder.follow(view, &near).ok()
             })
         });
-        // The motion is far more certain than an outline. If there is no outline, the motion predicts the centre.
-        let predicted = expected.filter(|(_, is_measured)| *is_measured).map(|(near, _)| near.without_detection());
-        let (found, origin) = match (followed, predicted) {
+        // A matched motion is far more certain than an outline. If there is no outline, it predicts the centre. A motion
+        // from outlines ends with the last of them: the ball may have struck something since.
+        let is_matched = |near: &Outline| !matches!(near, Outline::Ball(_)) || motion.is_some_and(|m| m.has_rotation());
+        let moved = expected.filter(|(_, is_measured)| *is_measured).map(|(near, _)| near.without_detection());
+        let (found, origin) = match (followed, moved) {
             (Some(outline), _) => (Ok(outline), OutlineOrigin::Detected),
-            (None, Some(outline)) => (Ok(outline), OutlineOrigin::Predicted),
-            (None, None) => (finder.find(self.image.unpack_all(frame)), OutlineOrigin::Detected),
+            (None, Some(outline)) if is_matched(&outline) => (Ok(outline), OutlineOrigin::Predicted),
+            (None, moved) => {
+                let unseen_frames = meta.sequence - state.detected_frame.unwrap_or(meta.sequence);
+                let coasted = moved.zip(motion).and_then(|(near, step)| near.coasted(&step, unseen_frames));
+                match (finder.find(self.image.unpack_all(frame)), coasted) {
+                    (Err(_), Some(outline)) => (Ok(outline), OutlineOrigin::Predicted),
+                    (found, _) => {
+                        // It was not where its motion would have led it.
+                        self.states.of(key).motion = None;
+                        (found, OutlineOrigin::Detected)
+                    }
+                }
+            }
         };
         let state = self.states.of(key);
         state.outline = found.ok().map(|outline| (meta.sequence, outline));

@@ -59,6 +59,7 @@ mod phone_film;
 mod photo;
 mod pipeline;
 mod pipeline_faults;
+mod plain_ball_film;
 mod polar;
 mod pretrigger;
 mod python;

@@ -66,7 +66,8 @@ fn numbers_read_back_exactly_and_missing_ones_are_empty() {
         assert_eq!(row[6], "", "no radius");
         assert_eq!(read(&row[7]), sample.motion.map(|s| s.dx_px.to_bits()));
         assert_eq!(read(&row[17]), sample.velocity.and_then(|v| Some(v.omega_rad_s?.to_bits())));
-        assert_eq!(row[21..], [sample.phase.as_str(), sample.status.as_str()]);
+        let words = [sample.phase.as_str(), sample.status.as_str(), sample.rotation_status.as_str()];
+        assert_eq!(row[21..], words);
     }
     let text = rows.concat().join(",");
     assert!(!text.contains("NaN") && !text.contains("inf"));
