@@ -6,6 +6,7 @@ numbers.
 """
 
 import ctypes
+import os
 import sys
 import time
 
@@ -49,13 +50,34 @@ class Event(ctypes.Structure):
         return "ricochet.Event.v1"
 
 
-def wait_for(node, topic, message):
-    """Opens a topic once the rig runs."""
-    name = iox2.ServiceName.new(f"ricochet/{sys.argv[1]}/{topic}")
+def join(rig):
+    """Joins the shared memory of a rig of this user once the rig runs."""
+    user = os.geteuid()
+    folders = [os.path.join(os.environ.get("XDG_RUNTIME_DIR", f"/run/user/{user}"), "ricochet")]
+    folders = [os.environ["RICOCHET_RUNTIME_DIR"]] if "RICOCHET_RUNTIME_DIR" in os.environ else folders
+    folders += [f"/run/user/{user}/ricochet", f"/tmp/ricochet-{user}"]
     while True:
+        for folder in folders:
+            path = os.path.join(folder, "rigs", rig, "iceoryx2.toml")
+            if os.path.exists(path) and os.stat(path).st_uid == user:
+                config = iox2.config.from_file(iox2.FilePath.new(path))
+                return iox2.NodeBuilder.new().config(config).create(iox2.ServiceType.Ipc)
+        time.sleep(0.01)
+
+
+def open_topic(node, topic, message):
+    """Opens a topic; raises an error if the rig does not run yet."""
+    name = iox2.ServiceName.new(f"ricochet/{sys.argv[1]}/{topic}")
+    service = node.service_builder(name).publish_subscribe(message).open()
+    return service, service.subscriber_builder().buffer_size(4096).history_request(16).create()
+
+
+def wait_for_rig(rig):
+    """Opens the topics of a rig once it runs. A new run of a rig has new shared memory."""
+    while True:
+        node = join(rig)
         try:
-            service = node.service_builder(name).publish_subscribe(message).open()
-            return service, service.subscriber_builder().buffer_size(4096).history_request(16).create()
+            return node, open_topic(node, "velocity", Velocity), open_topic(node, "events", Event)
         except iox2.PublishSubscribeOpenError as error:
             if "DoesNotExist" not in str(error):
                 raise
@@ -70,9 +92,7 @@ def take(subscriber):
 
 
 iox2.set_log_level(iox2.LogLevel.Fatal)
-node = iox2.NodeBuilder.new().create(iox2.ServiceType.Ipc)
-velocity_service, velocities = wait_for(node, "velocity", Velocity)
-event_service, events = wait_for(node, "events", Event)
+node, (velocity_service, velocities), (event_service, events) = wait_for_rig(sys.argv[1])
 over = False
 while not over:
     # Read before the velocities, so that none published before the end is missed.

@@ -37,6 +37,7 @@ use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
 use field::Field;
 use std::ffi::OsString;
+use std::io::Write;
 use std::path::PathBuf;
 use study::Study;
 
@@ -195,7 +196,8 @@ pub fn parse_from(args: impl IntoIterator<Item = impl Into<OsString> + Clone>) -
     match Args::try_parse_from(args) {
         Ok(line) => Parsed::Run(line.command),
         Err(error) if error.use_stderr() && error.kind() != ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
-            eprintln!("ricochet: {}; see `ricochet --help`", one_line(&error.to_string()));
+            let message = one_line(&error.to_string());
+            let _ = writeln!(std::io::stderr(), "ricochet: {message}; see `ricochet --help`");
             Parsed::Printed(2)
         }
         Err(error) => {
@@ -216,7 +218,7 @@ fn one_line(text: &str) -> String {
 pub fn is_supervised(command: &Command) -> bool {
     match command {
         Command::Acquire(role) | Command::Correlate(role) | Command::Track(role) | Command::Record(role) => {
-            role.supervised
+            role.domain.is_some()
         }
         _ => false,
     }

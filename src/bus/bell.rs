@@ -52,7 +52,7 @@ impl Ear {
 
 impl Bus {
     pub(super) fn bell_service(&self, topic: &str) -> Result<Service, BusError> {
-        self.node
+        self.node()
             .service_builder(&self.service_name(topic)?)
             .event()
             .max_notifiers(72)

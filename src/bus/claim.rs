@@ -1,48 +1,67 @@
 //! Claims, which give each role of a rig to one process at a time.
 
-use super::BusError;
-use std::io::ErrorKind;
-use std::os::linux::net::SocketAddrExt;
-use std::os::unix::net::{SocketAddr, UnixListener};
+use super::{BusError, runtime};
+use std::fs::File;
+use std::io::{Read, Seek, Write};
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 const PAUSE: Duration = Duration::from_millis(10);
+/// The number of tries of a claim without patience: a process that only looks holds a lock for a few microseconds.
+const MIN_TRIES: u128 = 5;
 
 /// A role that is taken until this is dropped or the process ends, however it ends.
 ///
-/// It is an address in the system's table of local sockets. That needs no file, so nothing remains of a process that was
-/// killed. Nobody ever connects to it.
+/// It is a locked file in a private folder. The system releases the lock of a process that was killed.
 #[derive(Debug)]
 pub(super) struct Claim {
-    _address: UnixListener,
+    _file: File,
+    path: PathBuf,
 }
 
 impl Claim {
-    /// Takes a role. Waits at most `patience` for the process that has it.
-    pub(super) fn take(rig: &str, role: &str, patience: Duration) -> Result<Self, BusError> {
-        let fail = |error: std::io::Error| BusError::new("take the role", &format!("ricochet/{rig}/{role}"), error);
-        let address = SocketAddr::from_abstract_name(format!("ricochet/{rig}/{role}")).map_err(fail)?;
-        let tries = patience.as_millis() / PAUSE.as_millis();
-        for _ in 0..tries {
-            match UnixListener::bind_addr(&address) {
-                Err(error) if error.kind() == ErrorKind::AddrInUse => std::thread::sleep(PAUSE),
-                answer => return answer.map(|listener| Self { _address: listener }).map_err(fail),
+    /// Takes the role that this file stands for. Waits at most `patience` for the process that has it.
+    pub(super) fn take(path: &Path, patience: Duration) -> Result<Option<Self>, BusError> {
+        let fail = |error: std::io::Error| BusError::Folder { path: path.to_owned(), reason: error.to_string() };
+        for attempt in 0..(patience.as_millis() / PAUSE.as_millis()).max(MIN_TRIES) {
+            if attempt > 0 {
+                std::thread::sleep(PAUSE);
             }
-        }
-        match UnixListener::bind_addr(&address) {
-            Err(error) if error.kind() == ErrorKind::AddrInUse => {
-                Err(BusError::Taken { rig: rig.to_owned(), role: role.to_owned() })
+            let mut file = runtime::file(path).map_err(fail)?;
+            if file.try_lock().is_err() || !is_at(&file, path) {
+                continue;
             }
-            answer => answer.map(|listener| Self { _address: listener }).map_err(fail),
+            file.set_len(0).and_then(|()| write!(file, "{}", std::process::id())).map_err(fail)?;
+            return Ok(Some(Self { _file: file, path: path.to_owned() }));
         }
+        Ok(None)
     }
 }
 
-/// Whether any process of this rig has a role.
-pub(super) fn any(rig: &str) -> bool {
-    let name = format!(" @ricochet/{rig}/");
-    // Without the table nothing is known, so the rig counts as alive.
-    std::fs::read_to_string("/proc/net/unix").map_or(true, |table| table.contains(&name))
+impl Drop for Claim {
+    fn drop(&mut self) {
+        // Removed while it is still locked. Another process that has opened it already finds that it is not there.
+        let _ = std::fs::remove_file(&self.path);
+    }
+}
+
+/// Whether the path still leads to this file.
+fn is_at(file: &File, path: &Path) -> bool {
+    let inode = |found: std::fs::Metadata| (found.dev(), found.ino());
+    file.metadata().map(inode).ok() == path.metadata().map(inode).ok()
+}
+
+/// Returns the process that has taken the role of this file; `None` if no process has.
+pub(super) fn holder(path: &Path) -> Option<u32> {
+    let mut file = File::open(path).ok()?;
+    if file.try_lock_shared().is_ok() {
+        return None;
+    }
+    let mut text = String::new();
+    file.rewind().and_then(|()| file.read_to_string(&mut text)).ok()?;
+    // A process that is just taking it has not written its number yet.
+    Some(text.parse().unwrap_or(0))
 }
 
 #[cfg(test)]
@@ -51,14 +70,17 @@ mod tests {
 
     #[test]
     fn a_role_is_taken_once_and_free_again_when_it_is_given_up() {
-        let rig = format!("claim-{}", std::process::id());
-        let first = Claim::take(&rig, "track", Duration::ZERO).unwrap();
-        let refused = Claim::take(&rig, "track", Duration::from_millis(30)).unwrap_err();
-        assert!(matches!(refused, BusError::Taken { .. }), "{refused}");
-        Claim::take(&rig, "record", Duration::ZERO).unwrap();
-        assert!(any(&rig));
+        let folder = std::env::temp_dir().join(format!("ricochet-claim-{}", std::process::id()));
+        runtime::private(&folder).unwrap();
+        let path = folder.join("track");
+        let first = Claim::take(&path, Duration::ZERO).unwrap();
+        assert!(first.is_some() && holder(&path) == Some(std::process::id()));
+        assert!(Claim::take(&path, Duration::from_millis(30)).unwrap().is_none());
+        assert!(Claim::take(&folder.join("record"), Duration::ZERO).unwrap().is_some());
         drop(first);
-        Claim::take(&rig, "track", Duration::ZERO).unwrap();
-        assert!(!any(&rig));
+        assert_eq!(holder(&path), None);
+        assert!(Claim::take(&path, Duration::ZERO).unwrap().is_some());
+        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 0, "nothing is left");
+        std::fs::remove_dir_all(&folder).unwrap();
     }
 }

@@ -102,7 +102,7 @@ impl PendingReply {
 
 impl Bus {
     pub(super) fn control_service(&self) -> Result<Service, BusError> {
-        self.node
+        self.node()
             .service_builder(&self.service_name(TOPIC)?)
             .request_response::<Request, Reply>()
             .max_servers(2)
@@ -133,8 +133,9 @@ impl Bus {
     ///
     /// [`BusError::NoRig`] when the rig is not running.
     pub fn control_client(&self) -> Result<ControlClient, BusError> {
+        self.follow()?;
         let service = self
-            .node
+            .node()
             .service_builder(&self.service_name(TOPIC)?)
             .request_response::<Request, Reply>()
             .open()

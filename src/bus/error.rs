@@ -37,12 +37,32 @@ pub enum BusError {
         /// The rig.
         rig: String,
     },
-    /// The ring does not fit into shared memory.
+    /// The rig runs, but the process that answers requests does not answer.
     #[error(
-        "shared memory holds {free_bytes} free bytes, the ring needs {needed_bytes}; lower [trigger] pre_s or the frame size, or enlarge /dev/shm"
+        "rig {rig:?} is running, but its recorder (process {pid}) does not answer; `ricochet status` shows its state"
+    )]
+    Silent {
+        /// The rig.
+        rig: String,
+        /// The process.
+        pid: u32,
+    },
+    /// A folder is not private to this user.
+    #[error(
+        "cannot use {path:?}: {reason}; remove it, or set RICOCHET_RUNTIME_DIR to a folder that only you can enter"
+    )]
+    Folder {
+        /// The folder or a file in it.
+        path: std::path::PathBuf,
+        /// The reason.
+        reason: String,
+    },
+    /// The rig does not fit into shared memory.
+    #[error(
+        "shared memory is full: /dev/shm has {free_bytes} bytes free, {needed_bytes} are needed; remove files from /dev/shm or enlarge it, or lower [trigger] pre_s or the frame size"
     )]
     Memory {
-        /// The bytes that the ring needs.
+        /// The bytes that are needed.
         needed_bytes: u64,
         /// The bytes that are free.
         free_bytes: u64,

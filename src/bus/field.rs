@@ -1,6 +1,6 @@
 //! The `field` topic: the step of one body and its displacement field.
 
-use super::{Bus, BusError, Limits, failure};
+use super::{Bus, BusError, Limits, failure, memory};
 use crate::message::{FieldHeader, FieldPointMessage};
 use crate::results::PairField;
 use iceoryx2::port::publisher::Publisher;
@@ -22,21 +22,26 @@ pub struct FieldPublisher {
 }
 
 impl FieldPublisher {
-    /// Publishes a step and its field (empty when there is none).
+    /// Publishes a step and its field (empty when there is none); returns `false` if shared memory is full.
     ///
     /// # Errors
     ///
     /// [`BusError::Service`] when shared memory cannot be used, or the field has more points than the rig allows.
-    pub fn send(&self, header: &FieldHeader, field: Option<&PairField>) -> Result<(), BusError> {
+    pub fn send(&self, header: &FieldHeader, field: Option<&PairField>) -> Result<bool, BusError> {
         let points = field.map_or(&[][..], |field| &field.points);
         if points.len() > self.max_points {
             let reason = format!("the field has {} points, at most {} fit", points.len(), self.max_points);
             return Err(BusError::new("publish", TOPIC, reason));
         }
+        // The pool is not reserved, because most fields are much smaller than the largest.
+        let needed_bytes = std::mem::size_of_val(points) + size_of::<FieldHeader>() + 4096;
+        if memory::require(needed_bytes as u64).is_err() {
+            return Ok(false);
+        }
         let mut sample = self.port.loan_slice_uninit(points.len()).map_err(failure("publish", TOPIC))?;
         *sample.user_header_mut() = *header;
         let sample = sample.write_from_fn(|index| FieldPointMessage::from(&points[index]));
-        sample.send().map(|_| ()).map_err(failure("publish", TOPIC))
+        sample.send().map(|_| true).map_err(failure("publish", TOPIC))
     }
 }
 
@@ -66,7 +71,7 @@ impl FieldSubscriber {
 
 impl Bus {
     pub(super) fn field_service(&self, limits: &Limits) -> Result<Service, BusError> {
-        self.node
+        self.node()
             .service_builder(&self.service_name(TOPIC)?)
             .publish_subscribe::<[FieldPointMessage]>()
             .user_header::<FieldHeader>()
@@ -115,8 +120,9 @@ impl Bus {
     ///
     /// [`BusError::NoRig`] when the rig is not running.
     pub fn listen_field(&self) -> Result<FieldSubscriber, BusError> {
+        self.follow()?;
         let service = self
-            .node
+            .node()
             .service_builder(&self.service_name(TOPIC)?)
             .publish_subscribe::<[FieldPointMessage]>()
             .user_header::<FieldHeader>()

@@ -143,7 +143,7 @@ impl FrameSubscriber {
 
 impl Bus {
     pub(super) fn frames_service(&self, limits: &Limits) -> Result<Service, BusError> {
-        self.node
+        self.node()
             .service_builder(&self.service_name(TOPIC)?)
             .publish_subscribe::<[u8]>()
             .user_header::<FrameHeader>()
@@ -165,7 +165,7 @@ impl Bus {
     /// [`BusError::Memory`] when the ring does not fit, [`BusError::Service`] when shared memory cannot be used.
     pub fn frame_publisher(&self, limits: &Limits, slot_bytes: usize) -> Result<FramePublisher, BusError> {
         let chunks = limits.frame_chunks();
-        memory::require((chunks * (slot_bytes + 192)) as u64)?;
+        memory::require(limits.ring_bytes(slot_bytes))?;
         let service = self.frames_service(limits)?;
         let port = service
             .publisher_builder()
@@ -200,7 +200,7 @@ impl Bus {
     /// [`BusError::NoRig`] when the rig is not running.
     pub fn listen_newest_frame(&self) -> Result<FrameSubscriber, BusError> {
         let service = self
-            .node
+            .node()
             .service_builder(&self.service_name(TOPIC)?)
             .publish_subscribe::<[u8]>()
             .user_header::<FrameHeader>()

@@ -26,6 +26,12 @@ impl Limits {
         self.ring_frames + self.held_frames + 4 * self.workers as usize + Self::CAMERA_SLOTS + 32
     }
 
+    /// Returns the size of the frames in shared memory, bytes.
+    pub fn ring_bytes(&self, slot_bytes: usize) -> u64 {
+        // The headers of the library and ours.
+        (self.frame_chunks() * (slot_bytes + 192)) as u64
+    }
+
     /// Returns the number of field messages that the queue of a reader can hold.
     pub fn field_depth(&self) -> usize {
         (self.ring_frames + self.held_frames) * self.fields as usize + 64

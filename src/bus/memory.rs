@@ -2,15 +2,52 @@
 #![expect(unsafe_code, reason = "madvise acts on memory of the bus library")]
 
 use super::BusError;
+use rustix::fs::FallocateFlags;
+use rustix::io::Errno;
 use rustix::mm::{Advice, madvise};
 use std::ffi::c_void;
+use std::fs::OpenOptions;
+use std::os::unix::fs::MetadataExt;
+use std::path::PathBuf;
+
+/// The memory that a process needs to join a rig: its publishers and connections, bytes.
+pub(super) const JOIN_BYTES: u64 = 10 << 20;
+
+/// Returns the free bytes of `/dev/shm`; the maximum if that is unknown.
+pub fn free_bytes() -> u64 {
+    rustix::fs::statvfs("/dev/shm").map_or(u64::MAX, |stat| stat.f_bavail * stat.f_frsize)
+}
+
+/// Checks that `/dev/shm` has room for frames of `ring_bytes` and some more processes.
+///
+/// # Errors
+///
+/// [`BusError::Memory`] if it has not.
+pub fn check_room(ring_bytes: u64, processes: usize) -> Result<(), BusError> {
+    require(ring_bytes + processes as u64 * JOIN_BYTES)
+}
 
 /// Checks that `/dev/shm` has `needed_bytes` free.
 pub(super) fn require(needed_bytes: u64) -> Result<(), BusError> {
-    let Ok(stat) = rustix::fs::statvfs("/dev/shm") else { return Ok(()) };
-    let free_bytes = stat.f_bavail * stat.f_frsize;
-    if free_bytes < needed_bytes {
-        return Err(BusError::Memory { needed_bytes, free_bytes });
+    let free_bytes = free_bytes();
+    if free_bytes < needed_bytes { Err(BusError::Memory { needed_bytes, free_bytes }) } else { Ok(()) }
+}
+
+/// Reserves the memory of small files, so that using them cannot fail later.
+///
+/// Larger ones are the pools of frames, which their writer touches, and of fields, which check for room at each use.
+pub(super) fn reserve(paths: &[PathBuf]) -> Result<(), BusError> {
+    for path in paths {
+        // It may be gone by now.
+        let Ok(file) = OpenOptions::new().write(true).open(path) else { continue };
+        let Ok(found) = file.metadata() else { continue };
+        let is_reserved = found.blocks() * 512 >= found.len();
+        if is_reserved || found.len() > JOIN_BYTES {
+            continue;
+        }
+        if let Err(Errno::NOSPC) = rustix::fs::fallocate(&file, FallocateFlags::empty(), 0, found.len()) {
+            return Err(BusError::Memory { needed_bytes: found.len(), free_bytes: free_bytes() });
+        }
     }
     Ok(())
 }
@@ -24,7 +61,7 @@ pub(super) fn populate(address: usize) -> Result<(), BusError> {
     // SAFETY: the range is one whole mapping of this process; populating changes no content.
     let touched = unsafe { madvise(start as *mut c_void, bytes, Advice::LinuxPopulateWrite) };
     match touched {
-        Err(rustix::io::Errno::FAULT) => Err(BusError::Memory { needed_bytes: bytes as u64, free_bytes: 0 }),
+        Err(Errno::FAULT) => Err(BusError::Memory { needed_bytes: bytes as u64, free_bytes: free_bytes() }),
         _ => Ok(()),
     }
 }

@@ -10,32 +10,66 @@
 mod bell;
 mod claim;
 mod control;
+mod domain;
 mod error;
 mod field;
 mod frames;
 mod limits;
 mod memory;
+mod runtime;
 mod topic;
 
 pub use bell::{Bell, Ear};
 pub use control::{ControlClient, ControlServer, PendingReply, PendingRequest};
+pub use domain::{Domain, TakenRole};
 pub use error::BusError;
 pub use field::{FieldPublisher, FieldSubscriber};
 pub use frames::{FramePublisher, FrameSample, FrameSubscriber};
 pub use limits::Limits;
+pub use memory::{check_room, free_bytes};
 pub use topic::{Publisher, Subscriber, Topic};
 
+use claim::Claim;
+use domain::{Member, Renewal};
 use iceoryx2::prelude::{LogLevel, Node, NodeBuilder, NodeName, ServiceName, SignalHandlingMode, ipc};
 use std::any::Any;
+
+use std::cell::{Ref, RefCell};
 use std::fmt::Debug;
+use std::path::PathBuf;
 use std::time::Duration;
 
 /// The membership of a process in a rig.
 #[derive(Debug)]
 pub struct Bus {
-    node: Node<ipc::Service>,
+    link: RefCell<Link>,
     rig: String,
-    _claim: Option<claim::Claim>,
+    role: String,
+    _claims: Vec<Claim>,
+}
+
+/// The connection to a domain.
+#[derive(Debug)]
+struct Link {
+    // Drop order: the domain may be removed once its node is gone.
+    node: Node<ipc::Service>,
+    member: Member,
+}
+
+impl Link {
+    fn new(member: Member, rig: &str, role: &str) -> Result<Self, BusError> {
+        memory::require(memory::JOIN_BYTES)?;
+        iceoryx2::prelude::set_log_level_from_env_or(LogLevel::Fatal);
+        let name =
+            NodeName::new(&format!("ricochet-{rig}-{role}")).map_err(|error| BusError::new("name", rig, error))?;
+        let node = NodeBuilder::new()
+            .name(&name)
+            .config(&member.domain().config()?)
+            .signal_handling_mode(SignalHandlingMode::Disabled)
+            .create::<ipc::Service>()
+            .map_err(|error| BusError::new("join", rig, error))?;
+        Ok(Self { node, member })
+    }
 }
 
 impl Bus {
@@ -45,35 +79,92 @@ impl Bus {
     ///
     /// [`BusError::Service`] when shared memory cannot be used.
     pub fn join(rig: &str, role: &str) -> Result<Self, BusError> {
-        iceoryx2::prelude::set_log_level_from_env_or(LogLevel::Fatal);
-        let name =
-            NodeName::new(&format!("ricochet-{rig}-{role}")).map_err(|error| BusError::new("name", rig, error))?;
-        let node = NodeBuilder::new()
-            .name(&name)
-            .signal_handling_mode(SignalHandlingMode::Disabled)
-            .create::<ipc::Service>()
-            .map_err(|error| BusError::new("join", rig, error))?;
-        Ok(Self { node, rig: rig.to_owned(), _claim: None })
+        Self::new(domain::join_or_create(rig)?, rig, role, Vec::new())
+    }
+
+    fn new(member: Member, rig: &str, role: &str, claims: Vec<Claim>) -> Result<Self, BusError> {
+        let link = RefCell::new(Link::new(member, rig, role)?);
+        Ok(Self { link, rig: rig.to_owned(), role: role.to_owned(), _claims: claims })
     }
 
     /// Joins in a role that only one process of a rig has at a time. Waits at most `patience` for one that is ending.
     ///
+    /// `domain` is that of the supervisor; a process without one joins the rig's present domain.
+    ///
     /// # Errors
     ///
     /// [`BusError::Taken`] when another process has the role; [`BusError::Service`] when shared memory cannot be used.
-    pub fn join_as(rig: &str, role: &str, patience: Duration) -> Result<Self, BusError> {
-        let claim = claim::Claim::take(rig, role, patience)?;
-        Ok(Self { _claim: Some(claim), ..Self::join(rig, role)? })
+    pub fn join_as(rig: &str, role: &str, patience: Duration, domain: Option<&Domain>) -> Result<Self, BusError> {
+        let member = match domain {
+            Some(domain) => domain.join().ok_or_else(|| domain::gone(domain))?,
+            None => domain::join_or_create(rig)?,
+        };
+        let taken = || BusError::Taken { rig: rig.to_owned(), role: role.to_owned() };
+        let claim = member.domain().claim(rig, role, patience)?.ok_or_else(taken)?;
+        Self::new(member, rig, role, vec![claim])
+    }
+
+    /// Joins as the supervisor of a rig, which gets a new domain, or that of another rig of the same supervisor.
+    ///
+    /// # Errors
+    ///
+    /// [`BusError::Taken`] when the rig runs already; [`BusError::Service`] when shared memory cannot be used.
+    pub fn supervise(rig: &str, role: &str, first: Option<&Self>) -> Result<Self, BusError> {
+        memory::require(memory::JOIN_BYTES)?;
+        let domain = first.map(Self::domain);
+        let (member, place) = domain::renew(rig, role, &domain.as_ref().map_or(Renewal::New, Renewal::Of))?;
+        let claim = member.domain().claim(rig, role, Duration::ZERO)?;
+        Self::new(member, rig, role, claim.into_iter().chain([place]).collect())
+    }
+
+    /// Returns the domain of the rig, for processes that this one starts.
+    pub fn domain(&self) -> Domain {
+        self.link.borrow().member.domain().clone()
+    }
+
+    /// Returns the path of a file of this rig that nobody else can reach and that lasts as long as the domain.
+    pub fn private_file(&self, name: &str) -> PathBuf {
+        self.domain().folder().join(format!("{}-{name}", self.rig))
+    }
+
+    /// Reserves the shared memory that this rig has by now.
+    ///
+    /// # Errors
+    ///
+    /// [`BusError::Memory`] when there is not enough.
+    pub fn reserve(&self) -> Result<(), BusError> {
+        memory::reserve(&self.domain().memory())
+    }
+
+    /// Joins the rig's present domain, if it has a new one.
+    fn follow(&self) -> Result<(), BusError> {
+        let Some(domain) = domain::of_rig(&self.rig).filter(|domain| *domain != self.domain()) else { return Ok(()) };
+        if let Some(member) = domain.join() {
+            let link = Link::new(member, &self.rig, &self.role)?;
+            self.link.replace(link);
+        }
+        Ok(())
+    }
+
+    fn node(&self) -> Ref<'_, Node<ipc::Service>> {
+        Ref::map(self.link.borrow(), |link| &link.node)
     }
 
     /// Frees the resources of processes that were killed.
     pub fn clean_up_dead(&self) {
-        let _ = self.node.try_cleanup_dead_nodes();
+        let _ = self.node().try_cleanup_dead_nodes();
     }
 
     /// Whether any process of this rig is alive, listeners aside.
     pub fn is_alive(&self) -> bool {
-        claim::any(&self.rig)
+        !self.domain().claims(&self.rig).is_empty()
+    }
+
+    /// Returns the roles of this rig that processes have, with or without a heartbeat.
+    pub fn roles(&self) -> Vec<TakenRole> {
+        let mut roles = self.domain().claims(&self.rig);
+        roles.sort();
+        roles
     }
 
     /// Returns the name of the rig.

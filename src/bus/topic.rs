@@ -89,7 +89,7 @@ impl<T: Topic> Subscriber<T> {
 impl Bus {
     pub(super) fn topic_service<T: Topic>(&self, limits: &Limits) -> Result<Service<T>, BusError> {
         let writers = 2 * limits.workers as usize + 16;
-        self.node
+        self.node()
             .service_builder(&self.service_name(T::NAME)?)
             .publish_subscribe::<T>()
             .enable_safe_overflow(true)
@@ -134,14 +134,16 @@ impl Bus {
     ///
     /// [`BusError::NoRig`] when the rig is not running.
     pub fn listen<T: Topic>(&self) -> Result<Subscriber<T>, BusError> {
-        let service = self.node.service_builder(&self.service_name(T::NAME)?).publish_subscribe::<T>().open().map_err(
-            |error| match error {
-                iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError::DoesNotExist => {
-                    BusError::NoRig { rig: self.rig.clone(), service: self.full_name(T::NAME) }
-                }
-                other => BusError::new("open", &self.full_name(T::NAME), other),
-            },
-        )?;
+        self.follow()?;
+        let service =
+            self.node().service_builder(&self.service_name(T::NAME)?).publish_subscribe::<T>().open().map_err(
+                |error| match error {
+                    iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError::DoesNotExist => {
+                        BusError::NoRig { rig: self.rig.clone(), service: self.full_name(T::NAME) }
+                    }
+                    other => BusError::new("open", &self.full_name(T::NAME), other),
+                },
+            )?;
         self.read(service)
     }
 

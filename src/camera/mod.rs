@@ -15,6 +15,7 @@ pub use slot::Slot;
 
 use crate::failure::{ExitCode, Fatal};
 use crate::image::{FrameMeta, PixelFormat};
+use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
 /// The image size, pixel format and frame rate of a camera stream.
@@ -189,6 +190,9 @@ pub trait Camera {
     fn seek(&mut self, _sequence: u64) -> bool {
         false
     }
+
+    /// Plays one frame per message instead of one per line of standard input, if the camera is stepped.
+    fn follow_steps(&mut self, _steps: Receiver<()>) {}
 
     /// Returns the time since the last returned frame was complete; zero if the camera does not know.
     fn frame_age(&self) -> Duration {

@@ -290,6 +290,10 @@ impl Camera for ReplayCamera {
         true
     }
 
+    fn follow_steps(&mut self, steps: Receiver<()>) {
+        self.steps = Some(steps).filter(|_| self.playback.rate == PlaybackRate::Stepped);
+    }
+
     fn frame_age(&self) -> Duration {
         self.delivery.age(now())
     }

@@ -3,7 +3,7 @@
 use crate::bus::{Bus, BusError};
 use crate::console::{Outcome, UsageError, print_line};
 use crate::failure::Failure;
-use crate::message::{Command, ReplyCode};
+use crate::message::{Command, ReplyCode, Role};
 use std::time::Duration;
 
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -28,9 +28,7 @@ pub fn run(options: &RigOptions, command: Command) -> Result<Outcome, Failure> {
     let rig = &options.rig;
     let bus = Bus::join(rig, "control")?;
     let reply = bus.control_client()?.ask(command, PATIENCE)?;
-    let Some(reply) = reply else {
-        return Err(BusError::NoRig { rig: rig.clone(), service: format!("ricochet/{rig}/control") }.into());
-    };
+    let Some(reply) = reply else { return Err(no_answer(&bus).into()) };
     let code = ReplyCode::from_number(reply.code).unwrap_or(ReplyCode::Unknown);
     if options.json {
         let answer = serde_json::json!({
@@ -43,4 +41,13 @@ pub fn run(options: &RigOptions, command: Command) -> Result<Outcome, Failure> {
         return Err(UsageError(format!("rig {rig:?}: {}", code.as_str())).into());
     }
     Ok(Outcome::Clean)
+}
+
+/// Returns the reason why nobody replies.
+fn no_answer(bus: &Bus) -> BusError {
+    let rig = bus.rig().to_owned();
+    match bus.roles().iter().find(|role| role.name == Role::Record.as_str()) {
+        Some(role) => BusError::Silent { rig, pid: role.pid },
+        None => BusError::NoRig { service: format!("ricochet/{rig}/control"), rig },
+    }
 }

@@ -255,12 +255,9 @@ fn read_frames(recording: &Recording) -> Result<FramesRead, RecordingError> {
                 gaps: Vec::new(),
             }
         });
-        if meta.epoch == epoch {
-            info.step(meta.sequence);
-        } else {
-            info.reopened += 1;
-            epoch = meta.epoch;
-        }
+        // Numbers also continue after the camera was opened again.
+        info.step(meta.sequence);
+        info.reopened += u64::from(std::mem::replace(&mut epoch, meta.epoch) != meta.epoch);
         info.count += 1;
         stamps_ns.push(meta.stamp_ns);
         info.sequence[1] = meta.sequence;

@@ -1,12 +1,12 @@
 //! `ricochet run` and the commands that run one process of a rig.
 
 use super::serve::PageProcess;
+use crate::bus::Domain;
 use crate::config::Config;
 use crate::console::Outcome;
 use crate::failure::Failure;
 use crate::message::Role;
-use crate::process::{self, Resume, Stop, Summary};
-use std::io::BufRead;
+use crate::process::{self, Launch, Stop, Summary};
 use std::path::{Path, PathBuf};
 
 /// The options of one process of a rig.
@@ -23,12 +23,13 @@ pub struct RoleOptions {
     /// The name that error messages use for a file read from standard input.
     #[arg(long, hide = true)]
     pub origin: Option<String>,
-    /// The state that a failed predecessor left.
+    /// The folder of the supervisor's domain. The process ends with its supervisor, which controls it by its standard
+    /// input.
     #[arg(long, hide = true)]
-    pub resume: Option<Resume>,
-    /// Whether a supervisor started the process, so that it has to end with it.
+    pub domain: Option<PathBuf>,
+    /// Whether the process replaces one that died.
     #[arg(long, hide = true)]
-    pub supervised: bool,
+    pub restarted: bool,
 }
 
 /// Runs one process of a rig until its stream ends or a stop is requested.
@@ -38,6 +39,11 @@ pub struct RoleOptions {
 /// Any error of the process.
 pub fn role(role: Role, options: &RoleOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let config = load(&options.config, options.origin.as_deref())?;
+    let launch = Launch {
+        domain: options.domain.as_deref().map(Domain::in_folder),
+        is_restart: options.restarted,
+        steps: options.domain.as_ref().map(|_| process::follow_supervisor(stop)),
+    };
     let config = match &options.camera {
         Some(_) if role == Role::Record => {
             return Err(crate::console::UsageError(
@@ -69,10 +75,10 @@ pub fn role(role: Role, options: &RoleOptions, stop: &Stop) -> Result<Outcome, F
         return Err(crate::console::UsageError(format!("{origin}: nothing to record: add a [record] table")).into());
     }
     let summary = match role {
-        Role::Acquire => process::acquire(config, options.resume, stop)?,
-        Role::Correlate => process::correlate(config, options.worker, options.resume, stop)?,
-        Role::Track => process::track(config, options.resume, stop)?,
-        Role::Record => process::record(config, options.resume, stop)?,
+        Role::Acquire => process::acquire(config, launch, stop)?,
+        Role::Correlate => process::correlate(config, options.worker, &launch, stop)?,
+        Role::Track => process::track(config, &launch, stop)?,
+        Role::Record => process::record(config, &launch, stop)?,
         Role::Supervise => process::supervise(config, stop, |_| ())?,
     };
     Ok(outcome(&summary))
@@ -105,9 +111,6 @@ fn load(path: &Path, origin: Option<&str>) -> Result<Config, Failure> {
         config.check_sources()?;
         return Ok(config);
     }
-    let mut bytes = Vec::new();
-    std::io::stdin().lock().read_until(process::END_OF_CONFIG, &mut bytes)?;
-    bytes.pop_if(|last| *last == process::END_OF_CONFIG);
-    let text = String::from_utf8(bytes)?;
+    let text = process::read_config()?;
     Ok(Config::parse(&text, origin.unwrap_or("standard input"))?)
 }

@@ -1,7 +1,7 @@
 //! `ricochet status`: the state of a running rig.
 
 use super::control::RigOptions;
-use crate::bus::{Bus, BusError};
+use crate::bus::{Bus, BusError, TakenRole};
 use crate::console::{Outcome, print_line, table};
 use crate::failure::Failure;
 use crate::message::{Role, StatusMessage};
@@ -28,20 +28,31 @@ pub fn run(options: &RigOptions) -> Result<Outcome, Failure> {
         }
         std::thread::sleep(PAUSE);
     }
-    if newest.is_empty() {
+    let silent: Vec<_> =
+        bus.roles().into_iter().filter(|role| !newest.values().any(|status| is_of(status, role))).collect();
+    if newest.is_empty() && silent.is_empty() {
         return Err(BusError::NoRig { rig: rig.clone(), service: format!("ricochet/{rig}/status") }.into());
     }
     if options.json {
         let all: Vec<_> = newest.values().map(as_json).collect();
-        print_line(&serde_json::json!({ "rig": rig, "processes": all }).to_string());
+        let silent: Vec<_> =
+            silent.iter().map(|role| serde_json::json!({ "process": role.name, "pid": role.pid })).collect();
+        print_line(&serde_json::json!({ "rig": rig, "processes": all, "silent": silent }).to_string());
     } else {
         let header =
             ["process", "pid", "frame", "rate/s", "taken", "given", "lost", "dropped", "queue", "latency", "restarts"];
         let mut rows = vec![header.map(str::to_owned).to_vec()];
         rows.extend(newest.values().map(as_row));
+        rows.extend(silent.iter().map(|role| vec![format!("{} (no heartbeat)", role.name), role.pid.to_string()]));
         print_line(&table(&rows));
     }
     Ok(Outcome::Clean)
+}
+
+/// Whether a process that has this role sent the status.
+fn is_of(status: &StatusMessage, role: &TakenRole) -> bool {
+    let is_role = Role::from_number(status.role).is_some_and(|found| role.name.starts_with(found.as_str()));
+    is_role && (status.pid == role.pid || role.pid == 0)
 }
 
 fn name(status: &StatusMessage) -> String {

@@ -12,7 +12,7 @@ pub enum Outcome {
     Clean,
     /// The command finished, but data were lost.
     Lost {
-        /// The number of lost frames, rows or messages; at least 1.
+        /// The number of lost frames, rows or messages; 0 if a process died without losing any.
         count: u64,
         /// The place and reason of the loss, if known.
         cause: Option<String>,
@@ -45,6 +45,7 @@ impl Outcome {
     /// Returns the line about lost data; `None` if nothing was lost.
     pub fn losses(&self) -> Option<String> {
         match self {
+            Self::Lost { count: 0, cause: Some(cause) } => Some(format!("finished, but {cause}")),
             Self::Lost { count, cause } | Self::NothingMeasured { count, cause } if *count > 0 => {
                 let cause = cause.as_ref().map_or_else(String::new, |cause| format!("; {cause}"));
                 Some(format!("finished, but data were lost: {count}{cause}"))
@@ -69,12 +70,11 @@ impl Outcome {
 
     /// Returns the outcome of a rig, with the causes of its losses.
     pub fn of_rig(summary: &Summary) -> Self {
-        match Self::of_losses(summary.losses()) {
-            Self::Lost { count, .. } if !summary.causes.is_empty() => {
-                Self::Lost { count, cause: Some(summary.causes.join(", ")) }
-            }
-            outcome => outcome,
+        let count = summary.losses();
+        if count == 0 && summary.faults == 0 {
+            return Self::Clean;
         }
+        Self::Lost { count, cause: (!summary.causes.is_empty()).then(|| summary.causes.join(", ")) }
     }
 
     /// Returns the outcome of a file; a truncated file counts as one more loss.

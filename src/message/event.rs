@@ -52,6 +52,8 @@ named_enum! {
         Matched = 19 "matched",
         /// A camera with a hardware trigger is silent, so the shot ends before `sequence`.
         Silent = 20 "silent",
+        /// A process of the rig shows no sign of life and is killed; `Restarted` follows.
+        Hung = 21 "hung",
     }
 }
 

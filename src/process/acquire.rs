@@ -5,29 +5,27 @@ use super::clock::{PeriodicTimer, Timeout, host_ns, now};
 use super::frame_stamp::FrameStamp;
 use super::hardware_trigger::HardwareTrigger;
 use super::latency::LatencyHistogram;
+use super::launch::Launch;
 use super::live_trigger::StandaloneTrigger;
+use super::readers::Readers;
 use super::reference_picture;
-use super::resume::Resume;
+use super::resume::{Reached, Resume};
 use super::setup::{SUCCESSION, Source, limits};
 use super::status_reporter::StatusReporter;
 use super::stepping;
 use super::stop::Stop;
 use super::summary::Summary;
-use crate::bus::{Bell, Bus, BusError, FramePublisher, Limits, Subscriber};
+use crate::bus::{Bell, Bus, BusError, FramePublisher, Limits};
 use crate::camera::{CameraError, Next, Pace, Slot, realtime_priority};
 use crate::config::{Config, TriggerMode};
 use crate::failure::Failure;
 use crate::image::FrameMeta;
-use crate::message::{EventKind, FrameHeader, Progress, Role};
+use crate::message::{EventKind, FrameHeader, Role};
 use crate::trigger::MotionTrigger;
-use std::collections::BTreeMap;
-use std::ops::Range;
 use std::time::{Duration, Instant};
 
 /// Time for the readers to get ready.
 const READY_TIMEOUT: Duration = Duration::from_secs(15);
-/// Time that an on-demand source waits for readers that make no progress.
-const STALL_TIMEOUT: Duration = Duration::from_secs(10);
 /// Time that the ring is kept after the last frame for readers that are still at work.
 const LINGER_TIMEOUT: Duration = Duration::from_secs(30);
 const WAIT: Duration = Duration::from_millis(50);
@@ -36,37 +34,48 @@ const RELEASE_TIMEOUT: Duration = Duration::from_secs(20);
 
 /// Runs the camera of this rig until it ends or is stopped.
 ///
-/// `resume` is the last state of a predecessor that died: frames of a live camera continue its numbers.
+/// Frames of a live camera continue the numbers of a predecessor that died.
 ///
 /// # Errors
 ///
 /// If the camera cannot be opened or is lost for good, or shared memory cannot be used.
-pub fn run(config: &Config, resume: Option<Resume>, stop: &Stop) -> Result<Summary, Failure> {
-    let begin = now();
-    let source = open(config, resume, stop)?;
-    config.check_calibration(source.format().width_px, source.format().height_px)?;
-    let bus = Bus::join_as(&config.rig.name, Role::Acquire.as_str(), SUCCESSION)?;
-    if resume.is_none() {
-        reference_picture::begin(config)?;
+pub fn run(config: &Config, launch: Launch, stop: &Stop) -> Result<Summary, Failure> {
+    let mut source = open(config, &launch, stop)?;
+    if let Some(steps) = launch.steps {
+        source.camera().follow_steps(steps);
     }
-    let limits = limits(config, &source.format());
-    let ring = bus.frame_publisher(&limits, source.format().slot_bytes())?;
-    let mut loop_ = Loop::new(&bus, config, limits, ring, source)?;
-    loop_.take_over(resume, begin);
+    config.check_calibration(source.format().width_px, source.format().height_px)?;
+    let bus = Bus::join_as(&config.rig.name, Role::Acquire.as_str(), SUCCESSION, launch.domain.as_ref())?;
+    let (reached, left) = Reached::open(&bus.private_file(Role::Acquire.as_str()))?;
+    let resume = left.filter(|_| launch.is_restart).map(|(resume, age_s)| {
+        let resume = Resume { epoch: resume.epoch + 1, ..resume };
+        (resume.after(age_s * config.camera.playback_rate, source.format().frame_rate_hz), now())
+    });
+    match resume {
+        // So that the numbers and epochs of this process rise even if it dies before its first frame.
+        Some((resume, _)) => reached.note(FrameStamp::from(&resume), resume.epoch),
+        None => {
+            reached.clear();
+            reference_picture::begin(config, &bus)?;
+        }
+    }
+    let mut loop_ = Loop::new(&bus, config, source, reached)?;
+    loop_.take_over(resume);
+    bus.reserve()?;
     loop_.prepare(stop)?;
     let streamed = loop_.stream(config, stop);
-    let ended = loop_.end();
+    let ended = loop_.end(stop);
     streamed?;
     ended?;
     Ok(loop_.summary)
 }
 
 /// Opens the camera. A camera whose controlling process was killed may refuse for some seconds.
-fn open(config: &Config, resume: Option<Resume>, stop: &Stop) -> Result<Source, CameraError> {
+fn open(config: &Config, launch: &Launch, stop: &Stop) -> Result<Source, CameraError> {
     let timeout = Timeout::new(RELEASE_TIMEOUT);
     loop {
         match Source::open(config) {
-            Err(error) if resume.is_some() && !timeout.has_expired() && !stop.requested() => {
+            Err(error) if launch.is_restart && !timeout.has_expired() && !stop.requested() => {
                 log::info!("{error}; retrying");
                 std::thread::sleep(Duration::from_millis(200));
             }
@@ -79,6 +88,8 @@ struct Loop {
     // Drop order: the camera goes before the ring whose slots it holds.
     source: Source,
     ring: FramePublisher,
+    /// The newest frame, for a successor.
+    reached: Reached,
     bell: Bell,
     reporter: StatusReporter,
     readers: Readers,
@@ -102,12 +113,14 @@ struct Loop {
     /// Offset of the camera's count, after it was reopened.
     offset: u64,
     epoch: u32,
-    /// The state of the dead predecessor until the first frame, and when this process began.
+    /// The state of the dead predecessor until the first frame, and when it was true.
     resume: Option<(Resume, Instant)>,
 }
 
 impl Loop {
-    fn new(bus: &Bus, config: &Config, limits: Limits, ring: FramePublisher, source: Source) -> Result<Self, Failure> {
+    fn new(bus: &Bus, config: &Config, source: Source, reached: Reached) -> Result<Self, Failure> {
+        let limits = limits(config, &source.format());
+        let ring = bus.frame_publisher(&limits, source.format().slot_bytes())?;
         let mut reporter = StatusReporter::new(bus, &limits, Role::Acquire, 0)?;
         reporter.set_run(host_ns());
         if source.is_live() {
@@ -118,6 +131,7 @@ impl Loop {
         let hardware_trigger = HardwareTrigger::new(config);
         Ok(Self {
             ring,
+            reached,
             bell: bus.bell("frames")?,
             reporter,
             readers: Readers::new(bus, &limits, config)?,
@@ -146,11 +160,11 @@ impl Loop {
     }
 
     /// Continues the predecessor's numbers. A source on demand lost nothing and starts again.
-    fn take_over(&mut self, resume: Option<Resume>, begin: Instant) {
-        let Some(resume) = resume else { return };
+    fn take_over(&mut self, resume: Option<(Resume, Instant)>) {
+        let Some((resume, since)) = resume else { return };
         self.epoch = resume.epoch;
         self.reporter.set_state(self.epoch);
-        self.resume = (self.source.pace() == Pace::Live).then_some((resume, begin));
+        self.resume = (self.source.pace() == Pace::Live).then_some((resume, since));
     }
 
     /// Moves a film to the frame that is due by now.
@@ -219,7 +233,7 @@ impl Loop {
                 Ok(Next::Incomplete(slot, cause)) => self.discard(slot, &cause),
                 Ok(Next::Timeout) => self.end_on_silence()?,
                 Ok(Next::End) => return Ok(()),
-                Err(error) => self.reopen(config, stop, &error)?,
+                Err(error) => self.reopen(config, stop, error)?,
             }
         }
         Ok(())
@@ -251,6 +265,8 @@ impl Loop {
         meta.sequence += self.offset;
         meta.epoch = meta.epoch.max(self.epoch);
         let frame = FrameStamp { sequence: meta.sequence, stamp_ns: meta.stamp_ns };
+        // Before it is published, so that no number is ever used twice.
+        self.reached.note(frame, meta.epoch);
         let decided = self.decide(&meta, &mut slot);
         self.begin_shot(frame)?;
         let exposure_us = self.source.format().exposure_us;
@@ -327,9 +343,9 @@ impl Loop {
     }
 
     /// Reopens a live camera that was lost until it answers; frames continue under a new epoch.
-    fn reopen(&mut self, config: &Config, stop: &Stop, error: &CameraError) -> Result<(), Failure> {
+    fn reopen(&mut self, config: &Config, stop: &Stop, error: CameraError) -> Result<(), Failure> {
         if !matches!(error, CameraError::Lost { .. }) {
-            return Err(Failure::internal(format!("cannot read a frame: {error}")));
+            return Err(error.into());
         }
         self.event(EventKind::Camera, &error.to_string())?;
         self.release();
@@ -370,7 +386,7 @@ impl Loop {
     }
 
     /// Announces the end of the stream and keeps the ring until its readers are done.
-    fn end(&mut self) -> Result<(), BusError> {
+    fn end(&mut self, stop: &Stop) -> Result<(), BusError> {
         self.source.close();
         self.summary.lost += self.incomplete;
         if let Some(standalone) = &mut self.standalone {
@@ -382,95 +398,11 @@ impl Loop {
         };
         self.event(EventKind::Ended, &text)?;
         let timeout = Timeout::new(LINGER_TIMEOUT);
-        while !timeout.has_expired() && !self.readers.all_done(self.reporter.run_id())? {
+        while !timeout.has_expired() && !stop.is_abandoned() && !self.readers.all_done(self.reporter.run_id())? {
             self.ring.greet();
             self.reporter.status(&self.summary, self.newest())?;
             std::thread::sleep(Duration::from_millis(2));
         }
         self.reporter.status_now(&self.summary, self.newest())
-    }
-}
-
-/// The readers of the frames and their progress.
-struct Readers {
-    progress: Subscriber<Progress>,
-    expected: Vec<Reader>,
-    /// Readers that take frames all the time; an armed recorder does so only after a trigger.
-    paced_by: Vec<Reader>,
-    latest: BTreeMap<Reader, Progress>,
-    window: u64,
-}
-
-/// A reader by its role number and index.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Reader {
-    role: u32,
-    index: u32,
-}
-
-impl Readers {
-    fn new(bus: &Bus, limits: &Limits, config: &Config) -> Result<Self, BusError> {
-        let reader = |role: Role, index| Reader { role: role as u32, index };
-        let workers = (0..limits.workers).map(|index| reader(Role::Correlate, index));
-        let recorder = config.record.iter().map(|_| reader(Role::Record, 0));
-        let streaming = config.trigger.mode == TriggerMode::Off;
-        let paced_by = workers.clone().chain(recorder.clone().filter(|_| streaming)).collect();
-        let tracker = (limits.workers > 0).then_some(reader(Role::Track, 0));
-        let expected = workers.chain(recorder).chain(tracker).collect();
-        // A quarter of the ring in flight keeps every reader busy and every queue far from overflow.
-        let window = (limits.ring_frames as u64 / 4).max(8);
-        Ok(Self { progress: bus.subscriber(limits)?, expected, paced_by, latest: BTreeMap::new(), window })
-    }
-
-    fn update(&mut self) -> Result<bool, BusError> {
-        let mut news = false;
-        while let Some(progress) = self.progress.take()? {
-            self.latest.insert(Reader { role: progress.role, index: progress.index }, progress);
-            news = true;
-        }
-        Ok(news)
-    }
-
-    fn all_attached(&mut self, run_id: u64) -> Result<bool, BusError> {
-        self.update()?;
-        Ok(self.expected.iter().all(|reader| self.latest.get(reader).is_some_and(|progress| progress.run_id == run_id)))
-    }
-
-    fn missing(&self, run_id: u64) -> String {
-        let is_absent = |reader: &&Reader| self.latest.get(reader).is_none_or(|progress| progress.run_id != run_id);
-        let names = self.expected.iter().filter(is_absent).map(|reader| {
-            let name = Role::from_number(reader.role).map_or("", Role::as_str);
-            format!("{name} {}", reader.index)
-        });
-        names.collect::<Vec<_>>().join(", ")
-    }
-
-    fn all_done(&mut self, run_id: u64) -> Result<bool, BusError> {
-        self.update()?;
-        let is_done = |progress: &Progress| progress.run_id == run_id && progress.done == 1;
-        Ok(self.expected.iter().all(|reader| self.latest.get(reader).is_some_and(is_done)))
-    }
-
-    /// Waits until the slowest reader has room for one more frame than `published`, or for a stop.
-    ///
-    /// A reader without progress for long is dead or stuck: the stream then continues without it.
-    fn wait_for_room(&mut self, run_id: u64, published: Range<u64>, stop: &Stop) -> Result<(), BusError> {
-        let mut timeout = Timeout::new(STALL_TIMEOUT);
-        while !stop.requested() && !timeout.has_expired() {
-            if self.update()? {
-                timeout.renew();
-            }
-            let is_behind = |reader| {
-                self.latest.get(reader).is_some_and(|progress: &Progress| {
-                    let reached = progress.next_sequence.max(published.start);
-                    progress.run_id == run_id && reached.saturating_add(self.window) <= published.end
-                })
-            };
-            if !self.paced_by.iter().any(is_behind) {
-                break;
-            }
-            std::thread::sleep(Duration::from_micros(200));
-        }
-        Ok(())
     }
 }

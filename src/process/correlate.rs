@@ -2,8 +2,8 @@
 
 use super::clock::{Timeout, now};
 use super::frame_stamp::FrameStamp;
+use super::launch::Launch;
 use super::reference_picture;
-use super::resume::Resume;
 use super::setup::{SUCCESSION, analysis_params, expected_format, limits};
 use super::status_reporter::StatusReporter;
 use super::stop::Stop;
@@ -24,20 +24,20 @@ const LINGER_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// Measures every `workers.count`-th block of frames, as worker `index`, until the stream ends.
 ///
-/// `resume` is the last state of a dead predecessor.
-///
 /// # Errors
 ///
 /// If the measurement cannot be planned, or shared memory cannot be used.
-pub fn run(config: &Config, index: u32, mut resume: Option<Resume>, stop: &Stop) -> Result<Summary, Failure> {
+pub fn run(config: &Config, index: u32, launch: &Launch, stop: &Stop) -> Result<Summary, Failure> {
     let format = expected_format(config)?;
     config.check_calibration(format.width_px, format.height_px)?;
     let limits = limits(config, &format);
-    let bus = Bus::join_as(&config.rig.name, &format!("{}-{index}", Role::Correlate.as_str()), SUCCESSION)?;
+    let role = format!("{}-{index}", Role::Correlate.as_str());
+    let bus = Bus::join_as(&config.rig.name, &role, SUCCESSION, launch.domain.as_ref())?;
     let mut reporter = StatusReporter::new(&bus, &limits, Role::Correlate, index)?;
     reporter.set_queue(0, limits.ring_frames as u64);
     let mut worker = Worker {
         config,
+        bus: &bus,
         frames: bus.frame_subscriber(&limits)?,
         fields: bus.field_publisher(&limits)?,
         bell: bus.bell("field")?,
@@ -52,10 +52,12 @@ pub fn run(config: &Config, index: u32, mut resume: Option<Resume>, stop: &Stop)
         is_ended: true,
         block_frames: u64::from(config.workers.block_frames),
         is_late: false,
+        is_restart: launch.is_restart,
         first_complete: 0,
         newest: FrameStamp::default(),
         exposure_ns: 0,
     };
+    bus.reserve()?;
     worker.needs_reference = worker.measurer.needs_reference();
     let mut recorder =
         RecorderProgress { progress: bus.subscriber(&limits)?, completed: None, expected: config.record.is_some() };
@@ -63,14 +65,14 @@ pub fn run(config: &Config, index: u32, mut resume: Option<Resume>, stop: &Stop)
     let mut stream = StreamState::new(&bus, &limits)?;
     while !stop.requested() {
         if stream.update()? {
-            worker.attach(&stream, resume.take(), stop)?;
+            worker.attach(&stream, stop)?;
         }
         let ended = stream.end.is_some();
         worker.drain(stop)?;
         worker.end_shot(&stream)?;
         if ended {
             worker.finish(&stream)?;
-            linger(&mut recorder, &mut stream, stop)?;
+            linger(&mut recorder, &mut stream, &mut worker, stop)?;
             break;
         }
         worker.publish_status()?;
@@ -89,6 +91,7 @@ fn plan(config: &Config, index: u32, format: &StreamFormat) -> Result<Measurer, 
 
 struct Worker<'a> {
     config: &'a Config,
+    bus: &'a Bus,
     frames: FrameSubscriber,
     fields: FieldPublisher,
     bell: Bell,
@@ -107,6 +110,8 @@ struct Worker<'a> {
     block_frames: u64,
     /// Whether the stream began without this worker.
     is_late: bool,
+    /// Whether it replaces a dead worker and has not attached yet.
+    is_restart: bool,
     /// First frame of the first complete block.
     first_complete: u64,
     newest: FrameStamp,
@@ -115,7 +120,7 @@ struct Worker<'a> {
 
 impl Worker<'_> {
     /// Maps the ring of a newly announced run and publishes readiness.
-    fn attach(&mut self, stream: &StreamState, resume: Option<Resume>, stop: &Stop) -> Result<(), Failure> {
+    fn attach(&mut self, stream: &StreamState, stop: &Stop) -> Result<(), Failure> {
         if stream.continues && self.reporter.run_id() != 0 {
             // What the camera's dead process left in the ring is measured completely.
             self.drain(stop)?;
@@ -127,7 +132,7 @@ impl Worker<'_> {
         self.newest = FrameStamp::default();
         (self.shot, self.is_ended) = (0, true);
         self.next = None;
-        self.is_late = resume.is_some() || stream.first.is_some();
+        self.is_late = std::mem::take(&mut self.is_restart) || stream.first.is_some();
         self.first_complete = 0;
         self.reporter.set_run(stream.run_id.unwrap_or(0));
         // A dead worker left no record of its progress. Nobody must wait for frames that it will never measure.
@@ -203,7 +208,7 @@ impl Worker<'_> {
 
     /// Sets the reference picture of patches, if it is available by now; `first` is the stream's first frame.
     fn set_reference(&mut self, first: Option<&Frame<'_>>) -> Result<(), Failure> {
-        match reference_picture::obtain(self.config, first) {
+        match reference_picture::obtain(self.config, self.bus, first) {
             Some(picture) => self.measurer.set_reference(&picture)?,
             None => self.needs_reference = true,
         }
@@ -215,9 +220,12 @@ impl Worker<'_> {
             let mut header =
                 FieldHeader::new(&measured.step, measured.field.as_ref(), self.reporter.run_id(), self.index);
             header.exposure_ns = self.exposure_ns;
-            self.fields.send(&header, measured.field.as_ref())?;
-            self.summary.given += 1;
-            self.bell.ring();
+            if self.fields.send(&header, measured.field.as_ref())? {
+                self.summary.given += 1;
+                self.bell.ring();
+            } else {
+                self.summary.dropped += 1;
+            }
         }
         Ok(())
     }
@@ -260,13 +268,19 @@ impl RecorderProgress {
 }
 
 /// Waits until tracker and recorder have read everything.
-fn linger(recorder: &mut RecorderProgress, stream: &mut StreamState, stop: &Stop) -> Result<(), BusError> {
+fn linger(
+    recorder: &mut RecorderProgress,
+    stream: &mut StreamState,
+    worker: &mut Worker<'_>,
+    stop: &Stop,
+) -> Result<(), BusError> {
     let timeout = Timeout::new(LINGER_TIMEOUT);
     while !stop.requested() && !timeout.has_expired() {
         stream.update()?;
         if recorder.is_done(stream.run_id)? && stream.tracked {
             break;
         }
+        worker.publish_status()?;
         std::thread::sleep(WAIT);
     }
     Ok(())

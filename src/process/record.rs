@@ -14,8 +14,8 @@ mod write_failure;
 use super::action::{Actions, TriggerCause};
 use super::clock::{PeriodicTimer, Timeout};
 use super::frame_stamp::FrameStamp;
+use super::launch::Launch;
 use super::live_trigger::LiveTrigger;
-use super::resume::Resume;
 use super::shot::{Shot, free_path, recording_info};
 use super::stop::Stop;
 use super::storage::{Storage, prepare_directory};
@@ -45,32 +45,29 @@ const GATHER: Duration = Duration::from_secs(2);
 /// Records shots (or the whole stream) until the stream ends.
 ///
 /// A disk that is full, gone or read-only ends the recording, not the recorder. The written part stays, the loss is
-/// reported and counted, and the next shot is recorded again. `resume` is the last state of a dead predecessor.
+/// reported and counted, and the next shot is recorded again.
 ///
 /// # Errors
 ///
 /// If the folder cannot be used from the start, or shared memory cannot be used.
-pub fn run(config: &Config, resume: Option<Resume>, stop: &Stop) -> Result<Summary, Failure> {
+pub fn run(config: &Config, launch: &Launch, stop: &Stop) -> Result<Summary, Failure> {
     let Some(record) = &config.record else {
         return Err(Failure::internal(format!("{}: nothing to record: there is no [record] table", config.origin)));
     };
     if let Err(error) = prepare_directory(record) {
-        if resume.is_none() {
+        if !launch.is_restart {
             return Err(error.into());
         }
         log::warn!("{error}");
     }
-    let (first, bus) = CameraFeed::open("", config, resume)?;
-    let mut feeds = vec![first];
-    let mut buses = Vec::new();
+    let mut feeds = vec![CameraFeed::open("", config, launch)?];
     for view in &config.views {
-        let (feed, bus) = CameraFeed::open(&view.name, &view.config, resume)?;
-        feeds.push(feed);
-        // It holds the recorder's role for as long as the recorder lives.
-        buses.push(bus);
+        feeds.push(CameraFeed::open(&view.name, &view.config, launch)?);
     }
+    let ear = feeds[0].bus.ear("frames")?;
+    feeds.iter().try_for_each(|feed| feed.bus.reserve())?;
     let mut recorder = Recorder {
-        control: bus.control_server()?,
+        control: feeds[0].bus.control_server()?,
         shot: None,
         storage: Storage::new(config, record, feeds.iter().map(|feed| (&feed.format, &feed.limits))),
         retention: Retention::new(record, &config.rig.name),
@@ -89,7 +86,7 @@ pub fn run(config: &Config, resume: Option<Resume>, stop: &Stop) -> Result<Summa
         config,
         record,
     };
-    recorder.serve(&bus.ear("frames")?, stop)?;
+    recorder.serve(&ear, stop)?;
     Ok(recorder.summary)
 }
 
@@ -254,6 +251,7 @@ impl Recorder<'_> {
         }
         let mut goes_on = false;
         for camera in 0..self.feeds.len() {
+            self.feeds[camera].update_progress()?;
             self.hold(camera)?;
             self.begin_part(camera)?;
             self.end_at_silence(camera)?;
@@ -263,7 +261,8 @@ impl Recorder<'_> {
         }
         self.close_if_complete()?;
         if !goes_on {
-            self.write(|open| open.shot.hand_over())?;
+            let handed_over = self.write(|open| open.shot.hand_over())?.is_some();
+            self.feeds.iter_mut().filter(|_| handed_over).for_each(CameraFeed::note_written);
         }
         Ok(goes_on)
     }
@@ -340,14 +339,15 @@ impl Recorder<'_> {
         }
     }
 
-    fn close(&mut self, open: OpenShot) -> Result<(), Failure> {
+    fn close(&mut self, mut open: OpenShot) -> Result<(), Failure> {
+        let cut = (0..self.feeds.len()).try_for_each(|camera| open.cut(camera));
         let ends = open.ends();
         let unsafe_frames = open.shot.missing_before(ends[0]).max(1);
         let lost: Vec<u64> = (ends.iter().enumerate())
-            .map(|(camera, end)| open.shot.lost(camera) + end.saturating_sub(open.shot.next_frame(camera)))
+            .map(|(camera, end)| open.lost(camera) + end.saturating_sub(open.shot.next_frame(camera)))
             .collect();
         let (mut shot, stamp_ns) = (open.shot, self.feeds[0].newest.stamp_ns);
-        let mut written = Ok(());
+        let mut written = cut;
         for (feed, matcher) in self.feeds[1..].iter().zip(open.matchers) {
             let text = format!("{}: {}", feed.name, matcher.finish());
             feed.reporter.event(EventKind::Matched, feed.newest, &text)?;

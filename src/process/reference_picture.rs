@@ -1,15 +1,15 @@
 //! The reference picture of patches: the stream's first frame.
 //!
-//! PeriodicTimer process of a rig needs it, including one that is restarted much later. So the process that sees the
-//! first frame keeps it in a file named after the rig. A recording carries it as an attachment, since its own first
-//! frame differs.
+//! Every process of a rig needs it, including one that is restarted much later. So the process that sees the first frame
+//! keeps it in a private file of the rig. A recording carries it as an attachment, since its own first frame differs.
 
+use crate::bus::Bus;
 use crate::camera::CameraError;
 use crate::config::{self, BodyKind, Config};
 use crate::image::{Frame, Image};
 use crate::recording::{Recording, RecordingError, from_png, to_png};
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Name of the attachment.
 const NAME: &str = "reference.png";
@@ -19,17 +19,14 @@ fn is_needed(config: &Config) -> bool {
     config.bodies.iter().any(|body| body.kind == BodyKind::Patch)
 }
 
-fn path(rig: &str) -> PathBuf {
-    std::env::temp_dir().join(format!("ricochet-{rig}-{NAME}"))
-}
-
 /// Starts a new stream: removes the previous picture, and restores that of a recording.
 ///
 /// # Errors
 ///
 /// If the recording cannot be read.
-pub(super) fn begin(config: &Config) -> Result<(), CameraError> {
-    remove(config);
+pub(super) fn begin(config: &Config, bus: &Bus) -> Result<(), CameraError> {
+    let path = bus.private_file(NAME);
+    let _ = std::fs::remove_file(&path);
     if !is_needed(config) || config.camera.source != Some(config::Source::Recording) {
         return Ok(());
     }
@@ -37,23 +34,18 @@ pub(super) fn begin(config: &Config) -> Result<(), CameraError> {
     let recording = Recording::open(Path::new(camera.id.as_deref().unwrap_or_default()))?;
     let recording = recording.of_camera(camera.view.as_deref())?;
     if let Some(picture) = of_recording(&recording, config)? {
-        keep(config, &picture);
+        keep(&path, &picture);
     }
     Ok(())
 }
 
-/// Removes the picture.
-pub(super) fn remove(config: &Config) {
-    let _ = std::fs::remove_file(path(&config.rig.name));
-}
-
 /// Stores the picture for this rig, unless another process already did.
-fn keep(config: &Config, picture: &Image) {
-    let (path, Some(png)) = (path(&config.rig.name), to_png(picture)) else { return };
+fn keep(path: &Path, picture: &Image) {
+    let Some(png) = to_png(picture) else { return };
     let part = path.with_extension(format!("{}.part", std::process::id()));
     let written = std::fs::File::create(&part).and_then(|mut file| file.write_all(&png));
     // A hard link never replaces a file, so all processes use the same picture.
-    let kept = written.and_then(|()| std::fs::hard_link(&part, &path));
+    let kept = written.and_then(|()| std::fs::hard_link(&part, path));
     let _ = std::fs::remove_file(&part);
     if let Err(error) = kept.or_else(|error| if path.exists() { Ok(()) } else { Err(error) }) {
         log::warn!("cannot keep {}: {error}; a restarted process will not find the patches", path.display());
@@ -61,19 +53,19 @@ fn keep(config: &Config, picture: &Image) {
 }
 
 /// Returns the stored picture as a PNG.
-pub(super) fn kept(config: &Config) -> Option<Vec<u8>> {
-    if is_needed(config) { std::fs::read(path(&config.rig.name)).ok() } else { None }
+pub(super) fn kept(config: &Config, bus: &Bus) -> Option<Vec<u8>> {
+    if is_needed(config) { std::fs::read(bus.private_file(NAME)).ok() } else { None }
 }
 
 /// Returns the stored picture; without one, the stream's first frame.
-pub(super) fn obtain(config: &Config, first: Option<&Frame<'_>>) -> Option<Image> {
-    if let Some(picture) = kept(config).and_then(|png| from_png(&png)) {
+pub(super) fn obtain(config: &Config, bus: &Bus, first: Option<&Frame<'_>>) -> Option<Image> {
+    if let Some(picture) = kept(config, bus).and_then(|png| from_png(&png)) {
         return Some(picture);
     }
     let picture = first.and_then(unpacked)?;
-    keep(config, &picture);
+    keep(&bus.private_file(NAME), &picture);
     // Another process may have been faster.
-    kept(config).and_then(|png| from_png(&png)).or(Some(picture))
+    kept(config, bus).and_then(|png| from_png(&png)).or(Some(picture))
 }
 
 /// Returns the picture as an attachment of a recording.

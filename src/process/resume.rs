@@ -1,7 +1,10 @@
 //! The state from which a restarted process continues.
 
-use std::fmt;
-use std::str::FromStr;
+use super::clock::monotonic_ns;
+use super::frame_stamp::FrameStamp;
+use std::fs::{File, OpenOptions};
+use std::os::unix::fs::{FileExt, OpenOptionsExt};
+use std::path::Path;
 
 /// The last known state of a process that died.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -10,7 +13,7 @@ pub struct Resume {
     pub sequence: u64,
     /// Stamp of that frame, ns since the Unix epoch.
     pub stamp_ns: u64,
-    /// Number of times the camera was reopened, including this one.
+    /// Number of times the camera was reopened so far.
     pub epoch: u32,
 }
 
@@ -36,20 +39,48 @@ impl Resume {
     }
 }
 
-impl fmt::Display for Resume {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, "{}:{}:{}", self.sequence, self.stamp_ns, self.epoch)
+impl From<&Resume> for FrameStamp {
+    fn from(resume: &Resume) -> Self {
+        Self { sequence: resume.sequence, stamp_ns: resume.stamp_ns }
     }
 }
 
-impl FromStr for Resume {
-    type Err = String;
+/// The newest frame of a process, in a file that outlives the process.
+///
+/// The system keeps what was written when the process is killed, so its successor knows the very last frame.
+#[derive(Debug)]
+pub(super) struct Reached(File);
 
-    fn from_str(text: &str) -> Result<Self, String> {
-        let mut numbers = text.split(':').map(str::parse::<u64>);
-        let mut next = || numbers.next().and_then(Result::ok).ok_or_else(|| format!("{text:?} is not FRAME:NS:EPOCH"));
-        let (sequence, stamp_ns, epoch) = (next()?, next()?, next()?);
-        Ok(Self { sequence, stamp_ns, epoch: u32::try_from(epoch).unwrap_or(u32::MAX) })
+impl Reached {
+    /// Opens the file, and returns what a predecessor left and the age of that, s.
+    pub(super) fn open(path: &Path) -> std::io::Result<(Self, Option<(Resume, f64)>)> {
+        let file = OpenOptions::new().read(true).write(true).create(true).truncate(false).mode(0o600).open(path)?;
+        let mut bytes = [0; 32];
+        let left = file.read_exact_at(&mut bytes, 0).ok().map(|()| {
+            let number =
+                |at: usize| bytes[8 * at..8 * at + 8].iter().rev().fold(0, |sum, byte| sum << 8 | u64::from(*byte));
+            let resume = Resume {
+                sequence: number(0),
+                stamp_ns: number(1),
+                epoch: u32::try_from(number(2)).unwrap_or(u32::MAX),
+            };
+            (resume, monotonic_ns().saturating_sub(number(3)) as f64 * 1e-9)
+        });
+        Ok((Self(file), left))
+    }
+
+    /// Notes the newest frame.
+    pub(super) fn note(&self, frame: FrameStamp, epoch: u32) {
+        let numbers = [frame.sequence, frame.stamp_ns, u64::from(epoch), monotonic_ns()];
+        let mut bytes = [0; 32];
+        bytes.chunks_exact_mut(8).zip(numbers).for_each(|(part, number)| part.copy_from_slice(&number.to_le_bytes()));
+        // Without it a successor only counts fewer of the lost frames.
+        let _ = self.0.write_all_at(&bytes, 0);
+    }
+
+    /// Forgets the frames of a previous stream.
+    pub(super) fn clear(&self) {
+        let _ = self.0.set_len(0);
     }
 }
 
@@ -58,10 +89,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_state_survives_the_command_line() {
-        let resume = Resume { sequence: 1234, stamp_ns: 1_767_225_600_000_000_007, epoch: 3 };
-        assert_eq!(resume.to_string().parse(), Ok(resume));
-        assert!("12:x:1".parse::<Resume>().is_err() && "12".parse::<Resume>().is_err());
+    fn the_newest_frame_outlives_its_process() {
+        let path = std::env::temp_dir().join(format!("ricochet-reached-{}", std::process::id()));
+        let (first, none) = Reached::open(&path).unwrap();
+        assert_eq!(none, None);
+        first.note(FrameStamp { sequence: 7, stamp_ns: 9 }, 1);
+        let frame = FrameStamp { sequence: 1234, stamp_ns: 1_767_225_600_000_000_007 };
+        first.note(frame, 3);
+        drop(first);
+        let (second, left) = Reached::open(&path).unwrap();
+        let (resume, age_s) = left.unwrap();
+        assert_eq!(resume, Resume { sequence: frame.sequence, stamp_ns: frame.stamp_ns, epoch: 3 });
+        assert!((0.0..60.0).contains(&age_s), "{age_s}");
+        second.clear();
+        assert_eq!(Reached::open(&path).unwrap().1, None);
+        std::fs::remove_file(&path).unwrap();
     }
 
     #[test]

@@ -1,16 +1,14 @@
 //! Frame-by-frame control of a rig with a stepped camera.
 
+use super::line::Line;
 use std::io::{BufRead, BufReader, Write};
-use std::process::{ChildStdin, ChildStdout};
+use std::process::ChildStdout;
 use std::sync::mpsc::Sender;
-
-/// Ends the rig file on the standard input of a process that continues to read there.
-pub const END_OF_CONFIG: u8 = 0;
 
 /// Controls a rig whose camera is stepped. Dropping it ends the stream.
 #[derive(Debug)]
 pub struct StepControl {
-    steps: ChildStdin,
+    line: Line,
     answers: BufReader<ChildStdout>,
 }
 
@@ -22,12 +20,18 @@ impl StepControl {
 
     /// Plays a frame and waits until it is published; returns `false` if the rig has ended.
     pub fn step(&mut self) -> bool {
-        self.steps.write_all(b"\n").is_ok() && self.read_answer()
+        self.line.step() && self.read_answer()
     }
 
     fn read_answer(&mut self) -> bool {
         let mut line = String::new();
         self.answers.read_line(&mut line).is_ok_and(|bytes| bytes > 0)
+    }
+}
+
+impl Drop for StepControl {
+    fn drop(&mut self) {
+        self.line.last_step();
     }
 }
 
@@ -39,14 +43,19 @@ pub(super) fn print(line: &str) {
 }
 
 /// Connects the control of a process to the program that requested it, or else to the terminal.
-pub(super) fn connect(mut steps: ChildStdin, answers: Option<ChildStdout>, leader: Option<&Sender<StepControl>>) {
+pub(super) fn connect(line: &Line, answers: Option<ChildStdout>, leader: Option<&Sender<StepControl>>) {
+    let line = line.clone();
     match leader.zip(answers) {
         Some((leader, answers)) => {
             // If the leader has gone, dropping the control ends the stream.
-            let _ = leader.send(StepControl { steps, answers: BufReader::new(answers) });
+            let _ = leader.send(StepControl { line, answers: BufReader::new(answers) });
         }
         None => {
-            std::thread::spawn(move || std::io::copy(&mut std::io::stdin(), &mut steps));
+            std::thread::spawn(move || {
+                let mut lines = std::io::stdin().lines().map_while(Result::ok);
+                while lines.next().is_some_and(|_| line.step()) {}
+                line.last_step();
+            });
         }
     }
 }

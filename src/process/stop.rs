@@ -4,24 +4,13 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A flag shared by several loops; once set, it is never cleared.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Stop {
     flag: Arc<AtomicBool>,
-    parent: Option<u32>,
-}
-
-impl Default for Stop {
-    fn default() -> Self {
-        Self { flag: Arc::new(AtomicBool::new(false)), parent: None }
-    }
+    abandoned: Arc<AtomicBool>,
 }
 
 impl Stop {
-    /// Creates a flag that is also set when the parent process is gone.
-    pub fn with_parent() -> Self {
-        Self { parent: Some(std::os::unix::process::parent_id()), ..Self::default() }
-    }
-
     /// Returns the flag itself, for a signal handler.
     pub fn flag(&self) -> Arc<AtomicBool> {
         Arc::clone(&self.flag)
@@ -32,9 +21,19 @@ impl Stop {
         self.flag.store(true, Ordering::Relaxed);
     }
 
+    /// Requests to stop at once, without waiting for other processes of the rig.
+    pub fn abandon(&self) {
+        self.abandoned.store(true, Ordering::Relaxed);
+        self.request();
+    }
+
     /// Whether a stop was requested.
     pub fn requested(&self) -> bool {
         self.flag.load(Ordering::Relaxed)
-            || self.parent.is_some_and(|parent| std::os::unix::process::parent_id() != parent)
+    }
+
+    /// Whether the supervisor is gone, and with it the rig.
+    pub fn is_abandoned(&self) -> bool {
+        self.abandoned.load(Ordering::Relaxed)
     }
 }

@@ -11,6 +11,8 @@ pub struct Summary {
     pub lost: u64,
     /// Lost in this process: no free slot, incomplete frames, late rows.
     pub dropped: u64,
+    /// Number of processes that died or did not finish.
+    pub faults: u64,
     /// The losses of each process of a rig, as text.
     pub causes: Vec<String>,
     /// Files written.

@@ -1,67 +1,58 @@
 //! Starts the processes of a rig, monitors them, restarts those that die, and stops them in order.
 
-use super::clock::{PeriodicTimer, Timeout, now};
+mod child;
+mod heartbeat;
+mod restarts;
+mod service_manager;
+
+use super::clock::{PeriodicTimer, Timeout};
 use super::frame_stamp::FrameStamp;
-use super::reference_picture;
-use super::resume::Resume;
+use super::line::Line;
 use super::setup::{expected_format, limits};
 use super::status_reporter::StatusReporter;
 use super::stepping;
-use super::stepping::{END_OF_CONFIG, StepControl};
+use super::stepping::StepControl;
 use super::stop::Stop;
 use super::storage::prepare_directory;
 use super::summary::Summary;
-use crate::bus::{Bus, Subscriber};
-use crate::config::Config;
+use crate::bus::{self, Bus, Subscriber};
+use crate::config::{Config, TriggerMode};
 use crate::failure::{ExitCode, Failure, Fatal};
 use crate::message::{Event, EventKind, Role, StatusMessage};
-use rustix::process::Signal;
+pub use child::Child;
+use child::{Running, Start};
+use heartbeat::{Heartbeat, process_state};
+use service_manager::ServiceManager;
 use std::any::Any;
 use std::collections::BTreeMap;
-use std::io::Write;
-use std::os::unix::process::CommandExt;
+use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::PathBuf;
-use std::process::{Child as Process, Command, ExitStatus, Stdio};
+use std::process::{Command, ExitStatus, Stdio};
 use std::sync::mpsc::Sender;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Interval of polling the processes.
 const POLL_PERIOD: Duration = Duration::from_millis(20);
 /// Interval of cleaning up after dead processes.
 const CLEAN_UP_PERIOD: Duration = Duration::from_millis(250);
-/// Deaths of one process after which the rig gives up.
-const MAX_DEATHS: u32 = 5;
-/// Time for the processes to finish after the camera stopped.
+/// Time for the processes to finish after the stream ended by itself.
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(60);
-/// Time for a process to end after a termination signal.
+/// Time for the processes to finish after a stop was requested.
+const STOP_DRAIN_TIMEOUT: Duration = Duration::from_secs(20);
+/// Signal of a process whose memory the system could not provide.
+const SIGBUS: i32 = 7;
+/// Time for a process to end after it was asked to.
 const STOP_TIMEOUT: Duration = Duration::from_secs(3);
-
-/// A process of a rig.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Child {
-    /// Index of its camera: 0 the main one, then the views in their order.
-    pub camera: u32,
-    /// Its role.
-    pub role: Role,
-    /// Index among processes of the same role.
-    pub index: u32,
-}
-
-impl Child {
-    /// Returns the only, or first, process of this role for the main camera.
-    pub const fn first(role: Role) -> Self {
-        Self { camera: 0, role, index: 0 }
-    }
-}
 
 /// One camera of the rig, which has its own rig name on the bus.
 struct CameraGroup<'a> {
     /// Name of the view; empty for the main camera.
     name: &'a str,
     config: &'a Config,
-    frame_rate_hz: f64,
+    /// Size of its frames in shared memory.
+    ring_bytes: u64,
     status: Subscriber<StatusMessage>,
-    _bus: Bus,
+    bus: Bus,
     _services: Vec<Box<dyn Any>>,
 }
 
@@ -72,8 +63,10 @@ impl<'a> CameraGroup<'a> {
         config.check_ring(format.slot_bytes(), format.frame_rate_hz)?;
         let limits = limits(config, &format);
         let services = bus.hold(&limits)?;
-        let (frame_rate_hz, status) = (format.frame_rate_hz, bus.subscriber(&limits)?);
-        Ok(Self { name, config, frame_rate_hz, status, _bus: bus, _services: services })
+        let status = bus.subscriber(&limits)?;
+        bus.reserve()?;
+        let ring_bytes = limits.ring_bytes(format.slot_bytes());
+        Ok(Self { name, config, ring_bytes, status, bus, _services: services })
     }
 
     /// Returns its processes, readers before the camera. The recorder is shared by all cameras.
@@ -84,13 +77,6 @@ impl<'a> CameraGroup<'a> {
     }
 }
 
-struct Running {
-    process: Option<Process>,
-    deaths: u32,
-    /// Exit code of its last regular end.
-    code: Option<i32>,
-}
-
 /// The supervisor of a rig.
 pub struct Supervisor<'a> {
     program: PathBuf,
@@ -98,9 +84,8 @@ pub struct Supervisor<'a> {
     /// One per camera.
     groups: Vec<CameraGroup<'a>>,
     events: Subscriber<Event>,
-    /// The latest status of each process, and when it arrived.
+    /// The latest status of each process.
     statuses: BTreeMap<Child, StatusMessage>,
-    status_times: BTreeMap<Child, Instant>,
     reporter: StatusReporter,
     bus: Bus,
     clean_up: PeriodicTimer,
@@ -109,6 +94,7 @@ pub struct Supervisor<'a> {
     /// Time for the processes to finish, once the camera stopped.
     draining: Option<Timeout>,
     leader: Option<Sender<StepControl>>,
+    manager: ServiceManager,
 }
 
 /// Runs every process of a rig until its stream ends or it is asked to stop.
@@ -176,13 +162,12 @@ impl<'a> Supervisor<'a> {
         if let Some(record) = &config.record {
             prepare_directory(record)?;
         }
-        let bus = Bus::join_as(&config.rig.name, Role::Supervise.as_str(), Duration::ZERO)?;
-        bus.clean_up_dead();
+        let bus = Bus::supervise(&config.rig.name, Role::Supervise.as_str(), None)?;
         let limits = limits(config, &expected_format(config)?);
         let mut groups = vec![CameraGroup::open("", config, Bus::join(&config.rig.name, Role::Supervise.as_str())?)?];
         for view in &config.views {
-            let bus = Bus::join_as(&view.config.rig.name, Role::Supervise.as_str(), Duration::ZERO)?;
-            groups.push(CameraGroup::open(&view.name, &view.config, bus)?);
+            let view_bus = Bus::supervise(&view.config.rig.name, Role::Supervise.as_str(), Some(&bus))?;
+            groups.push(CameraGroup::open(&view.name, &view.config, view_bus)?);
         }
         let mut supervisor = Self {
             program: std::env::current_exe()?,
@@ -190,7 +175,6 @@ impl<'a> Supervisor<'a> {
             groups,
             events: bus.subscriber(&limits)?,
             statuses: BTreeMap::new(),
-            status_times: BTreeMap::new(),
             reporter: StatusReporter::new(&bus, &limits, Role::Supervise, 0)?,
             bus,
             clean_up: PeriodicTimer::new(CLEAN_UP_PERIOD),
@@ -198,27 +182,32 @@ impl<'a> Supervisor<'a> {
             restarts: 0,
             draining: None,
             leader,
+            manager: ServiceManager::connect(),
         };
         let recorder = config.record.iter().map(|_| Child::first(Role::Record));
         let cameras = (0..).zip(&supervisor.groups).flat_map(|(camera, group)| group.children(camera));
         let children: Vec<Child> = recorder.chain(cameras).collect();
+        let rings = supervisor.groups.iter().map(|group| group.ring_bytes);
+        bus::check_room(rings.sum(), children.len())?;
         for child in children {
-            let process = supervisor.spawn(child, None)?;
-            supervisor.children.insert(child, Running { process: Some(process), deaths: 0, code: None });
+            supervisor.children.insert(child, Running::default());
+            supervisor.spawn(child, Start::First)?;
         }
         Ok(supervisor)
     }
 
-    /// Starts one process; `resume` is the last known state of its dead predecessor.
-    fn spawn(&self, child: Child, resume: Option<Resume>) -> Result<Process, Failure> {
-        let config = self.groups[child.camera as usize].config;
+    /// Starts one process.
+    fn spawn(&mut self, child: Child, start: Start) -> Result<(), Failure> {
+        let group = &self.groups[child.camera as usize];
+        let config = group.config;
         let mut command = Command::new(&self.program);
         command.arg(child.role.as_str()).arg("-").args(["--origin", &config.origin]);
+        command.arg("--domain").arg(group.bus.domain().folder());
         if child.role == Role::Correlate {
             command.args(["--worker", &child.index.to_string()]);
         }
-        if let Some(resume) = resume {
-            command.args(["--resume", &resume.to_string()]);
+        if start == Start::Again {
+            command.arg("--restarted");
         }
         // Its own process group: an interrupt from the terminal reaches only the supervisor, which stops the rig in
         // order.
@@ -228,16 +217,17 @@ impl<'a> Supervisor<'a> {
             Some(_) => Stdio::piped(),
             None => Stdio::inherit(),
         };
-        command.arg("--supervised").stdin(Stdio::piped()).stdout(stdout).process_group(0);
+        command.env_remove(service_manager::ADDRESS).stdin(Stdio::piped()).stdout(stdout).process_group(0);
         let mut process = command.spawn()?;
-        if let Some(mut stdin) = process.stdin.take() {
-            stdin.write_all(config.text.as_bytes())?;
-            if is_stepped {
-                stdin.write_all(&[END_OF_CONFIG])?;
-                stepping::connect(stdin, process.stdout.take(), self.leader.as_ref());
-            }
+        let line = process.stdin.take().map(|stdin| Line::open(stdin, &config.text));
+        if let (true, Some(line)) = (is_stepped, &line) {
+            stepping::connect(line, process.stdout.take(), self.leader.as_ref());
         }
-        Ok(process)
+        if let Some(running) = self.children.get_mut(&child) {
+            running.heartbeat = Heartbeat::default();
+            (running.process, running.line, running.waits_for_memory) = (Some(process), line, false);
+        }
+        Ok(())
     }
 
     fn watch(&mut self, stop: &Stop, watch: &mut dyn FnMut(&BTreeMap<Child, StatusMessage>)) -> Result<(), Failure> {
@@ -248,16 +238,20 @@ impl<'a> Supervisor<'a> {
                 self.bus.clean_up_dead();
             }
             if stop.requested() && self.draining.is_none() {
-                self.signal(Role::Acquire, Signal::TERM);
-                self.draining = Some(Timeout::new(DRAIN_TIMEOUT));
+                self.end(|child| child.role == Role::Acquire);
+                self.draining = Some(Timeout::new(STOP_DRAIN_TIMEOUT));
+                self.manager.stopping();
             }
             if self.draining.is_none() && self.ended_by_itself() {
                 self.draining = Some(Timeout::new(DRAIN_TIMEOUT));
             }
             self.reap()?;
             if self.draining.as_ref().is_some_and(Timeout::has_expired) {
-                return Err(Failure::internal(format!("{} processes did not end in time", self.running_count())));
+                self.count_unfinished();
+                return Ok(());
             }
+            self.watch_heartbeats()?;
+            self.restart_waiting()?;
             self.publish_status()?;
             std::thread::sleep(POLL_PERIOD);
         }
@@ -265,7 +259,48 @@ impl<'a> Supervisor<'a> {
     }
 
     fn running_count(&self) -> usize {
-        self.children.values().filter(|running| running.process.is_some()).count()
+        self.children.values().filter(|running| running.is_alive()).count()
+    }
+
+    /// Counts what the processes that have not finished by now leave undone.
+    fn count_unfinished(&mut self) {
+        let unfinished = || self.children.iter().filter(|(_, running)| running.is_alive()).map(|(child, _)| *child);
+        let sequence = |child: &Child| self.statuses.get(child).map(|status| status.sequence);
+        let behind = |child: Child| {
+            let newest = sequence(&Child { role: Role::Acquire, index: 0, ..child })?;
+            // A recorder that waits for a trigger is never behind.
+            let follows = child.role != Role::Record || self.groups[0].config.trigger.mode == TriggerMode::Off;
+            follows.then(|| newest.saturating_sub(sequence(&child).unwrap_or(0)))
+        };
+        let behind = unfinished().filter_map(behind).max().unwrap_or(0);
+        let names: Vec<String> = unfinished().map(|child| self.name(child)).collect();
+        self.summary.lost += behind;
+        self.summary.causes.push(format!("{} did not finish in time, {behind} frames behind", names.join(", ")));
+        self.summary.faults += 1;
+    }
+
+    /// Kills processes that hang, so that they are restarted.
+    fn watch_heartbeats(&mut self) -> Result<(), Failure> {
+        if self.draining.is_some() {
+            return Ok(());
+        }
+        let mut hung = Vec::new();
+        for (child, running) in &mut self.children {
+            let Some(process) = &mut running.process else { continue };
+            if running.heartbeat.is_hung(process_state(process.id())) {
+                running.heartbeat = Heartbeat::default();
+                // An error means that it has just ended.
+                let _ = process.kill();
+                hung.push(*child);
+            }
+        }
+        for child in hung {
+            let text = format!("{} shows no sign of life and is killed", self.name(child));
+            log::warn!("{text}");
+            let frame = self.statuses.get(&child).map(frame_of).unwrap_or_default();
+            self.reporter.event(EventKind::Hung, frame, &text)?;
+        }
+        Ok(())
     }
 
     fn ended_by_itself(&self) -> bool {
@@ -278,8 +313,13 @@ impl<'a> Supervisor<'a> {
             while let Some(status) = group.status.take()? {
                 if let Some(role) = Role::from_number(status.role) {
                     let child = Child { camera, role, index: status.index };
+                    // The last words of a predecessor are no sign of life.
+                    if let Some(running) = self.children.get_mut(&child)
+                        && running.process.as_ref().is_some_and(|process| process.id() == status.pid)
+                    {
+                        running.heartbeat.note();
+                    }
                     self.statuses.insert(child, status);
-                    self.status_times.insert(child, now());
                 }
             }
         }
@@ -320,30 +360,48 @@ impl<'a> Supervisor<'a> {
 
     fn handle_death(&mut self, child: Child, code: Option<i32>, status: ExitStatus) -> Result<(), Failure> {
         let role = child.role.as_str();
-        let last = self.statuses.get(&child).copied().unwrap_or_default();
-        self.summary.lost += 1;
-        self.summary.causes.push(format!("{} ended with {status}", self.name(child)));
+        let last = self.statuses.remove(&child).unwrap_or_default();
+        let memory = match status.signal() {
+            Some(SIGBUS) => format!(" for want of shared memory ({} bytes are free in /dev/shm)", bus::free_bytes()),
+            _ => String::new(),
+        };
+        let name = self.name(child);
+        let counted = last.lost + last.dropped;
+        let losses = if counted > 0 { format!(" after it had lost {counted}") } else { String::new() };
+        self.summary.faults += 1;
+        self.summary.lost += counted;
+        self.summary.causes.push(format!("{name} ended with {status}{memory}{losses}"));
         self.bus.clean_up_dead();
         let Some(running) = self.children.get_mut(&child) else { return Ok(()) };
-        running.deaths += 1;
-        // A refused configuration or a missing camera will not get better by a restart.
-        let is_reported = matches!(code, Some(2..=3));
-        if is_reported || running.deaths > MAX_DEATHS {
+        // A refused configuration, a missing camera or an unreadable film will not get better by a restart.
+        let is_reported = matches!(code, Some(2..=3)) || (child.role == Role::Acquire && code == Some(5));
+        let is_memory = bus::check_room(0, 1).is_err();
+        if is_reported || !(is_memory || running.deaths.allow_another()) {
             return Err(ChildFailure { role, code: code.unwrap_or(1), is_reported }.into());
         }
         if self.draining.is_some() && child.role == Role::Acquire {
             // The dead process will not announce the end of the stream.
-            self.signal_all(Signal::TERM);
+            self.end(|_| true);
             return Ok(());
         }
-        log::warn!("{} ended with {status}; restarting it", self.name(child));
-        let process = self.spawn(child, self.resume(child))?;
-        if let Some(running) = self.children.get_mut(&child) {
-            running.process = Some(process);
-        }
+        let text = format!("{name} ended with {status}{memory} and was restarted");
+        log::warn!("{text}");
+        running.waits_for_memory = true;
         self.restarts += 1;
-        let text = format!("{} ended with {status} and was restarted", self.name(child));
-        Ok(self.reporter.event(EventKind::Restarted, frame_of(&last), &text)?)
+        self.reporter.event(EventKind::Restarted, frame_of(&last), &text)?;
+        self.restart_waiting()
+    }
+
+    /// Restarts the processes that died, once there is room for them.
+    fn restart_waiting(&mut self) -> Result<(), Failure> {
+        let waiting: Vec<Child> =
+            self.children.iter().filter(|(_, running)| running.waits_for_memory).map(|(child, _)| *child).collect();
+        for child in waiting {
+            if bus::check_room(0, 1).is_ok() {
+                self.spawn(child, Start::Again)?;
+            }
+        }
+        Ok(())
     }
 
     /// Returns the name of a process for messages.
@@ -355,51 +413,48 @@ impl<'a> Supervisor<'a> {
         }
     }
 
-    /// Returns the state from which the successor of a dead process continues.
-    fn resume(&self, child: Child) -> Option<Resume> {
-        // A camera process that never published a frame left nothing to continue from.
-        let status = self.statuses.get(&child).filter(|status| child.role != Role::Acquire || status.taken > 0);
-        let FrameStamp { sequence, stamp_ns } = status.map_or_else(FrameStamp::default, frame_of);
-        if child.role != Role::Acquire {
-            return Some(Resume { sequence, stamp_ns, epoch: 0 });
-        }
-        let group = &self.groups[child.camera as usize];
-        let since_s = self.status_times.get(&child).map_or(0.0, |time| time.elapsed().as_secs_f64());
-        let resume = Resume { sequence, stamp_ns, epoch: status?.state + 1 };
-        Some(resume.after(since_s * group.config.camera.playback_rate, group.frame_rate_hz))
-    }
-
     fn publish_status(&mut self) -> Result<(), Failure> {
         let newest = self.statuses.values().map(frame_of).max().unwrap_or_default();
+        let is_ready = self.children.keys().all(|child| self.statuses.contains_key(child));
+        let (statuses, restarts) = (&self.statuses, self.restarts);
+        self.manager.report(is_ready, || {
+            let cameras = statuses.iter().filter(|(child, _)| child.role == Role::Acquire);
+            let rates: Vec<String> = cameras.map(|(_, status)| format!("{:.0}", status.rate_hz)).collect();
+            let lost: u64 = statuses.values().map(|status| status.lost + status.dropped).sum();
+            format!(
+                "{} frames per second, frame {}, {lost} lost, {restarts} restarts",
+                rates.join(" and "),
+                newest.sequence
+            )
+        });
         self.reporter.set_state(self.running_count() as u32);
         self.reporter.set_restarts(self.restarts);
         Ok(self.reporter.status(&self.summary, newest)?)
     }
 
-    fn signal_all(&self, signal: Signal) {
-        self.children.values().filter_map(|running| running.process.as_ref()).for_each(|process| send(process, signal));
+    /// Ends processes regularly.
+    fn end(&self, is_meant: impl Fn(&Child) -> bool) {
+        let meant = self.children.iter().filter(|(child, _)| is_meant(child));
+        meant.filter_map(|(_, running)| running.line.as_ref()).for_each(Line::end);
     }
 
-    fn signal(&self, role: Role, signal: Signal) {
-        for (child, running) in &self.children {
-            if let (true, Some(process)) = (child.role == role, &running.process) {
-                send(process, signal);
-            }
-        }
-    }
-
-    /// Ends every process that still runs: first by a termination signal, then by force.
+    /// Ends every process that still runs: first as it wishes, then by force.
     fn stop_all(&mut self) {
-        self.signal_all(Signal::TERM);
+        self.end(|_| true);
+        self.children.values_mut().for_each(|running| running.waits_for_memory = false);
         let patience = Timeout::new(STOP_TIMEOUT);
         while self.running_count() > 0 && !patience.has_expired() {
-            for running in self.children.values_mut() {
-                if let Some(process) = &mut running.process
-                    && !matches!(process.try_wait(), Ok(None))
-                {
-                    running.process = None;
+            let mut ended = Vec::new();
+            for (child, running) in &mut self.children {
+                let Some(process) = &mut running.process else { continue };
+                match process.try_wait() {
+                    Ok(None) => continue,
+                    Ok(Some(status)) => ended.push((*child, status.code().unwrap_or(1))),
+                    Err(_) => {}
                 }
+                running.process = None;
             }
+            ended.iter().for_each(|(child, code)| self.count_losses(*child, *code));
             std::thread::sleep(POLL_PERIOD);
         }
         for process in self.children.values_mut().filter_map(|running| running.process.as_mut()) {
@@ -407,21 +462,10 @@ impl<'a> Supervisor<'a> {
             let _ = process.wait();
         }
         self.bus.clean_up_dead();
-        self.groups.iter().for_each(|group| reference_picture::remove(group.config));
     }
 }
 
 /// Returns the newest frame of a process.
 fn frame_of(status: &StatusMessage) -> FrameStamp {
     FrameStamp { sequence: status.sequence, stamp_ns: status.stamp_ns }
-}
-
-/// Sends a signal; the standard library can only send SIGKILL.
-fn send(process: &Process, signal: Signal) {
-    let pid = i32::try_from(process.id()).ok().and_then(rustix::process::Pid::from_raw);
-    if let Some(pid) = pid {
-        // The process was not waited for yet, so the id cannot belong to another one. If it just ended, no signal is
-        // needed.
-        let _ = rustix::process::kill_process(pid, signal);
-    }
 }

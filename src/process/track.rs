@@ -2,8 +2,9 @@
 
 use super::clock::{Timeout, now};
 use super::frame_stamp::FrameStamp;
+use super::launch::Launch;
 use super::live_trigger::LiveTrigger;
-use super::resume::Resume;
+use super::resume::Reached;
 use super::setup::{SUCCESSION, analysis_params, expected_format, limits, update_exposure};
 use super::status_reporter::StatusReporter;
 use super::stop::Stop;
@@ -25,16 +26,16 @@ const SILENCE: Duration = Duration::from_secs(5);
 
 /// Tracks every body until the stream ends.
 ///
-/// `resumed` is the last state of a dead predecessor.
-///
 /// # Errors
 ///
 /// If shared memory cannot be used.
-pub fn run(config: &Config, resumed: Option<Resume>, stop: &Stop) -> Result<Summary, Failure> {
+pub fn run(config: &Config, launch: &Launch, stop: &Stop) -> Result<Summary, Failure> {
     let format = expected_format(config)?;
     config.check_calibration(format.width_px, format.height_px)?;
     let limits = limits(config, &format);
-    let bus = Bus::join_as(&config.rig.name, Role::Track.as_str(), SUCCESSION)?;
+    let bus = Bus::join_as(&config.rig.name, Role::Track.as_str(), SUCCESSION, launch.domain.as_ref())?;
+    let (reached, left) = Reached::open(&bus.private_file(Role::Track.as_str()))?;
+    let left = left.filter(|_| launch.is_restart);
     let mut reporter = StatusReporter::new(&bus, &limits, Role::Track, 0)?;
     reporter.set_queue(0, limits.field_depth() as u64);
     let mut loop_ = Loop {
@@ -49,7 +50,8 @@ pub fn run(config: &Config, resumed: Option<Resume>, stop: &Stop) -> Result<Summ
         format,
         reporter,
         summary: Summary::default(),
-        resumed: resumed.map(|resume| resume.sequence),
+        resumed: left.map(|(resume, _)| resume.sequence),
+        reached,
         shots: VecDeque::new(),
         shot: None,
         published_end: 0,
@@ -59,6 +61,7 @@ pub fn run(config: &Config, resumed: Option<Resume>, stop: &Stop) -> Result<Summ
     };
     let ear = bus.ear("field")?;
     let mut stream = StreamState::new(&bus, &limits)?;
+    bus.reserve()?;
     while !stop.requested() {
         let begins = stream.update()?;
         let events = stream.take();
@@ -95,7 +98,10 @@ struct Loop<'a> {
     ordered: Option<OrderedTracker>,
     reporter: StatusReporter,
     summary: Summary,
+    /// The newest frame of a dead predecessor.
     resumed: Option<u64>,
+    /// The newest published frame, for a successor.
+    reached: Reached,
     /// First frames of the coming hardware-triggered shots, and that of the current one.
     shots: VecDeque<u64>,
     shot: Option<u64>,
@@ -221,6 +227,7 @@ impl Loop<'_> {
             self.impacts.send(&ImpactMessage::new(impact, run_id))?;
         }
         if !rows.velocities.is_empty() {
+            self.reached.note(self.newest, 0);
             self.bell.ring();
         }
         self.summary.given += rows.velocities.len() as u64;

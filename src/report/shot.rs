@@ -171,8 +171,7 @@ impl Shot {
                     continue;
                 }
             };
-            let before = last.filter(|last| last.epoch == meta.epoch);
-            let missing = before.map_or(0, |last| meta.sequence.saturating_sub(last.sequence).saturating_sub(1));
+            let missing = last.map_or(0, |last| meta.sequence.saturating_sub(last.sequence).saturating_sub(1));
             self.frames.count += 1;
             self.frames.runs.push(meta.sequence);
             self.frames.lost += missing;

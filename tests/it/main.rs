@@ -84,6 +84,7 @@ mod study_convergence;
 mod study_design;
 mod study_speckle;
 mod support;
+mod survival;
 mod synth;
 mod synth_physics;
 mod tidy;

@@ -48,7 +48,7 @@ impl Grabbed {
 pub(super) fn grab(config: &Config, seconds: f64, stop: &Stop) -> Result<Grabbed, Failure> {
     let mut source = Source::open(config)?;
     let format = source.format();
-    let bus = Bus::join_as(&format!("check-{}", std::process::id()), "check", Duration::ZERO)?;
+    let bus = Bus::join_as(&format!("check-{}", std::process::id()), "check", Duration::ZERO, None)?;
     let limits = Limits { workers: 1, fields: 1, ring_frames: 1, held_frames: 1, field_points: 1 };
     let mut ring = bus.frame_publisher(&limits, format.slot_bytes())?;
     let is_live = source.pace() == Pace::Live;

@@ -1,19 +1,20 @@
 //! The recorder's input from one camera.
 
-use crate::bus::{Bus, BusError, FieldSubscriber, FrameSample, FrameSubscriber, Limits};
+use crate::bus::{Bus, BusError, FieldSubscriber, FrameSample, FrameSubscriber, Limits, Subscriber};
 use crate::camera::{CameraIdentity, StreamFormat};
 use crate::config::{Config, TriggerMode};
 use crate::failure::Failure;
-use crate::message::{Event, EventKind, Role};
+use crate::message::{Event, EventKind, Progress, Role};
 use crate::process::frame_stamp::FrameStamp;
-use crate::process::resume::Resume;
+use crate::process::launch::Launch;
+use crate::process::resume::Reached;
 use crate::process::setup::{SUCCESSION, analysis_params, expected_format, limits, truth_world, update_exposure};
 use crate::process::status_reporter::StatusReporter;
 use crate::process::stream_state::StreamState;
 use crate::results::{BodyStep, PairField};
 use crate::synth::SimulatedFilm;
 use crate::track::TrackerParams;
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::rc::Rc;
 
 /// A camera's frames and measured steps.
@@ -42,17 +43,28 @@ pub(super) struct CameraFeed<'a> {
     runs: Vec<u64>,
     /// Whether readiness for the current run was published.
     is_ready_published: bool,
+    /// One past the last frame that a dead predecessor wrote.
+    pub(super) predecessor_end: Option<u64>,
+    /// The newest frame that was handed to the system, for a successor.
+    reached: Reached,
+    progress: Subscriber<Progress>,
+    /// The latest progress of each worker.
+    workers: BTreeMap<u32, Progress>,
+    // Dropped last: it holds the recorder's role.
+    pub(super) bus: Bus,
 }
 
 impl<'a> CameraFeed<'a> {
-    /// Joins the rig of a camera; also returns its bus.
-    pub(super) fn open(name: &str, config: &'a Config, resume: Option<Resume>) -> Result<(Self, Bus), Failure> {
+    /// Joins the rig of a camera.
+    pub(super) fn open(name: &str, config: &'a Config, launch: &Launch) -> Result<Self, Failure> {
         let format = expected_format(config)?;
         config.check_ring(format.slot_bytes(), format.frame_rate_hz)?;
         config.check_calibration(format.width_px, format.height_px)?;
         let limits = limits(config, &format);
-        let bus = Bus::join_as(&config.rig.name, Role::Record.as_str(), SUCCESSION)?;
-        let feed = Self {
+        let bus = Bus::join_as(&config.rig.name, Role::Record.as_str(), SUCCESSION, launch.domain.as_ref())?;
+        let (reached, left) = Reached::open(&bus.private_file(Role::Record.as_str()))?;
+        let left = left.filter(|_| launch.is_restart);
+        Ok(Self {
             name: name.to_owned(),
             frames: bus.frame_subscriber(&limits)?,
             fields: bus.field_subscriber(&limits)?,
@@ -69,9 +81,13 @@ impl<'a> CameraFeed<'a> {
             config,
             format,
             limits,
-            resumed: resume.is_some(),
-        };
-        Ok((feed, bus))
+            resumed: launch.is_restart,
+            predecessor_end: left.map(|(resume, _)| resume.sequence + 1),
+            reached,
+            progress: bus.subscriber(&limits)?,
+            workers: BTreeMap::new(),
+            bus,
+        })
     }
 
     /// Whether its camera is prepared.
@@ -102,6 +118,37 @@ impl<'a> CameraFeed<'a> {
     /// Returns the number of frames per block.
     pub(super) fn block_frames(&self) -> u64 {
         u64::from(self.config.workers.block_frames)
+    }
+
+    /// Notes that the system has all frames that were written.
+    pub(super) fn note_written(&mut self) {
+        if self.newest != FrameStamp::default() {
+            self.reached.note(self.newest, 0);
+        }
+    }
+
+    /// Reads the progress of the workers.
+    pub(super) fn update_progress(&mut self) -> Result<(), BusError> {
+        while let Some(progress) = self.progress.take()? {
+            if progress.role == Role::Correlate as u32 {
+                self.workers.insert(progress.index, progress);
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether every worker has published all its steps before `end`, so that a missing one will never come.
+    ///
+    /// A block is measured once the frames that its last pairs reach into have come.
+    pub(super) fn is_measured_before(&self, end: u64) -> bool {
+        let reach = self.params.intervals_frames().max().unwrap_or(1);
+        let needed = end.next_multiple_of(self.block_frames()) + u64::from(reach) + 1;
+        // A worker that was restarted reports no frame before its first one.
+        let has_passed = |progress: &Progress| {
+            let is_past = progress.next_sequence >= needed && progress.next_sequence < u64::MAX;
+            self.takes(progress.run_id) && (progress.done == 1 || is_past)
+        };
+        (0..self.config.workers.count).all(|index| self.workers.get(&index).is_some_and(has_passed))
     }
 
     /// Returns the prefix of messages about this camera.

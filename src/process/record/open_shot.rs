@@ -33,6 +33,8 @@ pub(super) struct CameraProgress {
     pub(super) shot: Option<u32>,
     /// Steps near the end, until it is known which ones lead out of the shot.
     waiting: Vec<(BodyStep, Option<PairField>)>,
+    /// Number of frames at its end that never came.
+    cut: u64,
 }
 
 /// A shot that is being written.
@@ -53,6 +55,7 @@ impl OpenShot {
             drained: false,
             shot: None,
             waiting: Vec::new(),
+            cut: 0,
         };
         let period_ns = feeds.first().map_or(0.0, CameraFeed::period_ns);
         Self {
@@ -111,7 +114,26 @@ impl OpenShot {
         let Some(end) = progress.end else { return false };
         let passed = feed.held.front().is_some_and(|sample| sample.header().sequence >= end);
         let whole = self.shot.next_frame(camera) >= end || passed || progress.drained;
-        whole && (self.shot.has_steps_before(camera, end) || progress.silence.has_expired())
+        whole
+            && (self.shot.has_steps_before(camera, end)
+                || feed.is_measured_before(end)
+                || progress.silence.has_expired())
+    }
+
+    /// Ends a camera's part with its last frame, if the frames after it will never come: the camera has died. The file
+    /// then has the rows of its frames alone.
+    pub(super) fn cut(&mut self, camera: usize) -> Result<(), RecordingError> {
+        let (next, Some(end)) = (self.shot.next_frame(camera), self.progress[camera].end) else { return Ok(()) };
+        if next >= end || !self.shot.has_begun(camera) {
+            return Ok(());
+        }
+        self.progress[camera].cut += end - next;
+        self.set_end(camera, next)
+    }
+
+    /// Returns the number of frames of a camera that are missing in the shot.
+    pub(super) fn lost(&self, camera: usize) -> u64 {
+        self.shot.lost(camera) + self.progress[camera].cut
     }
 
     /// Returns the end of each camera's part.

@@ -131,7 +131,7 @@ impl Recorder<'_> {
         let of = |feed: &CameraFeed<'_>| recording_info(feed.config, &feed.format, &feed.identity, cause);
         let mut info = of(&self.feeds[0]);
         for feed in &self.feeds {
-            let picture = reference_picture::kept(feed.config).map(reference_picture::attached);
+            let picture = reference_picture::kept(feed.config, &feed.bus).map(reference_picture::attached);
             let named = |(name, kind, content): (String, String, Vec<u8>)| match feed.name.as_str() {
                 "" => (name, kind, content),
                 view => (format!("{view}/{name}"), kind, content),
@@ -199,7 +199,8 @@ impl Recorder<'_> {
         };
         let Some(first) = first else { return Ok(()) };
         if open.window == ShotWindow::ALL {
-            self.summary.lost += first.saturating_sub(seen);
+            let due = self.feeds[camera].predecessor_end.take().unwrap_or(seen).min(seen);
+            self.summary.lost += first.saturating_sub(due);
         }
         let end = open.progress[camera].end;
         self.begin_camera(camera, first, end)

@@ -1,0 +1,96 @@
+//! The private folder of a user: locks, and what processes need to find the shared memory of a rig.
+//!
+//! Nobody else can enter it, so nobody else can take a role, take a name, or put something in place of what is read there.
+
+use super::BusError;
+use std::fs::{DirBuilder, File, OpenOptions};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+
+/// The variable that replaces the folder.
+const VARIABLE: &str = "RICOCHET_RUNTIME_DIR";
+/// The maximum length of its path: the address of a local socket in it has at most 107 bytes.
+const MAX_PATH_BYTES: usize = 35;
+
+/// Returns the folders in which rigs of this user may be found, the one for new rigs first.
+///
+/// A process without a login session, such as a service, has no session folder. So a rig may be in any of them.
+pub(super) fn candidates() -> Vec<PathBuf> {
+    if let Some(path) = std::env::var_os(VARIABLE).filter(|path| !path.is_empty()) {
+        return vec![path.into()];
+    }
+    let user = rustix::process::geteuid().as_raw();
+    let session = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from);
+    let login = Some(PathBuf::from(format!("/run/user/{user}")));
+    // The session folder of another user remains in the environment of `su` and `sudo`.
+    let own = |path: &PathBuf| path.metadata().is_ok_and(|found| found.is_dir() && found.uid() == user);
+    let mut folders: Vec<PathBuf> =
+        session.into_iter().chain(login).filter(own).map(|path| path.join("ricochet")).collect();
+    folders.dedup();
+    folders.push(PathBuf::from(format!("/tmp/ricochet-{user}")));
+    folders
+}
+
+/// Creates the folder for new rigs, or checks that nobody else can enter it.
+///
+/// # Errors
+///
+/// [`BusError::Folder`] if it belongs to another user, can be entered by others, or has too long a path.
+pub(super) fn open() -> Result<PathBuf, BusError> {
+    let path = candidates().swap_remove(0);
+    private(&path)?;
+    if path.as_os_str().len() > MAX_PATH_BYTES {
+        let reason = format!("its path is longer than {MAX_PATH_BYTES} bytes");
+        return Err(BusError::Folder { path, reason });
+    }
+    Ok(path)
+}
+
+/// Creates a folder that only this user can enter, or checks that it is one.
+pub(super) fn private(path: &Path) -> Result<(), BusError> {
+    let fail = |reason: String| BusError::Folder { path: path.to_owned(), reason };
+    let created = DirBuilder::new().mode(0o700).create(path);
+    if let Some(error) = created.err().filter(|error| error.kind() != std::io::ErrorKind::AlreadyExists) {
+        return Err(fail(error.to_string()));
+    }
+    let found = path.symlink_metadata().map_err(|error| fail(error.to_string()))?;
+    let (user, owner, mode) = (rustix::process::geteuid().as_raw(), found.uid(), found.mode() & 0o7777);
+    match () {
+        () if !found.is_dir() => Err(fail("it is no folder".into())),
+        () if owner != user => Err(fail(format!("it belongs to user {owner}, not to user {user}"))),
+        () if mode & 0o077 != 0 => Err(fail(format!("others can enter it (mode {mode:o}, must be 700)"))),
+        () => Ok(()),
+    }
+}
+
+/// Opens a file in a private folder for locks and notes; creates it if needed.
+pub(super) fn file(path: &Path) -> std::io::Result<File> {
+    OpenOptions::new().read(true).write(true).create(true).truncate(false).mode(0o600).open(path)
+}
+
+/// Returns some random hexadecimal digits.
+pub(super) fn random_name() -> std::io::Result<String> {
+    let mut bytes = [0; 6];
+    std::io::Read::read_exact(&mut File::open("/dev/urandom")?, &mut bytes)?;
+    Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::PermissionsExt;
+
+    #[test]
+    fn a_folder_that_others_can_enter_or_that_is_a_link_is_refused() {
+        let parent = std::env::temp_dir().join(format!("ricochet-test-{}", std::process::id()));
+        private(&parent).unwrap();
+        let (open, link) = (parent.join("open"), parent.join("link"));
+        private(&open).unwrap();
+        private(&open).unwrap();
+        std::fs::set_permissions(&open, std::fs::Permissions::from_mode(0o750)).unwrap();
+        assert!(private(&open).unwrap_err().to_string().contains("others can enter it (mode 750"));
+        std::os::unix::fs::symlink(&parent, &link).unwrap();
+        assert!(private(&link).unwrap_err().to_string().contains("it is no folder"));
+        std::fs::remove_dir_all(&parent).unwrap();
+    }
+}
