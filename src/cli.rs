@@ -218,8 +218,9 @@ fn one_line(text: &str) -> String {
 pub fn is_supervised(command: &Command) -> bool {
     match command {
         Command::Acquire(role) | Command::Correlate(role) | Command::Track(role) | Command::Record(role) => {
-            role.domain.is_some()
+            role.supervised.domain.is_some()
         }
+        Command::Serve(options) => options.supervised.domain.is_some(),
         _ => false,
     }
 }

@@ -22,6 +22,9 @@ const POINTER: &str = "iceoryx2.toml";
 const MEMBERS: &str = "members";
 /// The lock of the process that decides on the domain of a rig.
 const SUPERVISOR: &str = "run";
+/// The lock of a process that looks for the domain of a rig, and creates one if there is none.
+const LOCK: &str = "lock";
+const LOCK_PATIENCE: Duration = Duration::from_secs(5);
 /// The file of a domain whose processes end with their supervisor.
 const SUPERVISED: &str = "supervised";
 
@@ -197,8 +200,7 @@ pub(super) fn join_or_create(rig: &str) -> Result<Member, BusError> {
         return Ok(member);
     }
     let (runtime, folder) = open_rig(rig)?;
-    let lock = runtime::file(&folder.join("lock")).and_then(|file| file.lock().map(|()| file));
-    let _lock = lock.map_err(|error| BusError::Folder { path: folder.clone(), reason: error.to_string() })?;
+    let _lock = lock(&folder)?;
     match existing(&runtime, rig).and_then(|domain| domain.join()) {
         Some(member) => Ok(member),
         None => {
@@ -226,6 +228,7 @@ pub(super) fn renew(rig: &str, role: &str, renewal: &Renewal<'_>) -> Result<(Mem
     let taken = |role: &str| BusError::Taken { rig: rig.to_owned(), role: role.to_owned() };
     let (runtime, folder) = open_rig(rig)?;
     let claim = Claim::take(&folder.join(SUPERVISOR), Duration::ZERO)?.ok_or_else(|| taken(role))?;
+    let _lock = lock(&folder)?;
     if let Some(domain) = of_rig(rig) {
         // The processes of a dead supervisor end by themselves. Processes started one by one keep their roles.
         if let (Some(role), false) = (domain.claims(rig).first(), domain.folder.join(SUPERVISED).exists()) {
@@ -256,6 +259,13 @@ fn open_rig(rig: &str) -> Result<(PathBuf, PathBuf), BusError> {
     runtime::private(&runtime.join("rigs"))?;
     runtime::private(&folder)?;
     Ok((runtime, folder))
+}
+
+/// Takes the right to decide on the domain of a rig, which a process has for milliseconds.
+fn lock(folder: &Path) -> Result<Claim, BusError> {
+    let path = folder.join(LOCK);
+    Claim::take(&path, LOCK_PATIENCE)?
+        .ok_or_else(|| BusError::Folder { path, reason: "a process that hangs has locked it".into() })
 }
 
 /// Lets the rig's file lead to a domain.

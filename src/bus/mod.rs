@@ -155,6 +155,11 @@ impl Bus {
         let _ = self.node().try_cleanup_dead_nodes();
     }
 
+    /// Whether a rig of this name runs. Unlike a look after [`join`](Self::join), this creates nothing.
+    pub fn is_running(rig: &str) -> bool {
+        domain::of_rig(rig).is_some_and(|domain| !domain.claims(rig).is_empty())
+    }
+
     /// Whether any process of this rig is alive, listeners aside.
     pub fn is_alive(&self) -> bool {
         !self.domain().claims(&self.rig).is_empty()

@@ -109,7 +109,19 @@ impl Bus {
     ///
     /// [`BusError::Service`] when shared memory cannot be used.
     pub fn publisher<T: Topic>(&self, limits: &Limits) -> Result<Publisher<T>, BusError> {
-        let service = self.topic_service::<T>(limits)?;
+        self.write(self.topic_service::<T>(limits)?)
+    }
+
+    /// Creates a publisher of this topic for a process that does not know the limits of the rig.
+    ///
+    /// # Errors
+    ///
+    /// [`BusError::NoRig`] when the rig is not running.
+    pub fn guest_publisher<T: Topic>(&self) -> Result<Publisher<T>, BusError> {
+        self.write(self.existing_service::<T>()?)
+    }
+
+    fn write<T: Topic>(&self, service: Service<T>) -> Result<Publisher<T>, BusError> {
         let port = service
             .publisher_builder()
             .max_loaned_samples(2)
@@ -135,16 +147,18 @@ impl Bus {
     /// [`BusError::NoRig`] when the rig is not running.
     pub fn listen<T: Topic>(&self) -> Result<Subscriber<T>, BusError> {
         self.follow()?;
-        let service =
-            self.node().service_builder(&self.service_name(T::NAME)?).publish_subscribe::<T>().open().map_err(
-                |error| match error {
-                    iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError::DoesNotExist => {
-                        BusError::NoRig { rig: self.rig.clone(), service: self.full_name(T::NAME) }
-                    }
-                    other => BusError::new("open", &self.full_name(T::NAME), other),
-                },
-            )?;
-        self.read(service)
+        self.read(self.existing_service::<T>()?)
+    }
+
+    fn existing_service<T: Topic>(&self) -> Result<Service<T>, BusError> {
+        use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
+        let opened = self.node().service_builder(&self.service_name(T::NAME)?).publish_subscribe::<T>().open();
+        opened.map_err(|error| match error {
+            PublishSubscribeOpenError::DoesNotExist => {
+                BusError::NoRig { rig: self.rig.clone(), service: self.full_name(T::NAME) }
+            }
+            other => BusError::new("open", &self.full_name(T::NAME), other),
+        })
     }
 
     fn read<T: Topic>(&self, service: Service<T>) -> Result<Subscriber<T>, BusError> {

@@ -9,7 +9,7 @@ use crate::config::Config;
 use crate::console::{Outcome, UsageError, print_line, progress};
 use crate::failure::Failure;
 use crate::message::Role;
-use crate::process::{self, Child, Stop, Summary};
+use crate::process::{self, Child, Extras, Stop, Summary};
 use crate::recording::Recording;
 use std::path::PathBuf;
 use stream::Streamed;
@@ -139,7 +139,7 @@ fn play(played: &Played, stop: &Stop) -> Result<Summary, Failure> {
     let total = played.recording.frame_count();
     let bar = progress::frames(total, "replay");
     let tracker = Child::first(Role::Track);
-    let summary = process::supervise(&played.config, stop, |latest| {
+    let summary = process::supervise(&played.config, stop, Extras::default(), |latest| {
         if let Some(status) = latest.get(&tracker) {
             bar.set_position(status.given.min(total));
         }

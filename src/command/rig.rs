@@ -1,12 +1,11 @@
 //! `ricochet run` and the commands that run one process of a rig.
 
-use super::serve::PageProcess;
 use crate::bus::Domain;
 use crate::config::Config;
 use crate::console::Outcome;
 use crate::failure::Failure;
 use crate::message::Role;
-use crate::process::{self, Launch, Stop, Summary};
+use crate::process::{self, Extras, Launch, Page, Stop, Summary};
 use std::path::{Path, PathBuf};
 
 /// The options of one process of a rig.
@@ -20,6 +19,14 @@ pub struct RoleOptions {
     /// Index of the correlation worker, from 0.
     #[arg(long, default_value_t = 0)]
     pub worker: u32,
+    /// The options of a process with a supervisor.
+    #[command(flatten)]
+    pub supervised: SupervisedOptions,
+}
+
+/// The options that a supervisor gives to the processes that it starts.
+#[derive(Debug, Clone, PartialEq, Eq, clap::Args)]
+pub struct SupervisedOptions {
     /// The name that error messages use for a file read from standard input.
     #[arg(long, hide = true)]
     pub origin: Option<String>,
@@ -32,18 +39,25 @@ pub struct RoleOptions {
     pub restarted: bool,
 }
 
+impl SupervisedOptions {
+    /// Returns how the process was started. From now on it ends with its supervisor, if it has one.
+    pub(super) fn launch(&self, stop: &Stop) -> Launch {
+        Launch {
+            domain: self.domain.as_deref().map(Domain::in_folder),
+            is_restart: self.restarted,
+            steps: self.domain.as_ref().map(|_| process::follow_supervisor(stop)),
+        }
+    }
+}
+
 /// Runs one process of a rig until its stream ends or a stop is requested.
 ///
 /// # Errors
 ///
 /// Any error of the process.
 pub fn role(role: Role, options: &RoleOptions, stop: &Stop) -> Result<Outcome, Failure> {
-    let config = load(&options.config, options.origin.as_deref())?;
-    let launch = Launch {
-        domain: options.domain.as_deref().map(Domain::in_folder),
-        is_restart: options.restarted,
-        steps: options.domain.as_ref().map(|_| process::follow_supervisor(stop)),
-    };
+    let config = load(&options.config, options.supervised.origin.as_deref())?;
+    let launch = options.supervised.launch(stop);
     let config = match &options.camera {
         Some(_) if role == Role::Record => {
             return Err(crate::console::UsageError(
@@ -79,7 +93,7 @@ pub fn role(role: Role, options: &RoleOptions, stop: &Stop) -> Result<Outcome, F
         Role::Correlate => process::correlate(config, options.worker, &launch, stop)?,
         Role::Track => process::track(config, &launch, stop)?,
         Role::Record => process::record(config, &launch, stop)?,
-        Role::Supervise => process::supervise(config, stop, |_| ())?,
+        Role::Supervise | Role::Serve => return Err(Failure::internal("no process of frames")),
     };
     Ok(outcome(&summary))
 }
@@ -90,10 +104,9 @@ pub fn role(role: Role, options: &RoleOptions, stop: &Stop) -> Result<Outcome, F
 ///
 /// When a process cannot be started or cannot continue.
 pub fn run(config: &Path, stop: &Stop) -> Result<Outcome, Failure> {
-    let path = config;
-    let config = load(path, None)?;
-    let _page = PageProcess::start(&config, path)?;
-    let summary = process::supervise(&config, stop, |_| ())?;
+    let config = load(config, None)?;
+    let extras = Extras { page: Page::Served, ..Extras::default() };
+    let summary = process::supervise(&config, stop, extras, |_| ())?;
     // Older recordings may have been deleted to make room.
     for path in summary.recordings.iter().filter(|path| path.exists()) {
         crate::console::print_line(&path.display().to_string());
@@ -105,7 +118,7 @@ fn outcome(summary: &Summary) -> Outcome {
     Outcome::of_rig(summary)
 }
 
-fn load(path: &Path, origin: Option<&str>) -> Result<Config, Failure> {
+pub(super) fn load(path: &Path, origin: Option<&str>) -> Result<Config, Failure> {
     if path != Path::new("-") {
         let config = Config::load(path)?;
         config.check_sources()?;

@@ -16,6 +16,8 @@ named_enum! {
         Record = 4 "record",
         /// Supervises the others.
         Supervise = 5 "run",
+        /// Serves the operator's page.
+        Serve = 6 "serve",
     }
 }
 

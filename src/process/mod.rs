@@ -39,5 +39,5 @@ pub use shot::{FrameRange, Shot, recording_info};
 pub use stepping::StepControl;
 pub use stop::Stop;
 pub use summary::Summary;
-pub use supervise::{Child, run as supervise, run_stepped as supervise_stepped};
+pub use supervise::{Child, Extras, Page, run as supervise};
 pub use track::run as track;

@@ -2,6 +2,7 @@
 
 mod child;
 mod heartbeat;
+mod page;
 mod restarts;
 mod service_manager;
 
@@ -19,7 +20,7 @@ use crate::bus::{self, Bus, Subscriber};
 use crate::config::{Config, TriggerMode};
 use crate::failure::{ExitCode, Failure, Fatal};
 use crate::message::{Event, EventKind, Role, StatusMessage};
-pub use child::Child;
+pub use child::{Child, Page};
 use child::{Running, Start};
 use heartbeat::{Heartbeat, process_state};
 use service_manager::ServiceManager;
@@ -81,13 +82,10 @@ impl<'a> CameraGroup<'a> {
 pub struct Supervisor<'a> {
     program: PathBuf,
     children: BTreeMap<Child, Running>,
-    /// One per camera.
-    groups: Vec<CameraGroup<'a>>,
     events: Subscriber<Event>,
     /// The latest status of each process.
     statuses: BTreeMap<Child, StatusMessage>,
     reporter: StatusReporter,
-    bus: Bus,
     clean_up: PeriodicTimer,
     summary: Summary,
     restarts: u64,
@@ -95,6 +93,17 @@ pub struct Supervisor<'a> {
     draining: Option<Timeout>,
     leader: Option<Sender<StepControl>>,
     manager: ServiceManager,
+    /// One per camera, the main one first. Dropped last, since everything else is open on its bus.
+    groups: Vec<CameraGroup<'a>>,
+}
+
+/// The extras of a supervised rig; by default there are none.
+#[derive(Debug, Default)]
+pub struct Extras {
+    /// Controls a stepped camera; without it, standard input does.
+    pub leader: Option<Sender<StepControl>>,
+    /// Whether the page is served.
+    pub page: Page,
 }
 
 /// Runs every process of a rig until its stream ends or it is asked to stop.
@@ -107,23 +116,10 @@ pub struct Supervisor<'a> {
 pub fn run(
     config: &Config,
     stop: &Stop,
-    watch: impl FnMut(&BTreeMap<Child, StatusMessage>),
-) -> Result<Summary, Failure> {
-    run_stepped(config, stop, None, watch)
-}
-
-/// Like [`run`], but a stepped camera is controlled through `leader`; without one, through standard input.
-///
-/// # Errors
-///
-/// See [`run`].
-pub fn run_stepped(
-    config: &Config,
-    stop: &Stop,
-    leader: Option<Sender<StepControl>>,
+    extras: Extras,
     mut watch: impl FnMut(&BTreeMap<Child, StatusMessage>),
 ) -> Result<Summary, Failure> {
-    let mut supervisor = Supervisor::start(config, leader)?;
+    let mut supervisor = Supervisor::start(config, extras)?;
     let outcome = supervisor.watch(stop, &mut watch);
     supervisor.stop_all();
     supervisor.receive()?;
@@ -158,35 +154,35 @@ impl<'a> Supervisor<'a> {
     /// # Errors
     ///
     /// If a process cannot be started, or shared memory cannot be used.
-    pub fn start(config: &'a Config, leader: Option<Sender<StepControl>>) -> Result<Self, Failure> {
+    pub fn start(config: &'a Config, extras: Extras) -> Result<Self, Failure> {
         if let Some(record) = &config.record {
             prepare_directory(record)?;
         }
         let bus = Bus::supervise(&config.rig.name, Role::Supervise.as_str(), None)?;
         let limits = limits(config, &expected_format(config)?);
-        let mut groups = vec![CameraGroup::open("", config, Bus::join(&config.rig.name, Role::Supervise.as_str())?)?];
+        let mut groups = vec![CameraGroup::open("", config, bus)?];
         for view in &config.views {
-            let view_bus = Bus::supervise(&view.config.rig.name, Role::Supervise.as_str(), Some(&bus))?;
+            let view_bus = Bus::supervise(&view.config.rig.name, Role::Supervise.as_str(), Some(&groups[0].bus))?;
             groups.push(CameraGroup::open(&view.name, &view.config, view_bus)?);
         }
+        let bus = &groups[0].bus;
         let mut supervisor = Self {
             program: std::env::current_exe()?,
             children: BTreeMap::new(),
-            groups,
             events: bus.subscriber(&limits)?,
             statuses: BTreeMap::new(),
-            reporter: StatusReporter::new(&bus, &limits, Role::Supervise, 0)?,
-            bus,
+            reporter: StatusReporter::new(bus, &limits, Role::Supervise, 0)?,
+            groups,
             clean_up: PeriodicTimer::new(CLEAN_UP_PERIOD),
             summary: Summary::default(),
             restarts: 0,
             draining: None,
-            leader,
+            leader: extras.leader,
             manager: ServiceManager::connect(),
         };
         let recorder = config.record.iter().map(|_| Child::first(Role::Record));
         let cameras = (0..).zip(&supervisor.groups).flat_map(|(camera, group)| group.children(camera));
-        let children: Vec<Child> = recorder.chain(cameras).collect();
+        let children: Vec<Child> = recorder.chain(cameras).chain(page::child(config, extras.page)).collect();
         let rings = supervisor.groups.iter().map(|group| group.ring_bytes);
         bus::check_room(rings.sum(), children.len())?;
         for child in children {
@@ -194,6 +190,11 @@ impl<'a> Supervisor<'a> {
             supervisor.spawn(child, Start::First)?;
         }
         Ok(supervisor)
+    }
+
+    /// The bus of the main camera.
+    fn bus(&self) -> &Bus {
+        &self.groups[0].bus
     }
 
     /// Starts one process.
@@ -213,6 +214,8 @@ impl<'a> Supervisor<'a> {
         // order.
         let is_stepped = child.role == Role::Acquire && config.camera.stepped;
         let stdout = match &self.leader {
+            // The page prints its address.
+            _ if child.role == Role::Serve => Stdio::inherit(),
             _ if !is_stepped => Stdio::null(),
             Some(_) => Stdio::piped(),
             None => Stdio::inherit(),
@@ -231,11 +234,11 @@ impl<'a> Supervisor<'a> {
     }
 
     fn watch(&mut self, stop: &Stop, watch: &mut dyn FnMut(&BTreeMap<Child, StatusMessage>)) -> Result<(), Failure> {
-        while self.running_count() > 0 {
+        while self.is_filming() {
             self.receive()?;
             watch(&self.statuses);
             if self.clean_up.due() {
-                self.bus.clean_up_dead();
+                self.bus().clean_up_dead();
             }
             if stop.requested() && self.draining.is_none() {
                 self.end(|child| child.role == Role::Acquire);
@@ -262,9 +265,15 @@ impl<'a> Supervisor<'a> {
         self.children.values().filter(|running| running.is_alive()).count()
     }
 
+    /// Whether a process other than the page is alive.
+    fn is_filming(&self) -> bool {
+        self.children.iter().any(|(child, running)| child.role != Role::Serve && running.is_alive())
+    }
+
     /// Counts what the processes that have not finished by now leave undone.
     fn count_unfinished(&mut self) {
-        let unfinished = || self.children.iter().filter(|(_, running)| running.is_alive()).map(|(child, _)| *child);
+        let is_unfinished = |(child, running): &(&Child, &Running)| child.role != Role::Serve && running.is_alive();
+        let unfinished = || self.children.iter().filter(is_unfinished).map(|(child, _)| *child);
         let sequence = |child: &Child| self.statuses.get(child).map(|status| status.sequence);
         let behind = |child: Child| {
             let newest = sequence(&Child { role: Role::Acquire, index: 0, ..child })?;
@@ -314,9 +323,7 @@ impl<'a> Supervisor<'a> {
                 if let Some(role) = Role::from_number(status.role) {
                     let child = Child { camera, role, index: status.index };
                     // The last words of a predecessor are no sign of life.
-                    if let Some(running) = self.children.get_mut(&child)
-                        && running.process.as_ref().is_some_and(|process| process.id() == status.pid)
-                    {
+                    if let Some(running) = self.children.get_mut(&child).filter(|it| it.is_process(status.pid)) {
                         running.heartbeat.note();
                     }
                     self.statuses.insert(child, status);
@@ -344,6 +351,7 @@ impl<'a> Supervisor<'a> {
                     running.code = Some(code);
                     self.count_losses(child, code);
                 }
+                _ if child.role == Role::Serve => self.replace_page(child, status)?,
                 code => self.handle_death(child, code, status)?,
             }
         }
@@ -371,7 +379,7 @@ impl<'a> Supervisor<'a> {
         self.summary.faults += 1;
         self.summary.lost += counted;
         self.summary.causes.push(format!("{name} ended with {status}{memory}{losses}"));
-        self.bus.clean_up_dead();
+        self.bus().clean_up_dead();
         let Some(running) = self.children.get_mut(&child) else { return Ok(()) };
         // A refused configuration, a missing camera or an unreadable film will not get better by a restart.
         let is_reported = matches!(code, Some(2..=3)) || (child.role == Role::Acquire && code == Some(5));
@@ -415,7 +423,9 @@ impl<'a> Supervisor<'a> {
 
     fn publish_status(&mut self) -> Result<(), Failure> {
         let newest = self.statuses.values().map(frame_of).max().unwrap_or_default();
-        let is_ready = self.children.keys().all(|child| self.statuses.contains_key(child));
+        let has_reported =
+            |(child, running): (&Child, &Running)| running.code.is_some() || self.statuses.contains_key(child);
+        let is_ready = self.children.iter().all(has_reported);
         let (statuses, restarts) = (&self.statuses, self.restarts);
         self.manager.report(is_ready, || {
             let cameras = statuses.iter().filter(|(child, _)| child.role == Role::Acquire);
@@ -461,7 +471,7 @@ impl<'a> Supervisor<'a> {
             let _ = process.kill();
             let _ = process.wait();
         }
-        self.bus.clean_up_dead();
+        self.bus().clean_up_dead();
     }
 }
 

@@ -17,6 +17,7 @@ mod numbers;
 mod page;
 mod picture;
 mod picture_feed;
+mod pulse;
 mod rig_state;
 mod routes;
 mod rows;
@@ -34,16 +35,18 @@ pub use rows::json_cells;
 
 use crate::config::Config;
 use crate::failure::{ExitCode, Failure, Fatal};
-use crate::process::Stop;
+use crate::process::{Launch, Stop};
 use access::Token;
 use app::App;
 use clock::now;
+use pulse::Pulse;
 use rows::RowContext;
 use shots::Shots;
+use std::io::ErrorKind;
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
-use std::time::{Duration, SystemTime};
+use std::time::{Duration, Instant, SystemTime};
 use topics::Link;
 use watcher::{Outputs, Watcher};
 
@@ -51,6 +54,10 @@ use watcher::{Outputs, Watcher};
 const NICE: i32 = 5;
 /// Interval of looking for recordings that other programs have changed.
 const LOOK: Duration = Duration::from_secs(2);
+/// Time for the page of the run before to end.
+const SUCCESSION: Duration = Duration::from_secs(5);
+/// Interval of trying to take the address.
+const RETRY: Duration = Duration::from_millis(100);
 /// Time for open requests at the end.
 const END_TIMEOUT: Duration = Duration::from_secs(1);
 
@@ -91,15 +98,61 @@ pub enum Offer {
     Foxglove(SocketAddr),
 }
 
+/// A page to serve.
+#[derive(Debug)]
+pub struct Service<'a> {
+    /// The rig.
+    pub config: &'a Config,
+    /// The address of the page.
+    pub address: SocketAddr,
+    /// Whether a supervisor started the process.
+    pub launch: &'a Launch,
+}
+
+impl Service<'_> {
+    /// Takes the address. The page of a run that has just died may still have it for a moment.
+    fn listen(&self, stop: &Stop) -> Result<TcpListener, AddressError> {
+        let began = now();
+        loop {
+            match TcpListener::bind(self.address) {
+                Err(error) if error.kind() == ErrorKind::AddrInUse && self.may_wait(began, stop) => {
+                    std::thread::sleep(RETRY);
+                }
+                bound => return bound.map_err(|reason| AddressError { address: self.address, reason }),
+            }
+        }
+    }
+
+    /// Starts the server for Foxglove viewers, in the same way.
+    async fn start_foxglove(
+        &self,
+        app: &Arc<App>,
+        address: SocketAddr,
+        stop: &Stop,
+    ) -> Result<SocketAddr, FoxgloveAddressError> {
+        let began = now();
+        loop {
+            match foxglove::start(app, address).await {
+                Err(_) if self.may_wait(began, stop) => tokio::time::sleep(RETRY).await,
+                bound => return bound.map_err(|error| FoxgloveAddressError { address, reason: error.to_string() }),
+            }
+        }
+    }
+
+    fn may_wait(&self, began: Instant, stop: &Stop) -> bool {
+        self.launch.domain.is_some() && began.elapsed() < SUCCESSION && !stop.requested()
+    }
+}
+
 /// Serves the page of a rig until a stop is requested. `announce` gets each address once it can be opened.
 ///
 /// # Errors
 ///
 /// When the address or the token cannot be used, or shared memory fails.
-pub fn run(config: &Config, address: SocketAddr, stop: &Stop, announce: impl Fn(Offer)) -> Result<(), Failure> {
+pub fn run(service: &Service<'_>, stop: &Stop, announce: impl Fn(Offer)) -> Result<(), Failure> {
+    let config = service.config;
     let token = config.serve.token_file.as_deref().map(Token::read).transpose()?;
-    let fail = |reason| AddressError { address, reason };
-    let listener = TcpListener::bind(address).map_err(fail)?;
+    let listener = service.listen(stop)?;
     listener.set_nonblocking(true)?;
     let bound = listener.local_addr()?;
     if let Err(error) = rustix::process::nice(NICE) {
@@ -107,9 +160,15 @@ pub fn run(config: &Config, address: SocketAddr, stop: &Stop, announce: impl Fn(
     }
     let app = Arc::new(App::new(Arc::new(config.clone()), token));
     let link = Link::new(stop);
+    let pulse = service.launch.domain.as_ref().map(|_| Pulse::default());
     let (recorded, wake) = sync_channel(1);
-    let outputs =
-        Outputs { impact: app.impact.clone(), events: app.events.clone(), state: app.state.clone(), recorded };
+    let outputs = Outputs {
+        impact: app.impact.clone(),
+        events: app.events.clone(),
+        state: app.state.clone(),
+        recorded,
+        pulse: pulse.clone(),
+    };
     std::thread::scope(|scope| {
         let (app, link) = (&app, &link);
         scope.spawn(move || read_shots(&app.shots, &wake, stop));
@@ -121,24 +180,35 @@ pub fn run(config: &Config, address: SocketAddr, stop: &Stop, announce: impl Fn(
         scope.spawn(|| picture_feed::run(&app.config, &app.pictures, link));
         scope.spawn(|| Watcher::new(&app.config, link, &app.shots, &app.control, outputs).run());
         announce(Offer::Page(bound));
-        let served = serve_until(listener, app, stop, &announce);
+        let served = serve_until(listener, app, &Server { service, stop, pulse: pulse.unwrap_or_default() }, &announce);
         // The threads end too.
         stop.request();
         served
     })
 }
 
+/// The server's thread: what it serves, and until when.
+struct Server<'a> {
+    service: &'a Service<'a>,
+    stop: &'a Stop,
+    pulse: Pulse,
+}
+
 /// Runs the server on the thread that calls it.
-fn serve_until(listener: TcpListener, app: &Arc<App>, stop: &Stop, announce: &impl Fn(Offer)) -> Result<(), Failure> {
+fn serve_until(
+    listener: TcpListener,
+    app: &Arc<App>,
+    server: &Server<'_>,
+    announce: &impl Fn(Offer),
+) -> Result<(), Failure> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;
     runtime.block_on(async {
         let listener = tokio::net::TcpListener::from_std(listener)?;
+        tokio::spawn(server.pulse.clone().beat());
         if let Some(address) = app.config.serve.foxglove {
-            let bound = foxglove::start(app, address).await;
-            let bound = bound.map_err(|error| FoxgloveAddressError { address, reason: error.to_string() })?;
-            announce(Offer::Foxglove(bound));
+            announce(Offer::Foxglove(server.service.start_foxglove(app, address, server.stop).await?));
         }
-        server::serve(listener, routes::router(Arc::clone(app)), stop).await;
+        server::serve(listener, routes::router(Arc::clone(app)), server.stop).await;
         Ok::<(), Failure>(())
     })?;
     runtime.shutdown_timeout(END_TIMEOUT);

@@ -2,7 +2,7 @@
 
 use super::clock::now;
 use super::picture::{Picture, PictureEncoder};
-use super::topics::{Link, follow_rig};
+use super::topics::{Link, Run, follow_rig};
 use crate::bus::{Bus, BusError, FrameSubscriber, Subscriber};
 use crate::config::{Config, Scale};
 use crate::image::Frame;
@@ -32,13 +32,13 @@ pub(super) type Pictures = Sender<Option<Arc<Picture>>>;
 /// Publishes pictures until a stop is requested.
 pub(super) fn run(config: &Config, pictures: &Pictures, link: &Link) {
     let mut encoder = PictureEncoder::default();
-    follow_rig(&config.rig.name, link, |bus| {
-        while link.is_up() {
+    follow_rig(&config.rig.name, link, |run| {
+        while run.is_up() {
             if pictures.receiver_count() == 0 {
                 std::thread::sleep(IDLE);
                 continue;
             }
-            show(&View::open(bus, config)?, &mut encoder, pictures, link)?;
+            show(&View::open(&run.bus, config)?, &mut encoder, pictures, run)?;
         }
         Ok(())
     });
@@ -58,9 +58,9 @@ impl<'a> View<'a> {
 }
 
 /// Publishes pictures as long as somebody watches.
-fn show(view: &View<'_>, encoder: &mut PictureEncoder, pictures: &Pictures, link: &Link) -> Result<(), BusError> {
+fn show(view: &View<'_>, encoder: &mut PictureEncoder, pictures: &Pictures, run: &Run<'_>) -> Result<(), BusError> {
     let mut rows = VecDeque::new();
-    while link.is_up() && pictures.receiver_count() > 0 {
+    while run.is_up() && pictures.receiver_count() > 0 {
         let begin = now();
         let Some(picture) = take(view, encoder, &mut rows)? else {
             std::thread::sleep(PAUSE);

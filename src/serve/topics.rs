@@ -7,7 +7,7 @@ use super::rows::{self, RowContext};
 use crate::bus::{Bus, BusError};
 use crate::message::VelocityMessage;
 use crate::process::Stop;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 /// The maximum wait for a notification.
@@ -19,25 +19,33 @@ const RETRY: Duration = Duration::from_millis(200);
 #[derive(Debug)]
 pub(super) struct Link {
     pub(super) stop: Stop,
-    is_running: AtomicBool,
+    /// The number of the run that is followed; 0 while the rig does not run.
+    run: AtomicU64,
+    /// The number of runs so far.
+    runs: AtomicU64,
     /// The stamp of the stream's first frame, ns since the Unix epoch; 0 while it is unknown.
     origin_ns: AtomicU64,
 }
 
 impl Link {
     pub(super) fn new(stop: &Stop) -> Self {
-        Self { stop: stop.clone(), is_running: AtomicBool::new(false), origin_ns: AtomicU64::new(0) }
+        Self { stop: stop.clone(), run: AtomicU64::new(0), runs: AtomicU64::new(0), origin_ns: AtomicU64::new(0) }
     }
 
-    /// Notes whether a process of the rig is alive, and when its stream began.
-    pub(super) fn set(&self, is_running: bool, origin_ns: Option<u64>) {
-        self.is_running.store(is_running, Ordering::Relaxed);
+    /// Notes that a run of the rig is followed from now on. Each has shared memory of its own.
+    pub(super) fn begin_run(&self) {
+        let run = self.runs.fetch_add(1, Ordering::Relaxed) + 1;
+        self.run.store(run, Ordering::Relaxed);
+    }
+
+    /// Notes that no process of the rig is alive.
+    pub(super) fn end_run(&self) {
+        self.run.store(0, Ordering::Relaxed);
+    }
+
+    /// Notes when the stream of the rig began.
+    pub(super) fn set_origin(&self, origin_ns: Option<u64>) {
         self.origin_ns.store(origin_ns.unwrap_or(0), Ordering::Relaxed);
-    }
-
-    /// Whether the rig runs and the server goes on.
-    pub(super) fn is_up(&self) -> bool {
-        self.is_running.load(Ordering::Relaxed) && !self.stop.requested()
     }
 
     pub(super) fn origin_ns(&self) -> Option<u64> {
@@ -45,13 +53,29 @@ impl Link {
     }
 }
 
-/// Calls `follow` whenever the rig runs, until a stop is requested.
+/// One run of the rig, as a thread follows it.
+#[derive(Debug)]
+pub(super) struct Run<'a> {
+    pub(super) bus: Bus,
+    pub(super) link: &'a Link,
+    number: u64,
+}
+
+impl Run<'_> {
+    /// Whether this run of the rig lasts and the server goes on.
+    pub(super) fn is_up(&self) -> bool {
+        self.link.run.load(Ordering::Relaxed) == self.number && !self.link.stop.requested()
+    }
+}
+
+/// Calls `follow` for each run of the rig, until a stop is requested.
 ///
 /// Between the calls nothing of the rig is held open, so that its successor can have other limits.
-pub(super) fn follow_rig(rig: &str, link: &Link, mut follow: impl FnMut(&Bus) -> Result<(), BusError>) {
+pub(super) fn follow_rig(rig: &str, link: &Link, mut follow: impl FnMut(&Run<'_>) -> Result<(), BusError>) {
     while !link.stop.requested() {
-        if link.is_up() {
-            match Bus::join(rig, "serve").and_then(|bus| follow(&bus)) {
+        let number = link.run.load(Ordering::Relaxed);
+        if number > 0 {
+            match Bus::join(rig, "serve").and_then(|bus| follow(&Run { bus, link, number })) {
                 Ok(()) | Err(BusError::NoRig { .. }) => {}
                 Err(error) => log::warn!("{error}; trying again"),
             }
@@ -62,10 +86,10 @@ pub(super) fn follow_rig(rig: &str, link: &Link, mut follow: impl FnMut(&Bus) ->
 
 /// Sends the rows of `velocity` to the clients that follow them.
 pub(super) fn velocities(rig: &str, mut context: RowContext, feed: &Feed, link: &Link) {
-    follow_rig(rig, link, |bus| {
-        let topic = bus.listen::<VelocityMessage>()?;
-        let ear = bus.ear("velocity")?;
-        while link.is_up() {
+    follow_rig(rig, link, |run| {
+        let topic = run.bus.listen::<VelocityMessage>()?;
+        let ear = run.bus.ear("velocity")?;
+        while run.is_up() {
             context.origin_ns = link.origin_ns();
             let mut batch = Vec::new();
             while let Some(message) = topic.take()? {

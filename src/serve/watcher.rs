@@ -3,6 +3,7 @@
 use super::clock::now;
 use super::control::Control;
 use super::feed::{BATCH_ROWS, Feed};
+use super::pulse::{Heart, Pulse};
 use super::rig_state::RigState;
 use super::rows::{self, RowContext};
 use super::shots::Shots;
@@ -33,6 +34,8 @@ pub(super) struct Outputs {
     pub(super) state: watch::Sender<Arc<str>>,
     /// Wakes the reader of the recordings.
     pub(super) recorded: std::sync::mpsc::SyncSender<()>,
+    /// The turns of the server, for the supervisor of this process.
+    pub(super) pulse: Option<Pulse>,
 }
 
 /// The topics of a running rig.
@@ -41,17 +44,20 @@ struct Topics {
     events: Subscriber<Event>,
     impacts: Subscriber<ImpactMessage>,
     statuses: Subscriber<StatusMessage>,
+    heart: Option<Heart>,
     bus: Bus,
 }
 
 impl Topics {
     /// Opens the topics of a rig; `None` when it does not run.
-    fn open(rig: &str) -> Result<Option<Self>, BusError> {
-        let bus = Bus::join(rig, "serve")?;
-        if !bus.is_alive() {
+    fn open(rig: &str, pulse: Option<&Pulse>) -> Result<Option<Self>, BusError> {
+        if !Bus::is_running(rig) {
             return Ok(None);
         }
-        Ok(Some(Self { events: bus.listen()?, impacts: bus.listen()?, statuses: bus.listen()?, bus }))
+        let bus = Bus::join(rig, "serve")?;
+        let (events, impacts, statuses) = (bus.listen()?, bus.listen()?, bus.listen()?);
+        let heart = pulse.map(|pulse| Heart::new(&bus, pulse.clone())).transpose()?;
+        Ok(Some(Self { events, impacts, statuses, heart, bus }))
     }
 }
 
@@ -95,12 +101,12 @@ impl<'a> Watcher<'a> {
                 checked = Some(now());
                 self.check(&mut topics);
             }
-            let news = topics.as_ref().map_or(Ok(false), |open| self.read(open)).unwrap_or_else(|error| {
+            let news = topics.as_mut().map_or(Ok(false), |open| self.read(open)).unwrap_or_else(|error| {
                 log::warn!("{error}; trying again");
                 topics = None;
                 true
             });
-            self.link.set(self.rig.is_running, self.rig.origin_ns);
+            self.link.set_origin(self.rig.origin_ns);
             if news || is_due(looked, STATUS_PERIOD) {
                 looked = Some(now());
                 let text = self.snapshot();
@@ -122,18 +128,27 @@ impl<'a> Watcher<'a> {
             *topics = None;
             self.rig.reset();
         }
-        if topics.is_none() {
-            *topics = Topics::open(&self.config.rig.name).unwrap_or_else(|error| {
+        let is_new = topics.is_none();
+        if is_new {
+            *topics = Topics::open(&self.config.rig.name, self.outputs.pulse.as_ref()).unwrap_or_else(|error| {
                 // The processes may be about to create them.
                 log::debug!("{error}; trying again");
                 None
             });
         }
         self.rig.is_running = topics.is_some();
+        match topics {
+            Some(_) if is_new => self.link.begin_run(),
+            Some(_) => {}
+            None => self.link.end_run(),
+        }
     }
 
     /// Reads all topics; returns whether there was an event or a collision.
-    fn read(&mut self, topics: &Topics) -> Result<bool, BusError> {
+    fn read(&mut self, topics: &mut Topics) -> Result<bool, BusError> {
+        if let Some(heart) = &mut topics.heart {
+            heart.beat()?;
+        }
         let now_s = self.now_s();
         for status in all(&topics.statuses)? {
             self.rig.status(&status, now_s);

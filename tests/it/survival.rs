@@ -1,6 +1,7 @@
 //! What a rig survives: deaths, signals and hangs of each process, a full memory, other users.
 
 mod memory;
+mod page;
 mod users;
 
 use crate::pipeline::drift;

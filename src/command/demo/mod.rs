@@ -7,7 +7,7 @@ use crate::config::{BodyKind, Config, Scale};
 use crate::console::{Outcome, Overwrite, UsageError, print_line, progress, table, write_file};
 use crate::failure::Failure;
 use crate::message::Role;
-use crate::process::{self, Child, Stop};
+use crate::process::{self, Child, Extras, Stop};
 use crate::recording::Recording;
 use crate::report::{self, Experiment, Figure, Shot};
 use crate::results::{Estimate, Impact};
@@ -96,7 +96,7 @@ pub fn run(options: &DemoOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let total = process::truth_world(&config)?.map_or(0, |world| world.frames());
     let bar = progress::frames(total, "measure");
     let tracker = Child::first(Role::Track);
-    let summary = process::supervise(&config, stop, |latest| {
+    let summary = process::supervise(&config, stop, Extras::default(), |latest| {
         if let Some(status) = latest.get(&tracker) {
             bar.set_position(status.given.min(total));
         }

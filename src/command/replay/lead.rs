@@ -4,7 +4,7 @@ use super::{Played, Rate, Tempo};
 use crate::camera::replay::TimeRange;
 use crate::failure::Failure;
 use crate::image::FrameMeta;
-use crate::process::{self, StepControl, Stop, Summary};
+use crate::process::{self, Extras, StepControl, Stop, Summary};
 use crate::recording::{Frames, RecordingError};
 use std::io::{BufRead, Write};
 use std::sync::mpsc::{self, Receiver};
@@ -25,7 +25,8 @@ pub(super) fn play(played: &[Played], tempo: Tempo, stop: &Stop) -> Result<(Vec<
         players.push(Player::new(one, control)?);
         let (config, stop) = (one.config.clone(), stop.clone());
         runs.push(thread::spawn(move || {
-            let summary = process::supervise_stepped(&config, &stop, Some(leader), |_| ());
+            let extras = Extras { leader: Some(leader), ..Extras::default() };
+            let summary = process::supervise(&config, &stop, extras, |_| ());
             if summary.is_err() {
                 stop.request();
             }

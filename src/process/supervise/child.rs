@@ -24,6 +24,16 @@ impl Child {
     }
 }
 
+/// Whether a supervisor also serves the page that the rig file asks for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Page {
+    /// It does not.
+    #[default]
+    None,
+    /// It does.
+    Served,
+}
+
 /// Whether a process starts with the rig or replaces one that died.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Start {
@@ -48,5 +58,10 @@ pub(super) struct Running {
 impl Running {
     pub(super) fn is_alive(&self) -> bool {
         self.process.is_some() || self.waits_for_memory
+    }
+
+    /// Whether this is still the process with that number.
+    pub(super) fn is_process(&self, pid: u32) -> bool {
+        self.process.as_ref().is_some_and(|process| process.id() == pid)
     }
 }

@@ -12,7 +12,8 @@ fn has_own_memory(test: &str) -> bool {
     let script = "mount -t tmpfs -o size=256m tmpfs /dev/shm || exit 77; exec \"$0\" --exact --nocapture \"$1\"";
     let program = std::env::current_exe().unwrap();
     let test = format!("survival::memory::{test}");
-    let runtime = tempfile::TempDir::new().unwrap();
+    let private = std::os::unix::fs::PermissionsExt::from_mode(0o700);
+    let runtime = tempfile::Builder::new().permissions(private).tempdir().unwrap();
     let output = Command::new("unshare")
         .args(["--mount", "sh", "-c", script])
         .arg(program)

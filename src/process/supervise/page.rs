@@ -1,0 +1,39 @@
+//! The operator's page of a rig. Its process is started, watched and replaced like the others, but loses no frames.
+
+use super::child::{Child, Page};
+use super::{Supervisor, frame_of};
+use crate::config::Config;
+use crate::failure::Failure;
+use crate::message::{EventKind, Role};
+use std::process::ExitStatus;
+
+/// The exit code of a process whose settings are refused, such as an address that is taken.
+const REFUSED: i32 = 2;
+
+/// Returns the process of the page, if the rig file has a `[serve]` table that does not turn it off.
+pub(super) fn child(config: &Config, page: Page) -> Option<Child> {
+    let is_wanted = page == Page::Served && config.serve.is_given && config.serve.http.is_some();
+    is_wanted.then(|| Child::first(Role::Serve))
+}
+
+impl Supervisor<'_> {
+    /// Replaces the process of the page after its death. The rig also runs without a page, and has lost nothing.
+    pub(super) fn replace_page(&mut self, child: Child, status: ExitStatus) -> Result<(), Failure> {
+        let last = self.statuses.remove(&child).unwrap_or_default();
+        let Some(running) = self.children.get_mut(&child) else { return Ok(()) };
+        // It has printed the reason of a refusal.
+        if status.code() == Some(REFUSED) || !running.deaths.allow_another() {
+            running.code = status.code().or(Some(1));
+            log::warn!("the page ended with {status}; the rig runs without it");
+            return Ok(());
+        }
+        let text = format!("{} ended with {status} and was restarted", self.name(child));
+        log::warn!("{text}");
+        if let Some(running) = self.children.get_mut(&child) {
+            running.waits_for_memory = true;
+        }
+        self.restarts += 1;
+        self.reporter.event(EventKind::Restarted, frame_of(&last), &text)?;
+        self.restart_waiting()
+    }
+}

@@ -1,0 +1,51 @@
+//! The heartbeat of the page's process, which shows its supervisor that the server answers.
+
+use super::clock::now;
+use crate::bus::{Bus, BusError, Publisher};
+use crate::message::{Role, StatusMessage};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+/// Interval of the heartbeats.
+const PERIOD: Duration = Duration::from_millis(200);
+
+/// The number of times that the server's thread has taken its turn.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Pulse(Arc<AtomicU64>);
+
+impl Pulse {
+    /// Counts the turns of the server's thread, which stop when it hangs.
+    pub(super) async fn beat(self) {
+        loop {
+            self.0.fetch_add(1, Ordering::Relaxed);
+            tokio::time::sleep(PERIOD).await;
+        }
+    }
+}
+
+/// Publishes the heartbeat as a status message.
+#[derive(Debug)]
+pub(super) struct Heart {
+    pulse: Pulse,
+    status: Publisher<StatusMessage>,
+    last: (u64, Instant),
+}
+
+impl Heart {
+    /// Opens the status of a running rig.
+    pub(super) fn new(bus: &Bus, pulse: Pulse) -> Result<Self, BusError> {
+        Ok(Self { pulse, status: bus.guest_publisher()?, last: (0, now()) })
+    }
+
+    /// Publishes a status if the server has taken a turn since the last one.
+    pub(super) fn beat(&mut self) -> Result<(), BusError> {
+        let turns = self.pulse.0.load(Ordering::Relaxed);
+        if turns == self.last.0 || self.last.1.elapsed() < PERIOD {
+            return Ok(());
+        }
+        self.last = (turns, now());
+        let (role, pid) = (Role::Serve as u32, std::process::id());
+        self.status.send(&StatusMessage { role, pid, ..StatusMessage::default() })
+    }
+}
