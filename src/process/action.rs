@@ -7,6 +7,8 @@ use super::frame_stamp::FrameStamp;
 use crate::bus::Bus;
 use crate::config::Config;
 use crate::message::{Command as Request, ReplyCode};
+use rustix::process::{Pid, Signal, kill_process_group};
+use std::os::unix::process::CommandExt;
 use std::process::{Command, Stdio};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
@@ -123,15 +125,15 @@ impl Action {
     /// Performs the action; both results describe it for the event.
     fn perform(&self, rig: &str, cause: &TriggerCause) -> Result<String, String> {
         match self {
-            Self::Run(command) => run(command, rig, cause),
+            Self::Run(command) => run(command, rig, cause, PROGRAM_TIMEOUT),
             Self::Post(url) => post(url, rig, cause),
             Self::Trigger(other) => trigger(other),
         }
     }
 }
 
-/// Runs a program to its end, with the trigger in its environment.
-fn run(command: &[String], rig: &str, cause: &TriggerCause) -> Result<String, String> {
+/// Runs a program to its end, with the trigger in its environment, and ends it with all that it has started at the limit.
+fn run(command: &[String], rig: &str, cause: &TriggerCause, limit: Duration) -> Result<String, String> {
     let mut child = Command::new(&command[0])
         .args(&command[1..])
         .env("RICOCHET_RIG", rig)
@@ -140,16 +142,17 @@ fn run(command: &[String], rig: &str, cause: &TriggerCause) -> Result<String, St
         .env("RICOCHET_CAUSE", &cause.text)
         .stdin(Stdio::null())
         .stdout(Stdio::null())
+        .process_group(0)
         .spawn()
         .map_err(|error| error.to_string())?;
-    let timeout = Timeout::new(PROGRAM_TIMEOUT);
+    let timeout = Timeout::new(limit);
     loop {
         match child.try_wait() {
             Ok(Some(status)) if status.success() => return Ok("ended with 0".into()),
             Ok(Some(status)) => return Err(format!("ended with {status}")),
             Err(error) => return Err(error.to_string()),
             Ok(None) if timeout.has_expired() => {
-                let _ = child.kill();
+                let _ = kill_process_group(Pid::from_child(&child), Signal::KILL);
                 let _ = child.wait();
                 return Err("killed".into());
             }
@@ -181,5 +184,30 @@ fn trigger(other: &str) -> Result<String, String> {
         Some(ReplyCode::Accepted) => Ok("triggered".into()),
         Some(code) => Err(code.as_str().to_owned()),
         None => Err("no answer".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_program_that_runs_too_long_ends_with_all_that_it_has_started() {
+        let folder = std::env::temp_dir().join(format!("ricochet-action-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let note = folder.join("pid");
+        let script = format!("sleep 600 & echo $! > {}; wait", note.display());
+        let command = ["/bin/sh".to_owned(), "-c".into(), script];
+        let cause = TriggerCause { frame: FrameStamp::default(), text: String::new() };
+        let outcome = run(&command, "rig", &cause, Duration::from_millis(500));
+        assert_eq!(outcome, Err("killed".to_owned()));
+        let grandchild = std::fs::read_to_string(&note).unwrap();
+        let state = || std::fs::read_to_string(format!("/proc/{}/stat", grandchild.trim())).unwrap_or_default();
+        let timeout = Timeout::new(Duration::from_secs(10));
+        while !(state().is_empty() || state().contains(") Z ")) {
+            assert!(!timeout.has_expired(), "{}", state());
+            std::thread::sleep(POLL_PERIOD);
+        }
+        std::fs::remove_dir_all(&folder).unwrap();
     }
 }

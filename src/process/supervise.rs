@@ -26,7 +26,7 @@ use heartbeat::{Heartbeat, process_state};
 use service_manager::ServiceManager;
 use std::any::Any;
 use std::collections::BTreeMap;
-use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Command, ExitStatus, Stdio};
 use std::sync::mpsc::Sender;
@@ -40,8 +40,6 @@ const CLEAN_UP_PERIOD: Duration = Duration::from_millis(250);
 const DRAIN_TIMEOUT: Duration = Duration::from_secs(60);
 /// Time for the processes to finish after a stop was requested.
 const STOP_DRAIN_TIMEOUT: Duration = Duration::from_secs(20);
-/// Signal of a process whose memory the system could not provide.
-const SIGBUS: i32 = 7;
 /// Time for a process to end after it was asked to.
 const STOP_TIMEOUT: Duration = Duration::from_secs(3);
 
@@ -221,6 +219,7 @@ impl<'a> Supervisor<'a> {
             None => Stdio::inherit(),
         };
         command.env_remove(service_manager::ADDRESS).stdin(Stdio::piped()).stdout(stdout).process_group(0);
+        let free_bytes = bus::free_bytes();
         let mut process = command.spawn()?;
         let line = process.stdin.take().map(|stdin| Line::open(stdin, &config.text));
         if let (true, Some(line)) = (is_stepped, &line) {
@@ -228,6 +227,7 @@ impl<'a> Supervisor<'a> {
         }
         if let Some(running) = self.children.get_mut(&child) {
             running.heartbeat = Heartbeat::default();
+            running.free_at_start_bytes = free_bytes;
             (running.process, running.line, running.waits_for_memory) = (Some(process), line, false);
         }
         Ok(())
@@ -369,9 +369,11 @@ impl<'a> Supervisor<'a> {
     fn handle_death(&mut self, child: Child, code: Option<i32>, status: ExitStatus) -> Result<(), Failure> {
         let role = child.role.as_str();
         let last = self.statuses.remove(&child).unwrap_or_default();
-        let memory = match status.signal() {
-            Some(SIGBUS) => format!(" for want of shared memory ({} bytes are free in /dev/shm)", bus::free_bytes()),
-            _ => String::new(),
+        let Some(running) = self.children.get_mut(&child) else { return Ok(()) };
+        let is_memory = running.lacked_memory(status);
+        let memory = match is_memory {
+            true => format!(" for want of shared memory ({} bytes are free in /dev/shm)", bus::free_bytes()),
+            false => String::new(),
         };
         let name = self.name(child);
         let counted = last.lost + last.dropped;
@@ -383,7 +385,6 @@ impl<'a> Supervisor<'a> {
         let Some(running) = self.children.get_mut(&child) else { return Ok(()) };
         // A refused configuration, a missing camera or an unreadable film will not get better by a restart.
         let is_reported = matches!(code, Some(2..=3)) || (child.role == Role::Acquire && code == Some(5));
-        let is_memory = bus::check_room(0, 1).is_err();
         if is_reported || !(is_memory || running.deaths.allow_another()) {
             return Err(ChildFailure { role, code: code.unwrap_or(1), is_reported }.into());
         }
@@ -403,13 +404,8 @@ impl<'a> Supervisor<'a> {
     /// Restarts the processes that died, once there is room for them.
     fn restart_waiting(&mut self) -> Result<(), Failure> {
         let waiting: Vec<Child> =
-            self.children.iter().filter(|(_, running)| running.waits_for_memory).map(|(child, _)| *child).collect();
-        for child in waiting {
-            if bus::check_room(0, 1).is_ok() {
-                self.spawn(child, Start::Again)?;
-            }
-        }
-        Ok(())
+            self.children.iter().filter(|(_, running)| running.has_room()).map(|(child, _)| *child).collect();
+        waiting.into_iter().try_for_each(|child| self.spawn(child, Start::Again))
     }
 
     /// Returns the name of a process for messages.

@@ -4,11 +4,17 @@ use std::collections::BTreeMap;
 
 use crate::results::{BodyStep, PointStatus};
 
+/// Number of missing frames that may have rows of their own, in addition to one for each measured frame.
+const FREE_LOST_FRAMES: u64 = 1000;
+
 /// A buffer that puts steps that arrive in blocks into (frame, body) order.
 ///
 /// The output does not depend on the order of arrival as long as everything arrives. A missing step is given up when a
 /// step `patience_frames` newer arrives, or on request. A row with status `lost` takes its place, with a stamp
 /// interpolated between its neighbours. Steps that arrive later are dropped and counted.
+///
+/// A gap so long that more frames would be missing than were measured has the rows of its first frame alone. Its length
+/// is the distance to the next frame. So a jump of the numbers takes no memory.
 #[derive(Debug, Clone)]
 pub struct ReorderBuffer {
     bodies: u32,
@@ -23,6 +29,11 @@ pub struct ReorderBuffer {
     emitted: [Option<BodyStep>; 2],
     lost: u64,
     late: u64,
+    measured_frames: u64,
+    /// Whether a step of the next frame was emitted already.
+    has_step: bool,
+    /// The number of frames with rows of their own whose steps never came.
+    lost_frames: u64,
 }
 
 impl ReorderBuffer {
@@ -39,6 +50,9 @@ impl ReorderBuffer {
             emitted: [None; 2],
             lost: 0,
             late: 0,
+            measured_frames: 0,
+            has_step: false,
+            lost_frames: 0,
         }
     }
 
@@ -75,7 +89,7 @@ impl ReorderBuffer {
 
     /// Ends the stream with `last_frame`: every row up to that frame can be popped now.
     pub fn finish(&mut self, last_frame: u64) {
-        self.give_up_before(last_frame + 1);
+        self.give_up_before(last_frame.saturating_add(1));
     }
 
     /// Returns the next step in order, or the row of a lost one; `None` while it may still arrive.
@@ -86,15 +100,18 @@ impl ReorderBuffer {
         loop {
             let next = self.next?;
             let row = match self.waiting.remove(&next) {
-                Some(step) => Some(step),
+                Some(step) => {
+                    self.has_step = true;
+                    Some(step)
+                }
                 None if self.is_given_up(next.0) => {
                     self.lost += 1;
                     self.lost_row(next.0, next.1)
                 }
                 None => return None,
             };
-            self.next =
-                Some(if next.1 + 1 < self.bodies * self.intervals() { (next.0, next.1 + 1) } else { (next.0 + 1, 0) });
+            let is_last = next.1 + 1 == self.bodies * self.intervals();
+            self.next = Some(if is_last { (self.end_frame(next.0), 0) } else { (next.0, next.1 + 1) });
             if let Some(step) = row {
                 self.store_emitted(step);
                 return Some(step);
@@ -120,6 +137,25 @@ impl ReorderBuffer {
     /// The number of steps held back.
     pub fn waiting(&self) -> usize {
         self.waiting.len()
+    }
+
+    /// Ends a frame whose rows were all emitted; returns the next one.
+    fn end_frame(&mut self, frame: u64) -> u64 {
+        let next = frame.saturating_add(1);
+        if std::mem::take(&mut self.has_step) {
+            self.measured_frames += 1;
+            return next;
+        }
+        let given_up =
+            self.give_up_before.max(self.newest_frame.saturating_sub(self.patience_frames).saturating_add(1));
+        let waiting = self.waiting.first_key_value().map_or(u64::MAX, |(key, _)| key.0);
+        let left = given_up.min(waiting).saturating_sub(next);
+        self.lost_frames += 1;
+        if self.lost_frames.saturating_add(left) <= self.measured_frames + FREE_LOST_FRAMES {
+            return next;
+        }
+        self.lost = self.lost.saturating_add(left.saturating_mul(u64::from(self.bodies * self.intervals())));
+        next + left
     }
 
     fn intervals(&self) -> u32 {
@@ -266,6 +302,32 @@ mod tests {
         order.give_up_before(9);
         assert_eq!(drain(&mut order).len(), 10);
         assert_eq!(order.lost(), 8);
+    }
+
+    #[test]
+    fn a_jump_of_the_numbers_is_one_row_and_counted_whole() {
+        let far = 1 << 50;
+        for patience_frames in [10, u64::MAX] {
+            let mut order = ReorderBuffer::new(2, vec![1], patience_frames);
+            order.start_at(0);
+            let frames: Vec<u64> = (0..50).chain(far..far + 50).collect();
+            frames.iter().for_each(|frame| (0..2).for_each(|body| order.push(step(*frame, body))));
+            order.finish(far + 49);
+            let out = drain(&mut order);
+            let mut kept: Vec<u64> = out.iter().filter(|row| row.body == 1).map(|row| row.frame).collect();
+            let gap = kept.remove(50);
+            assert_eq!((gap, &kept), (50, &frames), "one row for the gap");
+            assert_eq!(order.lost(), 2 * (far - 50));
+        }
+    }
+
+    #[test]
+    fn a_stream_without_a_step_ends_at_once_however_long_it_is() {
+        let mut order = ReorderBuffer::new(1, vec![1], 10);
+        order.start_at(3);
+        order.finish(u64::MAX - 1);
+        assert!(order.pop().is_none());
+        assert_eq!(order.lost(), u64::MAX - 4);
     }
 
     #[test]

@@ -291,6 +291,17 @@ fn phantom_images_are_upright_in_either_storage_order() {
 }
 
 #[test]
+fn a_phantom_file_whose_images_begin_at_one_place_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut file = cine(8, 3, 8, 8, &vec![vec![1; 24]; 3]);
+    let table = 84 + 1000;
+    let first = file[table..table + 8].to_vec();
+    file[table + 16..table + 24].copy_from_slice(&first);
+    let line = refusal(&write_cine(folder.path(), &file), None);
+    assert!(line.contains("images 0 and 2 begin at the same byte, 1108"), "{line}");
+}
+
+#[test]
 fn packed_phantom_images_are_spread_to_12_bits_top_row_first() {
     let folder = tempfile::tempdir().unwrap();
     // Codes and the levels that Phantom software assigns to them.

@@ -392,3 +392,45 @@ fn requests_that_wait_together_are_all_carried_out_in_their_order() {
     let wanted = ["triggered", "disarmed", "armed", "triggered", "disarmed", "armed", "disarmed", "armed"];
     assert_eq!(kinds, wanted);
 }
+
+/// Answers a request with one byte per second for as long as it is read.
+fn dripping() -> std::net::SocketAddr {
+    let server = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = server.local_addr().unwrap();
+    std::thread::spawn(move || {
+        let (mut stream, _) = server.accept().unwrap();
+        let answer = b"HTTP/1.1 200 OK\r\nServer: drips\r\n".iter().chain(std::iter::repeat(&b'a'));
+        for byte in answer {
+            if stream.write_all(&[*byte]).is_err() {
+                return;
+            }
+            std::thread::sleep(std::time::Duration::from_secs(1));
+        }
+    });
+    address
+}
+
+#[test]
+fn a_web_service_that_answers_byte_by_byte_holds_an_action_for_a_bounded_time() {
+    let rig = Rig::new();
+    let film = rig.file("drift.toml", &crate::pipeline::drift(100_000, 100.0));
+    let url = format!("http://{}/drop", dripping());
+    let config = rig.config(
+        &format!("source = \"simulated\"\nscenario = \"{}\"\npaced = true", film.display()),
+        &format!("[trigger]\nmode = \"software\"\npre_s = 0.1\npost_s = 0.1\nurl = \"{url}\"\n[workers]\ncount = 1"),
+    );
+    let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
+    wait_until("the trigger is accepted", || {
+        crate::support::run(["trigger", "--rig", rig.name.as_str()]).status.success().then_some(())
+    });
+    let listener =
+        Background::start(ricochet(["listen", "events", "--rig", rig.name.as_str(), "--json", "--wait", "60"]));
+    wait_until("the shot is recorded", || rig.recordings().pop());
+    std::thread::sleep(std::time::Duration::from_secs(7));
+    service.signal(2);
+    assert_eq!(service.end().0, Some(0));
+    let events = events(&listener.end().1);
+    let action = events.iter().find(|(kind, _)| kind == "action").unwrap_or_else(|| panic!("{events:#?}"));
+    let ms: u64 = action.1.split(" after ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+    assert!(action.1.contains("timeout") && (4000..7000).contains(&ms), "{action:?}");
+}

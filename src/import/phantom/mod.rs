@@ -21,6 +21,8 @@ const FILE_HEADER_BYTES: usize = 44;
 const BITMAP_HEADER_BYTES: usize = 40;
 /// `Compression` of the file header for colour images whose mosaic is stored as it is.
 const MOSAIC: u16 = 2;
+/// Bytes of the table of offsets that are read at a time.
+const TABLE_BYTES: u64 = 1 << 20;
 /// Maximum number of images in a file.
 const IMAGES: u32 = 1 << 24;
 
@@ -59,6 +61,7 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
     let timeline = cine.timeline(&setup, &blocks, fps, &mut warnings)?;
     let mut description = setup.description(cine.first_image);
     blocks.describe(&mut description);
+    cine.check_offsets()?;
     layout.check_levels(&cine, &mut warnings)?;
     let (shape, count) = (layout.shape, u64::from(cine.count));
     let (bits, grey_rule, aspect) = (layout.bits, layout.grey_rule(), layout.pixel_aspect);
@@ -149,10 +152,29 @@ impl Cine {
         Ok(bytes)
     }
 
+    /// Checks that no two images begin at the same place, so that a small file cannot stand for a long film.
+    fn check_offsets(&self) -> Result<(), ImportError> {
+        let (mut at, end) = (self.offsets, self.offsets.saturating_add(u64::from(self.count) * 8));
+        let mut offsets = Vec::new();
+        while at < end {
+            let bytes = self.read(at, (end - at).min(TABLE_BYTES) as usize)?;
+            at += bytes.len() as u64;
+            offsets.extend(
+                (offsets.len() as u32..).zip(bytes.chunks_exact(8)).map(|(number, entry)| (offset_at(entry), number)),
+            );
+        }
+        offsets.sort_unstable();
+        let same = offsets.windows(2).find(|pair| pair[1].0 == pair[0].0);
+        same.map_or(Ok(()), |pair| {
+            let (first, second, place) = (pair[0].1, pair[1].1, pair[0].0);
+            Err(self.invalid(format!("images {first} and {second} begin at the same byte, {place}")))
+        })
+    }
+
     /// Reads the stored bytes of an image, `number` counted from 0.
     fn stored(&self, number: u64) -> Pixels {
         let offset = self.read(self.offsets.saturating_add(number * 8), 8)?;
-        let at = u64::from(u32_at(&offset, 0)) | u64::from(u32_at(&offset, 4)) << 32;
+        let at = offset_at(&offset);
         let annotation_bytes = u32_at(&self.read(at, 4)?, 0);
         if annotation_bytes < 8 {
             return Err(self.invalid(format!("image {number}: an annotation of {annotation_bytes} bytes at byte {at}")));
@@ -161,6 +183,11 @@ impl Cine {
         let stored = u32_at(&self.read(pixels_at - 4, 4)?, 0) as usize;
         self.read(pixels_at, stored)
     }
+}
+
+/// Returns the entry of the table of offsets.
+fn offset_at(entry: &[u8]) -> u64 {
+    u64::from(u32_at(entry, 0)) | u64::from(u32_at(entry, 4)) << 32
 }
 
 fn u16_at(bytes: &[u8], at: usize) -> u16 {

@@ -2,9 +2,18 @@
 
 use super::heartbeat::Heartbeat;
 use super::restarts::RecentDeaths;
+use crate::bus;
 use crate::message::Role;
 use crate::process::line::Line;
-use std::process::Child as Process;
+use std::os::unix::process::ExitStatusExt;
+use std::process::{Child as Process, ExitStatus};
+
+/// Signal of a process whose memory the system could not provide.
+const SIGBUS: i32 = 7;
+/// Exit code of a process that could not use shared memory.
+const BUS_FAILURE: i32 = 4;
+/// Free shared memory that every process of a rig finds enough, bytes.
+const SCARCE_BYTES: u64 = 128 << 20;
 
 /// A process of a rig.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -51,6 +60,10 @@ pub(super) struct Running {
     pub(super) heartbeat: Heartbeat,
     /// Whether it died and waits for free memory before it is started again.
     pub(super) waits_for_memory: bool,
+    /// The free shared memory when it was started, bytes.
+    pub(super) free_at_start_bytes: u64,
+    /// The free shared memory that it waits for, in addition to what every process needs, bytes.
+    pub(super) wanted_bytes: u64,
     /// Exit code of its last regular end.
     pub(super) code: Option<i32>,
 }
@@ -58,6 +71,19 @@ pub(super) struct Running {
 impl Running {
     pub(super) fn is_alive(&self) -> bool {
         self.process.is_some() || self.waits_for_memory
+    }
+
+    /// Whether it died because there was too little shared memory. It then waits for more than it was started with.
+    pub(super) fn lacked_memory(&mut self, status: ExitStatus) -> bool {
+        let is_suspect = status.signal() == Some(SIGBUS) || status.code() == Some(BUS_FAILURE);
+        let was_scarce = self.free_at_start_bytes < SCARCE_BYTES;
+        self.wanted_bytes = if is_suspect && was_scarce { self.free_at_start_bytes / 4 * 5 } else { 0 };
+        is_suspect && (was_scarce || bus::check_room(0, 1).is_err())
+    }
+
+    /// Whether it waits, and there is room for it now.
+    pub(super) fn has_room(&self) -> bool {
+        self.waits_for_memory && bus::check_room(self.wanted_bytes, 1).is_ok()
     }
 
     /// Whether this is still the process with that number.

@@ -10,6 +10,9 @@ use foxglove::messages::RawImage;
 use prost::Message as _;
 use std::sync::Arc;
 
+/// The maximum number of a frame, so that counting on never overflows.
+const MAX_SEQUENCE: u64 = 1 << 62;
+
 /// Frames in the order of their time, with one chunk in memory at a time.
 ///
 /// Frames of our own files have their full header. Those of other programs are numbered from 0, and their stamp is the
@@ -21,7 +24,24 @@ pub struct Frames {
     info_channels: Vec<Vec<u16>>,
     /// Sequence, log time and content of the last frame information.
     info: Option<(u32, u64, proto::FrameInfo)>,
+    /// The number of the last frame that was returned.
+    last: Option<FrameNumber>,
     index: u64,
+}
+
+/// The number of a frame as its file states it.
+#[derive(Debug, Clone, Copy)]
+struct FrameNumber {
+    file: u32,
+    epoch: u32,
+    sequence: u64,
+}
+
+impl FrameNumber {
+    /// Whether no camera gives this number after that one.
+    fn follows_not(&self, last: &Self) -> bool {
+        self.epoch < last.epoch || (self.epoch == last.epoch && self.sequence <= last.sequence)
+    }
 }
 
 impl Recording {
@@ -62,7 +82,13 @@ impl Recording {
             let cut = self.truncated().map(|reason| format!(" ({reason})")).unwrap_or_default();
             return Err(inner.invalid(format!("it has no frames{cut}")));
         }
-        Ok(Frames { messages: Messages::new(files)?, info_channels, info: None, index: 0 })
+        Ok(Frames {
+            messages: Messages::new(files)?.with_hidden_checked(),
+            info_channels,
+            info: None,
+            last: None,
+            index: 0,
+        })
     }
 
     /// Returns the header of the first frame.
@@ -192,7 +218,7 @@ impl Frames {
         let messages = self.messages_per_frame().saturating_mul(count);
         self.messages.skip_next(usize::try_from(messages).unwrap_or(usize::MAX));
         self.index = self.index.saturating_add(count);
-        self.info = None;
+        (self.info, self.last) = (None, None);
     }
 
     /// Returns the next frame; its pixels share the memory of their chunk.
@@ -213,6 +239,22 @@ impl Frames {
                 Ok(Some(frame)) => return Some(Ok(frame)),
                 Err(error) => return Some(Err(error)),
             }
+        }
+    }
+
+    /// Checks that the numbers of a file rise, unless the camera was opened again.
+    fn check_number(&mut self, file: u32, info: &proto::FrameInfo) -> Result<(), String> {
+        if info.sequence > MAX_SEQUENCE {
+            return Err(format!("number {} is larger than {MAX_SEQUENCE}", info.sequence));
+        }
+        let number = FrameNumber { file, epoch: info.epoch, sequence: info.sequence };
+        let last = self.last.replace(number);
+        match last.filter(|last| last.file == file && number.follows_not(last)) {
+            None => Ok(()),
+            Some(last) => Err(format!(
+                "number {} in epoch {} comes after number {} in epoch {}, but numbers rise",
+                number.sequence, number.epoch, last.sequence, last.epoch
+            )),
         }
     }
 
@@ -257,9 +299,10 @@ impl Frames {
             .ok_or_else(|| {
                 named(format!("pixel format {:#010x} does not match encoding {}", info.pixel_format, image.encoding))
             })?;
-        if !message.is_checked && crc32fast::hash(&image.data) != info.pixels_crc32 {
+        if crc32fast::hash(&image.data) != info.pixels_crc32 {
             return Err(named("its pixels are damaged: the CRC differs".into()));
         }
+        self.check_number(file, &info).map_err(named)?;
         meta.sequence = info.sequence;
         meta.epoch = info.epoch;
         meta.stamp_ns = info.stamp_ns;

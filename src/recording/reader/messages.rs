@@ -2,7 +2,7 @@
 
 use super::byte_source::{Source, Unreadable};
 use super::chunk_section::{self, Found};
-use super::scan::Section;
+use super::scan::{Coding, IndexRef, Section};
 use super::{Inner, Recording, RecordingError, unreadable};
 use crate::recording::record::MessageHeader;
 use bytes::Bytes;
@@ -52,6 +52,8 @@ pub(crate) struct Messages {
     loaded: Option<(Place, Source)>,
     /// The section that cannot be read.
     failed: Option<Place>,
+    /// Sections with an index that lists no message of the channels, checked at the end.
+    unlisted: Vec<Place>,
 }
 
 impl Messages {
@@ -62,7 +64,39 @@ impl Messages {
             Self::look_up(inner, number, channels, &mut entries)?;
         }
         entries.sort_unstable();
-        Ok(Self { files, entries: entries.into_iter(), loaded: None, failed: None })
+        Ok(Self { files, entries: entries.into_iter(), loaded: None, failed: None, unlisted: Vec::new() })
+    }
+
+    /// Also checks, after the last message, that chunks whose index lists none of the channels have no such message.
+    ///
+    /// This reads the heads of all records, so it is for readers of most of a file.
+    pub(super) fn with_hidden_checked(mut self) -> Self {
+        for (file, (inner, channels)) in (0..).zip(&self.files).filter(|(_, (_, channels))| !channels.is_empty()) {
+            let is_unlisted = |section: &Section| {
+                let mut listed = section.index.iter().filter(|index| index.entries > 0);
+                !section.index.is_empty() && !listed.any(|index| channels.contains(&index.channel))
+            };
+            let sections = (0..).zip(&inner.structure.sections).filter(|(_, section)| is_unlisted(section));
+            self.unlisted.extend(sections.map(|(section, _)| Place { file, section }));
+        }
+        self
+    }
+
+    /// Checks the next chunk that seems to have nothing to read; `None` if it has nothing, or none is left.
+    fn next_hidden(&mut self) -> Option<RecordingError> {
+        while let Some(place) = self.unlisted.pop() {
+            let (inner, channels) = &self.files[place.file as usize];
+            let section = &inner.structure.sections[place.section as usize];
+            let records = match section.coding {
+                Coding::Plain => Ok(Source::File { offset: section.offset, bytes: section.bytes }),
+                Coding::Zstd | Coding::Lz4 => chunk_section::load(&inner.file, inner.file_bytes, section),
+            };
+            let checked = records.and_then(|records| check_index(inner, section, channels, &records));
+            if let Err(error) = checked {
+                return Some(unreadable(&inner.path, error));
+            }
+        }
+        None
     }
 
     fn look_up(inner: &Inner, file: u32, channels: &[u16], all: &mut Vec<Entry>) -> Result<(), RecordingError> {
@@ -133,7 +167,9 @@ impl Messages {
         let section = &inner.structure.sections[place.section as usize];
         if self.loaded.as_ref().is_none_or(|(loaded, _)| *loaded != place) {
             self.loaded = None;
-            self.loaded = Some((place, chunk_section::load(&inner.file, inner.file_bytes, section)?));
+            let records = chunk_section::load(&inner.file, inner.file_bytes, section)?;
+            check_index(inner, section, channels, &records)?;
+            self.loaded = Some((place, records));
         }
         let found = match &self.loaded {
             Some((_, records)) => chunk_section::message(&inner.file, records, entry.offset)?,
@@ -156,7 +192,7 @@ impl Iterator for Messages {
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
-            let entry = self.entries.next()?;
+            let Some(entry) = self.entries.next() else { return self.next_hidden().map(Err) };
             let Place { file, .. } = entry.place;
             if self.failed == Some(entry.place) {
                 continue;
@@ -223,6 +259,27 @@ impl Recording {
             (None, Ok(_)) => Ok(None),
         }
     }
+}
+
+/// Checks that the index of a chunk lists every message of the channels.
+fn check_index(inner: &Inner, section: &Section, channels: &[u16], records: &Source) -> Result<(), Unreadable> {
+    if section.index.is_empty() {
+        return Ok(());
+    }
+    let mut present = 0_u64;
+    chunk_section::scan(&inner.file, records, |found| {
+        present += u64::from(matches!(found, Found::Message { header, .. } if channels.contains(&header.channel)));
+        Ok(())
+    })?;
+    let is_wanted = |index: &&IndexRef| channels.contains(&index.channel);
+    let listed: u64 = section.index.iter().filter(is_wanted).map(|index| index.entries).sum();
+    if present == listed {
+        return Ok(());
+    }
+    Err(Unreadable::Damaged(format!(
+        "the chunk with records from byte {}: it has {present} of these messages, but its index lists {listed}",
+        section.offset
+    )))
 }
 
 fn indexed(

@@ -9,6 +9,7 @@ mod extract;
 pub mod film;
 pub mod foreign;
 mod killed;
+mod lies;
 mod mutation;
 mod node;
 mod python;
