@@ -13,12 +13,16 @@ const CHUNK: u8 = 6;
 const MESSAGE_INDEX: u8 = 7;
 const DATA_END: u8 = 15;
 
-/// Writes frames with these numbers.
+/// Writes small frames with these numbers.
 fn film(folder: &Path, numbers: impl IntoIterator<Item = u64>) -> PathBuf {
+    film_of(folder, [20, 10], numbers)
+}
+
+fn film_of(folder: &Path, size: [u32; 2], numbers: impl IntoIterator<Item = u64>) -> PathBuf {
     let path = folder.join("shot.mcap");
     let mut writer = RecordingWriter::create(&path, &samples::info(), &SMALL).unwrap();
     for (index, number) in (0..).zip(numbers) {
-        let (mut meta, bytes) = samples::frame(index, PixelFormat::Mono8, [20, 10], 0);
+        let (mut meta, bytes) = samples::frame(index, PixelFormat::Mono8, size, 0);
         meta.sequence = number;
         writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
         writer.track(&samples::track(number)).unwrap();
@@ -171,7 +175,7 @@ fn a_megabyte_of_compressed_zeros_is_refused_soon() {
 fn a_jump_of_the_numbers_is_one_row_and_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let far = 1 << 45;
-    let path = film(folder.path(), (0..16).chain(far..far + 16));
+    let path = film_of(folder.path(), [96, 80], (0..16).chain(far..far + 16));
     let config = folder.path().join("rig.toml");
     std::fs::write(&config, "[camera]\nsource = \"simulated\"\n[scale]\nmm_per_px = 0.5\n").unwrap();
     let results = folder.path().join("results.mcap");
