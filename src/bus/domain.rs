@@ -24,6 +24,8 @@ const MEMBERS: &str = "members";
 const SUPERVISOR: &str = "run";
 /// The lock of a process that looks for the domain of a rig, and creates one if there is none.
 const LOCK: &str = "lock";
+/// Time for a supervisor that has stopped its rig to leave.
+const LEAVING: Duration = Duration::from_secs(1);
 const LOCK_PATIENCE: Duration = Duration::from_secs(5);
 /// The file of a domain whose processes end with their supervisor.
 const SUPERVISED: &str = "supervised";
@@ -227,7 +229,7 @@ pub(super) enum Renewal<'a> {
 pub(super) fn renew(rig: &str, role: &str, renewal: &Renewal<'_>) -> Result<(Member, Claim), BusError> {
     let taken = |role: &str| BusError::Taken { rig: rig.to_owned(), role: role.to_owned() };
     let (runtime, folder) = open_rig(rig)?;
-    let claim = Claim::take(&folder.join(SUPERVISOR), Duration::ZERO)?.ok_or_else(|| taken(role))?;
+    let claim = Claim::take(&folder.join(SUPERVISOR), LEAVING)?.ok_or_else(|| taken(role))?;
     let _lock = lock(&folder)?;
     if let Some(domain) = of_rig(rig) {
         // The processes of a dead supervisor end by themselves. Processes started one by one keep their roles.

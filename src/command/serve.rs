@@ -10,7 +10,7 @@ use std::path::PathBuf;
 /// The options of `ricochet serve`.
 #[derive(Debug, Clone, PartialEq, Eq, clap::Args)]
 pub struct ServeOptions {
-    /// Rig file; `-` reads it from standard input.
+    /// Rig file.
     pub config: PathBuf,
     /// The options of a process with a supervisor.
     #[command(flatten)]

@@ -444,14 +444,22 @@ impl<'a> Supervisor<'a> {
         meant.filter_map(|(_, running)| running.line.as_ref()).for_each(Line::end);
     }
 
-    /// Ends every process that still runs: first as it wishes, then by force.
+    /// Ends every process that still runs. The page stays until the others have ended.
     fn stop_all(&mut self) {
-        self.end(|_| true);
         self.children.values_mut().for_each(|running| running.waits_for_memory = false);
+        self.stop(|child| child.role != Role::Serve);
+        self.stop(|_| true);
+        self.bus().clean_up_dead();
+    }
+
+    /// Ends processes: first as they wish, then by force.
+    fn stop(&mut self, is_meant: impl Fn(&Child) -> bool) {
+        self.end(&is_meant);
         let patience = Timeout::new(STOP_TIMEOUT);
-        while self.running_count() > 0 && !patience.has_expired() {
+        let is_left = |(child, running): (&Child, &Running)| is_meant(child) && running.is_alive();
+        while self.children.iter().any(is_left) && !patience.has_expired() {
             let mut ended = Vec::new();
-            for (child, running) in &mut self.children {
+            for (child, running) in self.children.iter_mut().filter(|(child, _)| is_meant(child)) {
                 let Some(process) = &mut running.process else { continue };
                 match process.try_wait() {
                     Ok(None) => continue,
@@ -463,11 +471,11 @@ impl<'a> Supervisor<'a> {
             ended.iter().for_each(|(child, code)| self.count_losses(*child, *code));
             std::thread::sleep(POLL_PERIOD);
         }
-        for process in self.children.values_mut().filter_map(|running| running.process.as_mut()) {
+        let meant = self.children.iter_mut().filter(|(child, _)| is_meant(child));
+        for process in meant.filter_map(|(_, running)| running.process.as_mut()) {
             let _ = process.kill();
             let _ = process.wait();
         }
-        self.bus().clean_up_dead();
     }
 }
 

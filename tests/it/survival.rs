@@ -1,5 +1,6 @@
 //! What a rig survives: deaths, signals and hangs of each process, a full memory, other users.
 
+mod histories;
 mod memory;
 mod page;
 mod users;

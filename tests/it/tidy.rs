@@ -4,6 +4,7 @@ mod blank;
 mod counts;
 mod functions;
 mod graph;
+mod licences;
 mod paths;
 mod prose;
 mod rules;

@@ -4,6 +4,7 @@ use super::byte_source::{Source, Unreadable};
 use super::chunk_section::{self, Found};
 use super::scan::{Coding, IndexRef, Section};
 use super::{Inner, Recording, RecordingError, unreadable};
+use crate::recording::Topic;
 use crate::recording::record::MessageHeader;
 use bytes::Bytes;
 use std::sync::Arc;
@@ -219,7 +220,8 @@ impl Recording {
 
     /// Visits every intact message of a section in the order of the file.
     ///
-    /// Returns the damage of the rest of the section, if any.
+    /// Of a chunk that fails its checksum, it visits the frames, which have checksums of their own. After a power cut the
+    /// end of a chunk can be on the disk while a part of its middle is not. Returns the damage, if any.
     ///
     /// # Errors
     ///
@@ -231,16 +233,27 @@ impl Recording {
     ) -> Result<Option<String>, RecordingError> {
         let inner = &*self.inner;
         let Some(section) = inner.structure.sections.get(number) else { return Ok(None) };
-        let records = match chunk_section::load(&inner.file, inner.file_bytes, section) {
-            Ok(records) => records,
+        let (records, damage) = match chunk_section::load(&inner.file, inner.file_bytes, section) {
+            Ok(records) => (records, None),
+            Err(Unreadable::Damaged(reason)) if section.coding == Coding::Plain && inner.is_ours() => {
+                (Source::File { offset: section.offset, bytes: section.bytes }, Some(reason))
+            }
             Err(Unreadable::Damaged(reason)) => return Ok(Some(reason)),
             Err(Unreadable::Io(error)) => return Err(inner.io(error)),
         };
+        let is_checked = section.crc != 0 && damage.is_none();
+        let has_own_checksum = |channel: u16| {
+            let topic = inner.structure.channels.get(&channel).map_or("", |channel| channel.topic.as_str());
+            [Topic::Image, Topic::FrameInfo].iter().any(|frame| frame.is_named_by(topic))
+        };
         let mut refusal = None;
         let scanned = chunk_section::scan(&inner.file, &records, |found| {
-            let Found::Message { at, .. } = found else { return Ok(()) };
+            let Found::Message { at, header } = found else { return Ok(()) };
+            if damage.is_some() && !has_own_checksum(header.channel) {
+                return Ok(());
+            }
             let visited = match chunk_section::message(&inner.file, &records, at) {
-                Ok(Some((header, data))) => visit(Message { file: 0, header, data, is_checked: section.crc != 0 }),
+                Ok(Some((header, data))) => visit(Message { file: 0, header, data, is_checked }),
                 Ok(None) => Ok(()),
                 Err(error) => Err(inner.io(error)),
             };
@@ -251,6 +264,7 @@ impl Recording {
         });
         match (refusal, scanned) {
             (Some(error), _) => Err(error),
+            (None, Ok(_) | Err(Unreadable::Damaged(_))) if damage.is_some() => Ok(damage),
             (None, Err(Unreadable::Io(error))) => Err(inner.io(error)),
             (None, Err(Unreadable::Damaged(reason))) => Ok(Some(reason)),
             (None, Ok(bytes)) if bytes < records.len() => {

@@ -12,6 +12,7 @@ mod killed;
 mod lies;
 mod mutation;
 mod node;
+mod power_cut;
 mod python;
 pub mod recover;
 mod rerun;
