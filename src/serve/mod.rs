@@ -131,12 +131,12 @@ impl Service<'_> {
         stop: &Stop,
     ) -> Result<SocketAddr, FoxgloveAddressError> {
         let began = now();
-        loop {
-            match foxglove::start(app, address).await {
-                Err(_) if self.may_wait(began, stop) => tokio::time::sleep(RETRY).await,
-                bound => return bound.map_err(|error| FoxgloveAddressError { address, reason: error.to_string() }),
-            }
+        let is_taken = || TcpListener::bind(address).is_err_and(|error| error.kind() == ErrorKind::AddrInUse);
+        while is_taken() && self.may_wait(began, stop) {
+            tokio::time::sleep(RETRY).await;
         }
+        let bound = foxglove::start(app, address).await;
+        bound.map_err(|error| FoxgloveAddressError { address, reason: error.to_string() })
     }
 
     fn may_wait(&self, began: Instant, stop: &Stop) -> bool {
