@@ -55,7 +55,7 @@ def join(rig):
     user = os.geteuid()
     folders = [os.path.join(os.environ.get("XDG_RUNTIME_DIR", f"/run/user/{user}"), "ricochet")]
     folders = [os.environ["RICOCHET_RUNTIME_DIR"]] if "RICOCHET_RUNTIME_DIR" in os.environ else folders
-    folders += [f"/run/user/{user}/ricochet", f"/tmp/ricochet-{user}"]
+    folders += [f"/run/user/{user}/ricochet", os.path.join("/tmp", f"ricochet-{user}")]
     while True:
         for folder in folders:
             path = os.path.join(folder, "rigs", rig, "iceoryx2.toml")

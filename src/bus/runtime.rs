@@ -27,7 +27,7 @@ pub(super) fn candidates() -> Vec<PathBuf> {
     let mut folders: Vec<PathBuf> =
         session.into_iter().chain(login).filter(own).map(|path| path.join("ricochet")).collect();
     folders.dedup();
-    folders.push(PathBuf::from(format!("/tmp/ricochet-{user}")));
+    folders.push(Path::new("/tmp").join(format!("ricochet-{user}")));
     folders
 }
 

@@ -100,7 +100,7 @@ fn a_film_with_gaps_gives_the_same_results_with_any_number_of_workers() {
         let output = run(replay.into_iter().chain(["-o", rig.path("shots").to_str().unwrap()]));
         assert_eq!(output.status.code(), Some(6), "{}", String::from_utf8_lossy(&output.stderr));
         assert!(tables(&rig.recordings()[0]) == one, "replay with interval {interval}");
-        let rows = one[0].lines().skip(1).filter(|row| row.ends_with(",lost")).count();
+        let rows = one[0].lines().skip(1).filter(|row| row.contains(",lost")).count();
         assert_eq!((one[0].lines().count() - 1, rows), (37, 5), "one row per frame, missing ones included");
     }
 }

@@ -1,8 +1,9 @@
-//! What a rig survives: deaths, signals and hangs of each process, a full memory, other users.
+//! Survival of a rig: deaths, signals and hangs of each process, a full memory, other users.
 
 mod histories;
 mod memory;
 mod page;
+mod soak;
 mod users;
 
 use crate::pipeline::drift;

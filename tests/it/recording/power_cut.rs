@@ -19,7 +19,7 @@ const SECTOR: usize = 512;
 /// `.part` as strace prints it with `-xx`.
 const PART: &str = r"\x2e\x70\x61\x72\x74";
 
-/// What a process did to its file.
+/// An action of a process on its file.
 #[derive(Debug)]
 enum Step {
     Write {
@@ -98,7 +98,10 @@ fn steps(log: &str) -> Vec<Step> {
         }
         let data = data(call);
         let at = match call.strip_prefix("pwrite64") {
-            Some(rest) => rest.rsplit_once(") =").unwrap().0.rsplit_once(", ").unwrap().1.parse().unwrap(),
+            Some(rest) => {
+                let end = rest.find(" <unfinished").or_else(|| rest.rfind(") ")).unwrap();
+                rest[..end].rsplit_once(", ").unwrap().1.trim_end_matches(')').parse().unwrap()
+            }
             None => {
                 length += data.len();
                 length - data.len()
@@ -125,7 +128,7 @@ fn put(image: &mut Vec<u8>, at: usize, data: &[u8]) {
     image[at..at + data.len()].copy_from_slice(data);
 }
 
-/// What is certainly on the disk after a cut behind `cut` steps, and what may be.
+/// Returns the bytes that are certainly on the disk after a cut behind `cut` steps, and those that may be.
 fn cut_off(steps: &[Step], cut: usize, random: &mut impl FnMut(usize) -> usize) -> [Vec<u8>; 2] {
     let done = steps[..cut].iter().filter_map(|step| if let Step::SyncEnds(sync) = step { Some(*sync) } else { None });
     let last = done.max();
@@ -203,6 +206,7 @@ fn cuts(count: u64) {
 }
 
 #[test]
+#[ignore = "traces a process"]
 fn after_a_power_cut_every_synced_frame_is_recovered() {
     cuts(20);
 }

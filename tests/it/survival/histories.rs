@@ -18,6 +18,7 @@ const KILLS: usize = 5;
 const ROLES: [(&str, u64); 5] = [("acquire", 0), ("correlate", 0), ("correlate", 1), ("track", 0), ("record", 0)];
 
 #[test]
+#[ignore = "10 histories"]
 fn fifty_random_deaths_leave_no_frame_unaccounted_for() {
     histories(10);
 }
@@ -81,14 +82,14 @@ fn kill_if_there(pid: u32) {
     }
 }
 
-/// The centre of the body in each frame as it was published, if it was measured.
+/// The motion of the body in each frame as it was published, if it was measured.
 fn live_rows(printed: &str, seed: u64) -> BTreeMap<u64, Option<[f64; 2]>> {
     let mut rows = BTreeMap::new();
     for line in printed.lines() {
         let row: serde_json::Value = serde_json::from_str(line).unwrap();
         let Some(frame) = row["frame"].as_u64() else { continue };
-        let center = row["center_x_px"].as_f64().zip(row["center_y_px"].as_f64()).map(|(x, y)| [x, y]);
-        assert!(rows.insert(frame, center).is_none(), "seed {seed}: frame {frame} is published twice");
+        let motion = row["dx_px"].as_f64().zip(row["dy_px"].as_f64()).map(|(x, y)| [x, y]);
+        assert!(rows.insert(frame, motion).is_none(), "seed {seed}: frame {frame} is published twice");
     }
     rows
 }
@@ -112,8 +113,9 @@ fn check(rig: &Rig, live: &BTreeMap<u64, Option<[f64; 2]>>, stderr: &str, seed: 
             assert!(analysed == tables(&path), "seed {seed}: {path:?} differs from its analysis");
         }
         for row in rows.iter().filter(is_measured) {
-            let center = row.center_x_px.zip(row.center_y_px).map(|(x, y)| [x, y]);
-            if let (Some(file), Some(Some(live))) = (center, live.get(&row.frame)) {
+            // Positions are filtered over neighbours, which may be lost in one of the two.
+            let motion = row.motion.map(|motion| [motion.dx_px, motion.dy_px]);
+            if let (Some(file), Some(Some(live))) = (motion, live.get(&row.frame)) {
                 assert_eq!(file.map(f64::to_bits), live.map(f64::to_bits), "seed {seed}: frame {}", row.frame);
                 compared += 1;
             }
