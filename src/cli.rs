@@ -5,6 +5,7 @@ use crate::command;
 use crate::command::analyze::{self, AnalyzeOptions};
 use crate::command::batch;
 use crate::command::bench::{self, BenchOptions};
+use crate::command::bindings::{self, Language};
 use crate::command::cameras::{self, CamerasOptions};
 use crate::command::check::{self, CheckOptions};
 use crate::command::config::{self, ConfigCommand};
@@ -160,6 +161,12 @@ pub enum Command {
     /// Study how settings, speckle patterns and methods affect accuracy.
     #[command(subcommand, after_help = "Example: ricochet study convergence --json")]
     Study(Study),
+    /// Print the messages in shared memory as declarations of another language: python or c.
+    #[command(after_help = "Example: ricochet bindings c > ricochet.h")]
+    Bindings {
+        /// Language.
+        language: Language,
+    },
     /// Print the completions of a shell: bash, zsh, fish, elvish or powershell.
     #[command(after_help = "Example: ricochet completions bash > /usr/share/bash-completion/completions/ricochet")]
     Completions {
@@ -254,6 +261,7 @@ pub fn run(command: Command, stop: &Stop) -> Result<Outcome, Failure> {
         Command::Doctor(options) => doctor::run(&options),
         Command::Merge(options) => merge::run(&options),
         Command::Config(command) => config::run(&command),
+        Command::Bindings { language } => bindings::run(language),
         Command::Completions { shell } => shell::completions(shell, Args::command()),
         Command::Man { command, output } => shell::manual(command.as_deref(), output.as_deref(), Args::command()),
         Command::Init(options) => init::run(&options),

@@ -108,7 +108,7 @@ pub(super) fn measure_and_print(
     let rows = rows.iter().filter(|row| measured.runs.contains(row.frame));
     let film = FilmShape { size_px: Some([format.width_px, format.height_px]), first_frame: measured.runs.first() };
     let bodies = body_summary::of_rows(rows, &config, &film);
-    print_results(&last_revisions(&results)?, &bodies, &results, options.json);
+    print_results(&last_revisions(&results)?, &bodies, &results, options);
     let outcome = Outcome::of_file(measured.missing, &inputs[0], truncated.as_deref());
     Ok(if bodies.iter().all(BodySummary::is_empty) { outcome.with_nothing_measured() } else { outcome })
 }
@@ -264,9 +264,9 @@ pub(super) fn last_revisions(recording: &Recording) -> Result<Vec<Impact>, Recor
     Ok(report::last_revisions(recording.impacts()?.collect::<Result<_, _>>()?))
 }
 
-fn print_results(impacts: &[Impact], bodies: &[BodySummary], results: &Recording, json: bool) {
+fn print_results(impacts: &[Impact], bodies: &[BodySummary], results: &Recording, options: &AnalyzeOptions) {
     let path = results.path();
-    if json {
+    if options.json {
         let rows: Vec<_> = impacts.iter().map(|impact| as_json(impact, results)).collect();
         let bodies: Vec<_> = bodies.iter().map(BodySummary::json).collect();
         print_line(&serde_json::json!({ "results": path, "impacts": rows, "bodies": bodies }).to_string());

@@ -3,6 +3,7 @@
 pub mod analyze;
 pub mod batch;
 pub mod bench;
+pub mod bindings;
 mod body_summary;
 pub mod cameras;
 pub mod check;

@@ -1,5 +1,6 @@
 //! The requests to a running rig and their answers.
 
+use super::layout::described;
 use crate::results::named_enum;
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -37,28 +38,32 @@ named_enum! {
     }
 }
 
-/// A request.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ZeroCopySend)]
-#[type_name("ricochet.Request.v1")]
-#[repr(C)]
-pub struct Request {
-    /// The number of the `Command`.
-    pub command: u32,
-    /// Zero.
-    pub reserved: u32,
+described! {
+    "ricochet.Request.v1"
+    /// A request.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ZeroCopySend)]
+    #[repr(C)]
+    pub struct Request {
+        /// The number of the `Command`.
+        pub command: u32,
+        /// Zero.
+        pub reserved: u32,
+    }
 }
 
-/// The answer to a request.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ZeroCopySend)]
-#[type_name("ricochet.Reply.v1")]
-#[repr(C)]
-pub struct Reply {
-    /// The number of the `ReplyCode`.
-    pub code: u32,
-    /// 1 when the recorder waits for a trigger, else 0.
-    pub armed: u32,
-    /// The number of recordings completed since the recorder started.
-    pub recordings: u64,
-    /// The sequence number of the newest frame that the recorder knows.
-    pub sequence: u64,
+described! {
+    "ricochet.Reply.v1"
+    /// The answer to a request.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ZeroCopySend)]
+    #[repr(C)]
+    pub struct Reply {
+        /// The number of the `ReplyCode`.
+        pub code: u32,
+        /// 1 when the recorder waits for a trigger, else 0.
+        pub armed: u32,
+        /// The number of recordings completed since the recorder started.
+        pub recordings: u64,
+        /// The sequence number of the newest frame that the recorder knows.
+        pub sequence: u64,
+    }
 }

@@ -1,5 +1,6 @@
 //! The `events` topic.
 
+use super::layout::described;
 use crate::results::named_enum;
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -57,23 +58,25 @@ named_enum! {
     }
 }
 
-/// An event.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ZeroCopySend)]
-#[type_name("ricochet.Event.v1")]
-#[repr(C)]
-pub struct Event {
-    /// The start of the acquire process that it belongs to; 0 when none.
-    pub run_id: u64,
-    /// The frame it belongs to.
-    pub sequence: u64,
-    /// The stamp of the frame, ns since the Unix epoch.
-    pub stamp_ns: u64,
-    /// The number of the `EventKind`.
-    pub kind: u32,
-    /// The number of bytes of `text` in use.
-    pub text_bytes: u32,
-    /// The text in UTF-8.
-    pub text: [u8; EVENT_TEXT_BYTES],
+described! {
+    "ricochet.Event.v1"
+    /// An event.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, ZeroCopySend)]
+    #[repr(C)]
+    pub struct Event {
+        /// The start of the acquire process that it belongs to; 0 when none.
+        pub run_id: u64,
+        /// The frame it belongs to.
+        pub sequence: u64,
+        /// The stamp of the frame, ns since the Unix epoch.
+        pub stamp_ns: u64,
+        /// The number of the `EventKind`.
+        pub kind: u32,
+        /// The number of bytes of `text` in use.
+        pub text_bytes: u32,
+        /// The text in UTF-8.
+        pub text: [u8; EVENT_TEXT_BYTES],
+    }
 }
 
 impl Event {

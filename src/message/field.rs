@@ -1,5 +1,6 @@
 //! The `field` topic: a header with the step of a body, and a slice of subsets.
 
+use super::layout::described;
 use super::{Number, RodMessage};
 use crate::results::{
     BodyStep, Circle, Displacement, Estimate, FieldPoint, MotionMethod, Outline, OutlineOrigin, OutlineShape,
@@ -7,90 +8,92 @@ use crate::results::{
 };
 use iceoryx2::prelude::ZeroCopySend;
 
-/// One body in one frame, with its outline and its motion to the target frame.
-#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("ricochet.FieldHeader.v9")]
-#[repr(C)]
-pub struct FieldHeader {
-    /// The start of the acquire process that the frames belong to.
-    pub run_id: u64,
-    /// The sequence number of the reference frame.
-    pub sequence: u64,
-    /// The sequence number of the target frame; equal to `sequence` when there is no field.
-    pub target_sequence: u64,
-    /// The start of the reference frame's exposure, ns since the Unix epoch.
-    pub stamp_ns: u64,
-    /// The index of the body in the rig's configuration.
-    pub body: u32,
-    /// The interval that the motion is measured over, frames.
-    pub interval_frames: u32,
-    /// The number of the body's `PointStatus`.
-    pub status: u32,
-    /// The number of subsets that the motion rests on.
-    pub points: u32,
-    /// The index of the worker that measured it.
-    pub worker: u32,
-    /// The kind of the outline below: 0 for none, else 1 + 2 x the number of its `OutlineOrigin`, and 1 more where the visible
-    /// share is not that of its rim.
-    pub outline: u32,
-    /// The number of the `MotionMethod` of the motion below; 0 for none.
-    pub method: u32,
-    /// The exposure time of the frame, ns; 0 when it is unknown.
-    pub exposure_ns: u32,
-    /// The number of the `PointStatus` of the rotation below.
-    pub rotation_status: u32,
-    /// 0.
-    pub reserved: u32,
-    /// The centre of the circle along x, px. The circle has no meaning when there is a rod.
-    pub center_x_px: f64,
-    /// The centre of the circle along y (down), px.
-    pub center_y_px: f64,
-    /// The radius of the circle, px.
-    pub radius_px: f64,
-    /// The standard uncertainty of each centre coordinate, px.
-    pub sigma_center_px: f64,
-    /// The standard uncertainty of the radius, px.
-    pub sigma_radius_px: f64,
-    /// The visible share of the disc.
-    pub visible_fraction: f64,
-    /// The visible share of the rim.
-    pub rim_fraction: f64,
-    /// The motion of the centre along x, px/frame.
-    pub dx_px: f64,
-    /// The motion of the centre along y (down), px/frame.
-    pub dy_px: f64,
-    /// The rotation, counter-clockwise on the screen, deg/frame.
-    pub dtheta_deg: f64,
-    /// The standard uncertainty of `dx_px`.
-    pub sigma_dx_px: f64,
-    /// The standard uncertainty of `dy_px`.
-    pub sigma_dy_px: f64,
-    /// The standard uncertainty of `dtheta_deg`.
-    pub sigma_dtheta_deg: f64,
-    /// The share by which short steps are underestimated because of the sensor's fixed pattern.
-    pub fixed_fraction: Number,
-    /// The share by which light may have held back the rotation.
-    pub light_fraction: Number,
-    /// The relative growth of the image of the body per frame.
-    pub growth_fraction: Number,
-    /// The standard uncertainty of `growth_fraction`.
-    pub sigma_growth_fraction: f64,
-    /// The motion of a ball's centre relative to the motion above along x, px/frame.
-    pub drift_x_px: Number,
-    /// The same along y (down), px/frame.
-    pub drift_y_px: Number,
-    /// The standard uncertainty of both, px/frame.
-    pub sigma_drift_px: f64,
-    /// The rotation of a ball relative to the motion above, deg/frame.
-    pub drift_deg: Number,
-    /// The standard uncertainty of `drift_deg`, deg/frame.
-    pub sigma_drift_deg: f64,
-    /// The rotation of a patch since the image that it was drawn in, deg.
-    pub angle_deg: Number,
-    /// The standard uncertainty of `angle_deg`, deg.
-    pub sigma_angle_deg: f64,
-    /// The rod, if the body is one.
-    pub rod: RodMessage,
+described! {
+    "ricochet.FieldHeader.v9"
+    /// One body in one frame, with its outline and its motion to the target frame.
+    #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
+    #[repr(C)]
+    pub struct FieldHeader {
+        /// The start of the acquire process that the frames belong to.
+        pub run_id: u64,
+        /// The sequence number of the reference frame.
+        pub sequence: u64,
+        /// The sequence number of the target frame; equal to `sequence` when there is no field.
+        pub target_sequence: u64,
+        /// The start of the reference frame's exposure, ns since the Unix epoch.
+        pub stamp_ns: u64,
+        /// The index of the body in the rig's configuration.
+        pub body: u32,
+        /// The interval that the motion is measured over, frames.
+        pub interval_frames: u32,
+        /// The number of the body's `PointStatus`.
+        pub status: u32,
+        /// The number of subsets that the motion rests on.
+        pub points: u32,
+        /// The index of the worker that measured it.
+        pub worker: u32,
+        /// The kind of the outline below: 0 for none, else 1 + 2 x the number of its `OutlineOrigin`, and 1 more where the visible
+        /// share is not that of its rim.
+        pub outline: u32,
+        /// The number of the `MotionMethod` of the motion below; 0 for none.
+        pub method: u32,
+        /// The exposure time of the frame, ns; 0 when it is unknown.
+        pub exposure_ns: u32,
+        /// The number of the `PointStatus` of the rotation below.
+        pub rotation_status: u32,
+        /// 0.
+        pub reserved: u32,
+        /// The centre of the circle along x, px. The circle has no meaning when there is a rod.
+        pub center_x_px: f64,
+        /// The centre of the circle along y (down), px.
+        pub center_y_px: f64,
+        /// The radius of the circle, px.
+        pub radius_px: f64,
+        /// The standard uncertainty of each centre coordinate, px.
+        pub sigma_center_px: f64,
+        /// The standard uncertainty of the radius, px.
+        pub sigma_radius_px: f64,
+        /// The visible share of the disc.
+        pub visible_fraction: f64,
+        /// The visible share of the rim.
+        pub rim_fraction: f64,
+        /// The motion of the centre along x, px/frame.
+        pub dx_px: f64,
+        /// The motion of the centre along y (down), px/frame.
+        pub dy_px: f64,
+        /// The rotation, counter-clockwise on the screen, deg/frame.
+        pub dtheta_deg: f64,
+        /// The standard uncertainty of `dx_px`.
+        pub sigma_dx_px: f64,
+        /// The standard uncertainty of `dy_px`.
+        pub sigma_dy_px: f64,
+        /// The standard uncertainty of `dtheta_deg`.
+        pub sigma_dtheta_deg: f64,
+        /// The share by which short steps are underestimated because of the sensor's fixed pattern.
+        pub fixed_fraction: Number,
+        /// The share by which light may have held back the rotation.
+        pub light_fraction: Number,
+        /// The relative growth of the image of the body per frame.
+        pub growth_fraction: Number,
+        /// The standard uncertainty of `growth_fraction`.
+        pub sigma_growth_fraction: f64,
+        /// The motion of a ball's centre relative to the motion above along x, px/frame.
+        pub drift_x_px: Number,
+        /// The same along y (down), px/frame.
+        pub drift_y_px: Number,
+        /// The standard uncertainty of both, px/frame.
+        pub sigma_drift_px: f64,
+        /// The rotation of a ball relative to the motion above, deg/frame.
+        pub drift_deg: Number,
+        /// The standard uncertainty of `drift_deg`, deg/frame.
+        pub sigma_drift_deg: f64,
+        /// The rotation of a patch since the image that it was drawn in, deg.
+        pub angle_deg: Number,
+        /// The standard uncertainty of `angle_deg`, deg.
+        pub sigma_angle_deg: f64,
+        /// The rod, if the body is one.
+        pub rod: RodMessage,
+    }
 }
 
 impl FieldHeader {
@@ -239,17 +242,19 @@ macro_rules! field_message {
         scores { $($(#[$score_doc:meta])* $score:ident = $score_tag:tt,)* }
         status = $status_tag:tt,
     ) => {
-        /// One subset of a field. Displacements hold only where their uncertainties are not missing; missing numbers are -2.
-        #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-        #[type_name("ricochet.FieldPoint.v1")]
-        #[repr(C)]
-        pub struct FieldPointMessage {
-            $($(#[$position_doc])* pub $position: f32,)*
-            $($(#[$part_doc])* pub $part: f32,)*
-            $($(#[$sigma_doc])* pub $sigma: f32,)*
-            $($(#[$score_doc])* pub $score: f32,)*
-            /// The number of the `PointStatus`.
-            pub status: u32,
+        described! {
+            "ricochet.FieldPoint.v1"
+            /// One subset of a field. Displacements hold only where their uncertainties are not missing; missing numbers are -2.
+            #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
+            #[repr(C)]
+            pub struct FieldPointMessage {
+                $($(#[$position_doc])* pub $position: f32,)*
+                $($(#[$part_doc])* pub $part: f32,)*
+                $($(#[$sigma_doc])* pub $sigma: f32,)*
+                $($(#[$score_doc])* pub $score: f32,)*
+                /// The number of the `PointStatus`.
+                pub status: u32,
+            }
         }
 
         impl From<&FieldPoint> for FieldPointMessage {

@@ -1,39 +1,42 @@
 //! The header of a frame in the ring; the payload is its pixels.
 
+use super::layout::described;
 use crate::image::{FrameMeta, PixelFormat};
 use iceoryx2::prelude::ZeroCopySend;
 
-/// The header in front of the pixels of each frame: 64 bytes, aligned to 64.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ZeroCopySend)]
-#[type_name("ricochet.FrameHeader.v1")]
-#[repr(C)]
-#[repr(align(64))]
-pub struct FrameHeader {
-    /// Counts the camera's frames, lost ones included; a jump is a loss.
-    pub sequence: u64,
-    /// The start of the exposure, ns since the Unix epoch.
-    pub stamp_ns: u64,
-    /// The camera's own clock at the start of the exposure, ns; 0 when it has none.
-    pub device_ns: u64,
-    /// The start of the acquire process that this frame belongs to.
-    pub run_id: u64,
-    /// The number of pixels per row.
-    pub width_px: u32,
-    /// The number of rows.
-    pub height_px: u32,
-    /// The number of bytes from one row to the next.
-    pub stride_bytes: u32,
-    /// The GenICam code of the pixel format.
-    pub pixel_format: u32,
-    /// Raised each time the camera is opened again.
-    pub epoch: u32,
-    /// The exposure time, ns; 0 when it is unknown. Longer times are clipped to the maximum.
-    pub exposure_ns: u32,
-    /// The shot of a camera with a hardware trigger, counted from 1; 0 for other cameras. Nothing is measured from one shot to
-    /// the next.
-    pub shot: u32,
-    /// Zero.
-    pub reserved: u32,
+described! {
+    "ricochet.FrameHeader.v1"
+    /// The header in front of the pixels of each frame: 64 bytes, aligned to 64.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ZeroCopySend)]
+    #[repr(C)]
+    #[repr(align(64))]
+    pub struct FrameHeader {
+        /// Counts the camera's frames, lost ones included; a jump is a loss.
+        pub sequence: u64,
+        /// The start of the exposure, ns since the Unix epoch.
+        pub stamp_ns: u64,
+        /// The camera's own clock at the start of the exposure, ns; 0 when it has none.
+        pub device_ns: u64,
+        /// The start of the acquire process that this frame belongs to.
+        pub run_id: u64,
+        /// The number of pixels per row.
+        pub width_px: u32,
+        /// The number of rows.
+        pub height_px: u32,
+        /// The number of bytes from one row to the next.
+        pub stride_bytes: u32,
+        /// The GenICam code of the pixel format.
+        pub pixel_format: u32,
+        /// Raised each time the camera is opened again.
+        pub epoch: u32,
+        /// The exposure time, ns; 0 when it is unknown. Longer times are clipped to the maximum.
+        pub exposure_ns: u32,
+        /// The shot of a camera with a hardware trigger, counted from 1; 0 for other cameras. Nothing is measured from one shot to
+        /// the next.
+        pub shot: u32,
+        /// Zero.
+        pub reserved: u32,
+    }
 }
 
 const _: () = assert!(size_of::<FrameHeader>() == 64 && align_of::<FrameHeader>() == 64);

@@ -1,19 +1,22 @@
 //! The `impact` topic.
 
+use super::layout::described;
 use crate::results::{Estimate, ForceLaw, Impact, PointStatus, impact_row};
 use iceoryx2::prelude::ZeroCopySend;
 
-/// A number that may be missing, with its standard uncertainty.
-#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("ricochet.Estimate.v1")]
-#[repr(C)]
-pub struct EstimateMessage {
-    /// The number; 0 and meaningless unless `known` is 1.
-    pub value: f64,
-    /// Its standard uncertainty.
-    pub sigma: f64,
-    /// 1 when measured, 0 when missing.
-    pub known: u64,
+described! {
+    "ricochet.Estimate.v1"
+    /// A number that may be missing, with its standard uncertainty.
+    #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
+    #[repr(C)]
+    pub struct EstimateMessage {
+        /// The number; 0 and meaningless unless `known` is 1.
+        pub value: f64,
+        /// Its standard uncertainty.
+        pub sigma: f64,
+        /// 1 when measured, 0 when missing.
+        pub known: u64,
+    }
 }
 
 impl From<Option<Estimate>> for EstimateMessage {
@@ -31,28 +34,30 @@ impl From<EstimateMessage> for Option<Estimate> {
 /// Derives the message from the numbers of the row.
 macro_rules! impact_message {
     ($($(#[$doc:meta])* $number:ident: $Meaning:ident = $tag:tt, $sigma:ident = $sigma_tag:tt;)+) => {
-        /// One collision of one body. It is published again with a higher revision when its numbers improve.
-        #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-        #[type_name("ricochet.Impact.v4")]
-        #[repr(C)]
-        pub struct ImpactMessage {
-            /// The start of the acquire process that the frames belong to.
-            pub run_id: u64,
-            /// The origin of the `_s` moments, ns since the Unix epoch.
-            pub origin_ns: u64,
-            /// The index of the body in the rig's configuration.
-            pub body: u32,
-            /// Counts the collisions of this body from 0.
-            pub number: u32,
-            /// Counts up each time the same collision is published again.
-            pub revision: u32,
-            /// The number of the `ForceLaw`.
-            pub force_law: u32,
-            /// The number of the `PointStatus`.
-            pub status: u32,
-            /// The probability of that law among those that follow the motion, 0 to 1; 0 where none was fitted.
-            pub force_law_probability: f32,
-            $($(#[$doc])* pub $number: EstimateMessage,)+
+        described! {
+            "ricochet.Impact.v4"
+            /// One collision of one body. It is published again with a higher revision when its numbers improve.
+            #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
+            #[repr(C)]
+            pub struct ImpactMessage {
+                /// The start of the acquire process that the frames belong to.
+                pub run_id: u64,
+                /// The origin of the `_s` moments, ns since the Unix epoch.
+                pub origin_ns: u64,
+                /// The index of the body in the rig's configuration.
+                pub body: u32,
+                /// Counts the collisions of this body from 0.
+                pub number: u32,
+                /// Counts up each time the same collision is published again.
+                pub revision: u32,
+                /// The number of the `ForceLaw`.
+                pub force_law: u32,
+                /// The number of the `PointStatus`.
+                pub status: u32,
+                /// The probability of that law among those that follow the motion, 0 to 1; 0 where none was fitted.
+                pub force_law_probability: f32,
+                $($(#[$doc])* pub $number: EstimateMessage,)+
+            }
         }
 
         impl ImpactMessage {

@@ -11,6 +11,7 @@ mod event;
 mod field;
 mod frame;
 mod impact;
+mod layout;
 mod number;
 mod rod;
 mod sample;
@@ -21,7 +22,28 @@ pub use event::{EVENT_TEXT_BYTES, Event, EventKind};
 pub use field::{FieldHeader, FieldPointMessage};
 pub use frame::FrameHeader;
 pub use impact::{EstimateMessage, ImpactMessage};
+pub use layout::{Described, Field, FieldKind, LayoutField, MessageLayout};
 pub use number::Number;
 pub use rod::RodMessage;
 pub use sample::{TrackMessage, VelocityMessage};
 pub use status::{Progress, Role, StatusMessage};
+
+/// Returns the layouts of all messages; each comes after those that it contains.
+pub fn layouts() -> Vec<MessageLayout> {
+    vec![
+        Number::layout(),
+        EstimateMessage::layout(),
+        RodMessage::layout(),
+        FrameHeader::layout(),
+        FieldHeader::layout(),
+        FieldPointMessage::layout(),
+        TrackMessage::layout(),
+        VelocityMessage::layout(),
+        ImpactMessage::layout(),
+        Event::layout(),
+        StatusMessage::layout(),
+        Progress::layout(),
+        Request::layout(),
+        Reply::layout(),
+    ]
+}

@@ -1,16 +1,19 @@
 //! Numbers that may be missing.
 
+use super::layout::described;
 use iceoryx2::prelude::ZeroCopySend;
 
-/// A number that may be missing.
-#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("ricochet.Number.v1")]
-#[repr(C)]
-pub struct Number {
-    /// The number; 0 and meaningless unless `known` is 1.
-    pub value: f64,
-    /// 1 when the number was measured, 0 when it is missing.
-    pub known: u64,
+described! {
+    "ricochet.Number.v1"
+    /// A number that may be missing.
+    #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
+    #[repr(C)]
+    pub struct Number {
+        /// The number; 0 and meaningless unless `known` is 1.
+        pub value: f64,
+        /// 1 when the number was measured, 0 when it is missing.
+        pub known: u64,
+    }
 }
 
 impl From<Option<f64>> for Number {

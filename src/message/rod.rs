@@ -1,41 +1,44 @@
 //! A rod, as part of the messages on `field` and `track`.
 
+use super::layout::described;
 use crate::results::{Estimate, PointStatus, ROD_EDGES, Rod, RodEdge};
 use iceoryx2::prelude::ZeroCopySend;
 
-/// A rod in one frame.
-#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("ricochet.Rod.v1")]
-#[repr(C)]
-pub struct RodMessage {
-    /// 1 when there is a rod; otherwise the fields below have no meaning.
-    pub known: u32,
-    /// The number of tracked edges, from the top downwards; entries of the arrays beyond them are zero.
-    pub edges: u32,
-    /// For each edge, the number of its `PointStatus`.
-    pub edge_status: [u32; ROD_EDGES],
-    /// For each edge, 1 when its position was measured.
-    pub edge_known: [u32; ROD_EDGES],
-    /// The position where each edge crosses the middle of the rod, px (down).
-    pub edge_px: [f64; ROD_EDGES],
-    /// The standard uncertainty of each, px.
-    pub sigma_edge_px: [f64; ROD_EDGES],
-    /// The middle between the sides, px.
-    pub x_px: f64,
-    /// The standard uncertainty of `x_px`.
-    pub sigma_x_px: f64,
-    /// The point that moves with it, px (down).
-    pub y_px: f64,
-    /// The standard uncertainty of `y_px`.
-    pub sigma_y_px: f64,
-    /// Half of the distance between the sides, px.
-    pub half_width_px: f64,
-    /// The standard uncertainty of `half_width_px`.
-    pub sigma_half_width_px: f64,
-    /// The tilt from upright, counter-clockwise on the screen, deg.
-    pub tilt_deg: f64,
-    /// The standard uncertainty of `tilt_deg`.
-    pub sigma_tilt_deg: f64,
+described! {
+    "ricochet.Rod.v1"
+    /// A rod in one frame.
+    #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
+    #[repr(C)]
+    pub struct RodMessage {
+        /// 1 when there is a rod; otherwise the fields below have no meaning.
+        pub known: u32,
+        /// The number of tracked edges, from the top downwards; entries of the arrays beyond them are zero.
+        pub edges: u32,
+        /// For each edge, the number of its `PointStatus`.
+        pub edge_status: [u32; ROD_EDGES],
+        /// For each edge, 1 when its position was measured.
+        pub edge_known: [u32; ROD_EDGES],
+        /// The position where each edge crosses the middle of the rod, px (down).
+        pub edge_px: [f64; ROD_EDGES],
+        /// The standard uncertainty of each, px.
+        pub sigma_edge_px: [f64; ROD_EDGES],
+        /// The middle between the sides, px.
+        pub x_px: f64,
+        /// The standard uncertainty of `x_px`.
+        pub sigma_x_px: f64,
+        /// The point that moves with it, px (down).
+        pub y_px: f64,
+        /// The standard uncertainty of `y_px`.
+        pub sigma_y_px: f64,
+        /// Half of the distance between the sides, px.
+        pub half_width_px: f64,
+        /// The standard uncertainty of `half_width_px`.
+        pub sigma_half_width_px: f64,
+        /// The tilt from upright, counter-clockwise on the screen, deg.
+        pub tilt_deg: f64,
+        /// The standard uncertainty of `tilt_deg`.
+        pub sigma_tilt_deg: f64,
+    }
 }
 
 impl From<Option<Rod>> for RodMessage {

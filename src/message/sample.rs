@@ -1,5 +1,6 @@
 //! The `velocity` and `track` topics: a message per frame and body.
 
+use super::layout::described;
 use super::{Number, RodMessage};
 use crate::results::{
     BodyVelocity, MotionSample, Part, Phase, PointStatus, TrackSample, VelocitySample, track_row, velocity_row,
@@ -30,28 +31,30 @@ macro_rules! sample_message {
             nested { $($(#[$nested_doc:meta])* $nested:ident: $Nested:ident, $NestedMessage:ident = $nested_tag:tt,)* }
         }
     ) => {
-        $(#[$doc])*
-        #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-        #[type_name($type_name)]
-        #[repr(C)]
-        pub struct $Message {
-            /// The start of the acquire process that the frame belongs to.
-            pub run_id: u64,
-            /// The sequence number of the frame.
-            pub sequence: u64,
-            /// The start of the exposure, ns since the Unix epoch.
-            pub stamp_ns: u64,
-            /// The index of the body in the rig's configuration.
-            pub body: u32,
-            /// The number of the `PointStatus`.
-            pub status: u32,
-            $($(#[$name_doc])* pub $name: u32,)*
-            $($(#[$reason_doc])* pub $reason: u32,)*
-            $($($(#[$count_doc])* pub $count: u32,)*)*
-            $($(#[$number_doc])* pub $number: Number,)*
-            $($($(#[$part_doc])* pub $part: Number,)*)*
-            $($(#[$later_doc])* pub $later: Number,)*
-            $($(#[$nested_doc])* pub $nested: $NestedMessage,)*
+        described! {
+            $type_name
+            $(#[$doc])*
+            #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
+            #[repr(C)]
+            pub struct $Message {
+                /// The start of the acquire process that the frame belongs to.
+                pub run_id: u64,
+                /// The sequence number of the frame.
+                pub sequence: u64,
+                /// The start of the exposure, ns since the Unix epoch.
+                pub stamp_ns: u64,
+                /// The index of the body in the rig's configuration.
+                pub body: u32,
+                /// The number of the `PointStatus`.
+                pub status: u32,
+                $($(#[$name_doc])* pub $name: u32,)*
+                $($(#[$reason_doc])* pub $reason: u32,)*
+                $($($(#[$count_doc])* pub $count: u32,)*)*
+                $($(#[$number_doc])* pub $number: Number,)*
+                $($($(#[$part_doc])* pub $part: Number,)*)*
+                $($(#[$later_doc])* pub $later: Number,)*
+                $($(#[$nested_doc])* pub $nested: $NestedMessage,)*
+            }
         }
 
         impl $Message {

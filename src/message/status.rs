@@ -1,5 +1,6 @@
 //! The `status` topic, and the progress of readers that paces on-demand sources.
 
+use super::layout::described;
 use crate::results::named_enum;
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -21,61 +22,65 @@ named_enum! {
     }
 }
 
-/// The state of one process of the rig, a few times per second. All counts begin with the process.
-#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("ricochet.Status.v1")]
-#[repr(C)]
-pub struct StatusMessage {
-    /// The start of the acquire process that it works on.
-    pub run_id: u64,
-    /// The number of the `Role`.
-    pub role: u32,
-    /// The index among several processes of the role (workers), from 0.
-    pub index: u32,
-    /// The process id.
-    pub pid: u32,
-    /// For the camera, the epoch of its frames. For the recorder, 1 when armed, plus 2 when recordings would not fit or cannot
-    /// be written. For the supervisor, the number of its running processes.
-    pub state: u32,
-    /// The newest sequence number that was processed.
-    pub sequence: u64,
-    /// The newest stamp that was processed, ns since the Unix epoch.
-    pub stamp_ns: u64,
-    /// The number of frames (or rows) received.
-    pub taken: u64,
-    /// The number of frames (or rows) published.
-    pub given: u64,
-    /// The number lost before they arrived here: camera gaps, overrun queues.
-    pub lost: u64,
-    /// The number lost here: no free slot, torn frames, late rows.
-    pub dropped: u64,
-    /// The number of processes that were restarted (supervisor).
-    pub restarts: u64,
-    /// The length of this process's queue at the last check.
-    pub waiting: u64,
-    /// The capacity of that queue.
-    pub capacity: u64,
-    /// The number of frames per second since the last status.
-    pub rate_hz: f64,
-    /// The latency, host time minus the stamp of the last processed frame, s; 0 when the source is not live.
-    pub latency_s: f64,
+described! {
+    "ricochet.Status.v1"
+    /// The state of one process of the rig, a few times per second. All counts begin with the process.
+    #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
+    #[repr(C)]
+    pub struct StatusMessage {
+        /// The start of the acquire process that it works on.
+        pub run_id: u64,
+        /// The number of the `Role`.
+        pub role: u32,
+        /// The index among several processes of the role (workers), from 0.
+        pub index: u32,
+        /// The process id.
+        pub pid: u32,
+        /// For the camera, the epoch of its frames. For the recorder, 1 when armed, plus 2 when recordings would not fit or cannot
+        /// be written. For the supervisor, the number of its running processes.
+        pub state: u32,
+        /// The newest sequence number that was processed.
+        pub sequence: u64,
+        /// The newest stamp that was processed, ns since the Unix epoch.
+        pub stamp_ns: u64,
+        /// The number of frames (or rows) received.
+        pub taken: u64,
+        /// The number of frames (or rows) published.
+        pub given: u64,
+        /// The number lost before they arrived here: camera gaps, overrun queues.
+        pub lost: u64,
+        /// The number lost here: no free slot, torn frames, late rows.
+        pub dropped: u64,
+        /// The number of processes that were restarted (supervisor).
+        pub restarts: u64,
+        /// The length of this process's queue at the last check.
+        pub waiting: u64,
+        /// The capacity of that queue.
+        pub capacity: u64,
+        /// The number of frames per second since the last status.
+        pub rate_hz: f64,
+        /// The latency, host time minus the stamp of the last processed frame, s; 0 when the source is not live.
+        pub latency_s: f64,
+    }
 }
 
-/// The progress of one reader of the frames.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ZeroCopySend)]
-#[type_name("ricochet.Progress.v1")]
-#[repr(C)]
-pub struct Progress {
-    /// The start of the acquire process that it is attached to.
-    pub run_id: u64,
-    /// One past the newest frame that it has finished.
-    pub next_sequence: u64,
-    /// The number of the `Role`.
-    pub role: u32,
-    /// The index among several processes of the role (workers), from 0.
-    pub index: u32,
-    /// 1 when it will receive no more frames.
-    pub done: u32,
-    /// Zero.
-    pub reserved: u32,
+described! {
+    "ricochet.Progress.v1"
+    /// The progress of one reader of the frames.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ZeroCopySend)]
+    #[repr(C)]
+    pub struct Progress {
+        /// The start of the acquire process that it is attached to.
+        pub run_id: u64,
+        /// One past the newest frame that it has finished.
+        pub next_sequence: u64,
+        /// The number of the `Role`.
+        pub role: u32,
+        /// The index among several processes of the role (workers), from 0.
+        pub index: u32,
+        /// 1 when it will receive no more frames.
+        pub done: u32,
+        /// Zero.
+        pub reserved: u32,
+    }
 }

@@ -63,6 +63,7 @@ mod plain_ball_film;
 mod polar;
 mod pretrigger;
 mod python;
+mod python_package;
 mod recording;
 mod recordings;
 mod replay;

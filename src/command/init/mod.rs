@@ -7,7 +7,7 @@ use super::cameras;
 use crate::config::{BodyKind, Config, Source};
 use crate::console::{Outcome, Overwrite, print_line, write_file};
 use crate::failure::Failure;
-use questions::Questions;
+use questions::{Questions, Unanswered};
 use std::path::PathBuf;
 
 /// The options of `ricochet init`. Each answers one question, which is then not asked.
@@ -81,7 +81,7 @@ pub fn run(options: &InitOptions) -> Result<Outcome, Failure> {
 }
 
 fn answers(options: &InitOptions) -> Result<Answers, Failure> {
-    let mut questions = Questions::new(options.defaults);
+    let mut questions = Questions::new(if options.defaults { Unanswered::TakeDefault } else { Unanswered::Ask });
     let found = if options.camera.is_none() && !options.defaults { cameras::found() } else { Vec::new() };
     let camera = questions.camera(options.camera.as_deref(), &found)?;
     let source = source_of(&camera);

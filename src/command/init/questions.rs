@@ -10,19 +10,32 @@ use std::io::{BufRead, Write};
 const DIRECTORY: &str = "shots";
 const SIZE: &str = "640x480";
 
+/// The treatment of questions that no option answers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Unanswered {
+    /// They are asked.
+    Ask,
+    /// Their default is taken.
+    TakeDefault,
+}
+
 /// Asks, or takes the default of every question.
 pub(super) struct Questions {
-    takes_defaults: bool,
+    unanswered: Unanswered,
 }
 
 impl Questions {
-    pub fn new(takes_defaults: bool) -> Self {
-        Self { takes_defaults }
+    pub fn new(unanswered: Unanswered) -> Self {
+        Self { unanswered }
+    }
+
+    fn takes_defaults(&self) -> bool {
+        self.unanswered == Unanswered::TakeDefault
     }
 
     /// Asks for a camera by its number in the list of those found, or by its name.
     pub fn camera(&mut self, given: Option<&str>, found: &[FoundCamera]) -> Result<String, Failure> {
-        if given.is_none() && !self.takes_defaults {
+        if given.is_none() && !self.takes_defaults() {
             let names = found.iter().enumerate().map(|(k, camera)| format!("  {}  {}", k + 1, camera.description));
             names.for_each(|line| print_note(&line));
         }
@@ -94,10 +107,10 @@ impl Questions {
         default: Option<&str>,
         accept: impl Fn(&str) -> Result<T, String>,
     ) -> Result<Option<T>, Failure> {
-        if let Some(given) = given.or(default.filter(|_| self.takes_defaults)) {
+        if let Some(given) = given.or(default.filter(|_| self.takes_defaults())) {
             return Ok(Some(accept(given).map_err(UsageError)?));
         }
-        if self.takes_defaults {
+        if self.takes_defaults() {
             return Ok(None);
         }
         let shown = default.map_or_else(String::new, |default| format!(" [{default}]"));
