@@ -12,13 +12,22 @@ const PICTURE_BYTES: u64 = 1 << 30;
 /// Returns `None` when the picture has no pixels or is too large.
 pub fn to_png(picture: &Image) -> Option<Vec<u8>> {
     let view = picture.view();
+    let is_small = (0..view.height()).all(|y| view.row(y).iter().all(|level| level.round() <= 255.0));
+    to_png_of_bits(picture, if is_small { 8 } else { 16 })
+}
+
+/// Encodes a picture of whole grey levels as PNG of 8 bits, or of 16 if `bits` is more than 8.
+///
+/// Returns `None` when the picture has no pixels or is too large.
+pub fn to_png_of_bits(picture: &Image, bits: u32) -> Option<Vec<u8>> {
+    let view = picture.view();
     let (width, height) = (u32::try_from(view.width()).ok()?, u32::try_from(view.height()).ok()?);
     let levels =
         || (0..view.height()).flat_map(|y| view.row(y).iter().map(|level| level.round().clamp(0.0, 65_535.0) as u16));
     let mut png = Vec::new();
     let encoder = image::codecs::png::PngEncoder::new(&mut png);
-    let written = if levels().all(|level| level <= 255) {
-        let pixels: Vec<u8> = levels().map(|level| level as u8).collect();
+    let written = if bits <= 8 {
+        let pixels: Vec<u8> = levels().map(|level| level.min(255) as u8).collect();
         encoder.write_image(&pixels, width, height, ExtendedColorType::L8)
     } else {
         // The encoder expects the byte order of the machine.

@@ -17,9 +17,9 @@ import iceoryx2 as iox2
 import numpy
 
 from . import _messages as messages
-from ._rig import RigError, Topic, names
+from ._rig import RigError, Topic
 
-__all__ = ["Frame", "RigError", "frames", "listen", "names", "read"]
+__all__ = ["Frame", "RigError", "frames", "listen", "read"]
 
 _TOPICS = {
     "velocity": messages.Velocity,

@@ -11,6 +11,13 @@ class RigError(RuntimeError):
     """A rig that cannot be listened to; the message is one line."""
 
 
+class _Absent(RigError):
+    """A rig that does not run, or not yet."""
+
+    def __init__(self, rig):
+        super().__init__(f"no rig named {rig!r} of this user runs; start it, or pass the name in its file")
+
+
 def _folders():
     user = os.geteuid()
     if "RICOCHET_RUNTIME_DIR" in os.environ:
@@ -31,17 +38,6 @@ def _config(rig):
         except OSError:
             continue
     return None
-
-
-def names():
-    """Returns the names of the rigs of this user that run or ran last."""
-    found = set()
-    for folder in _folders():
-        try:
-            found.update(os.listdir(os.path.join(folder, "rigs")))
-        except OSError:
-            continue
-    return sorted(found)
 
 
 def _details(kind, variant, alignment=None):
@@ -65,17 +61,14 @@ class Topic:
                 self._open(rig, topic, message, header, queue)
                 return
             except RigError as error:
-                if not getattr(error, "is_absent", False) or time.monotonic() >= deadline:
+                if not isinstance(error, _Absent) or time.monotonic() >= deadline:
                     raise
             time.sleep(0.01)
 
     def _open(self, rig, topic, message, header, queue):
         config = _config(rig)
         if config is None:
-            others = ", ".join(names()) or "none runs"
-            error = RigError(f"no rig named {rig!r} of this user runs; rigs: {others}")
-            error.is_absent = True
-            raise error
+            raise _Absent(rig)
         self.node = iox2.NodeBuilder.new().config(config).create(iox2.ServiceType.Ipc)
         builder = self.node.service_builder(iox2.ServiceName.new(f"ricochet/{rig}/{topic}"))
         if header is None:
@@ -89,13 +82,10 @@ class Topic:
         try:
             self.service = builder.open()
         except iox2.PublishSubscribeOpenError as failure:
-            is_absent = "DoesNotExist" in str(failure)
-            reason = "it is starting or has no such topic" if is_absent else (
-                f"another version of ricochet? This package reads {getattr(message, '__name__', message)}"
-            )
-            error = RigError(f"cannot open {topic!r} of rig {rig!r}: {reason} ({failure})")
-            error.is_absent = is_absent
-            raise error from None
+            if "DoesNotExist" in str(failure):
+                raise _Absent(rig) from None
+            wanted = (header or message).type_name()
+            raise RigError(f"rig {rig!r} is of another version: this package reads {wanted} ({failure})") from None
         subscriber = self.service.subscriber_builder().buffer_size(queue)
         self.subscriber = subscriber.create()
 

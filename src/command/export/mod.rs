@@ -28,7 +28,7 @@ named_enum! {
         Parquet = 1 "parquet",
         /// A NumPy archive with an array per column.
         Npz = 2 "npz",
-        /// A directory of PNG images with the results drawn over them.
+        /// A directory of PNG images: the frames as they are, or with the results drawn over them.
         Png = 3 "png",
         /// The same as a video in H.264.
         Mp4 = 4 "mp4",

@@ -5,7 +5,7 @@ use crate::command::result_film::Frames;
 use crate::console::write_file;
 use crate::image::{Frame, FrameMeta, Image};
 use crate::plot::{Canvas, Color};
-use crate::recording::{Recording, RecordingError};
+use crate::recording::{Recording, RecordingError, to_png_of_bits};
 use crate::results::segments;
 use crate::results::{PairField, TrackSample};
 use image::{ImageFormat, RgbImage};
@@ -17,6 +17,9 @@ const OUTLINE: Color = [53, 224, 111];
 const ARROW: Color = [255, 210, 31];
 
 /// Writes an image per frame into a directory and returns their number.
+///
+/// `frames` are written as they are: grey levels in 8 or 16 bits, none enlarged or stretched. Results are drawn over enlarged
+/// images in colour.
 pub(super) fn write_all(options: &ExportOptions, directory: &Path) -> Result<u64, ExportError> {
     let to = directory.display().to_string();
     let failed = |source| ExportError::Write { to: to.clone(), source };
@@ -24,17 +27,38 @@ pub(super) fn write_all(options: &ExportOptions, directory: &Path) -> Result<u64
     let frames = options.frames(&recording)?;
     std::fs::create_dir_all(directory).map_err(failed)?;
     let (mut count, mut first) = (0, None);
-    draw(&recording, frames, &options.topic, |sequence, picture| {
-        let picture = picture.map_err(failed)?;
+    let mut write = |sequence: u64, png: io::Result<Vec<u8>>| {
+        let png = png.map_err(failed)?;
         let number = sequence.saturating_sub(*first.get_or_insert(sequence));
         let path = directory.join(format!("{}_{number:06}.png", options.topic));
-        let mut png = Cursor::new(Vec::new());
-        picture.write_to(&mut png, ImageFormat::Png).map_err(|error| failed(io::Error::other(error)))?;
-        write_file(&path, png.into_inner(), options.overwrite).map_err(ExportError::Output)?;
+        write_file(&path, png, options.overwrite).map_err(ExportError::Output)?;
         count += 1;
         Ok(())
-    })?;
+    };
+    if options.topic == "frames" {
+        for frame in frames {
+            let (meta, bytes) = frame?;
+            write(meta.sequence, as_recorded(meta, &bytes))?;
+        }
+    } else {
+        draw(&recording, frames, &options.topic, |sequence, picture| {
+            write(sequence, picture.and_then(|p| encoded(&p)))
+        })?;
+    }
     Ok(count)
+}
+
+/// Returns a frame as a grey PNG of 8 bits, or of 16 with the levels that the camera delivered.
+fn as_recorded(meta: FrameMeta, bytes: &[u8]) -> io::Result<Vec<u8>> {
+    let mut image = Image::default();
+    Frame { meta, bytes }.unpack(&mut image).map_err(io::Error::other)?;
+    to_png_of_bits(&image, meta.format.bits()).ok_or_else(|| io::Error::other("the frame is no image"))
+}
+
+fn encoded(picture: &RgbImage) -> io::Result<Vec<u8>> {
+    let mut png = Cursor::new(Vec::new());
+    picture.write_to(&mut png, ImageFormat::Png).map_err(io::Error::other)?;
+    Ok(png.into_inner())
 }
 
 /// Returns the error for frames that the results were not measured in.

@@ -245,15 +245,32 @@ fn pictures_show_the_frame_and_the_results_over_it() {
         assert_eq!(std::fs::read_dir(&target).unwrap().count(), 3);
     }
     let (plain, outlined) = (picture("frames", 2), picture("track", 2));
-    assert_eq!(plain.dimensions(), (640, 400), "enlarged twice");
     let (_, bytes) = samples::frame(102, PixelFormat::Mono8, [320, 200], 0);
-    for (x, y) in [(0, 0), (319, 0), (17, 113), (319, 199)] {
-        assert_eq!(plain.get_pixel(2 * x + 1, 2 * y).0, [bytes[(y * 320 + x) as usize]; 3]);
-    }
+    assert_eq!(plain.dimensions(), (320, 200), "as it is");
+    assert!(plain.pixels().zip(&bytes).all(|(pixel, level)| pixel.0 == [*level; 3]));
+    assert_eq!(outlined.dimensions(), (640, 400), "enlarged twice");
     // Pixel (210, 100) is on the outline. Its centre lies at (421, 201) of the enlarged image.
     assert_eq!(outlined.get_pixel(421, 201).0, [53, 224, 111]);
-    let drawn = plain.pixels().zip(outlined.pixels()).filter(|(a, b)| a != b).count();
+    let differs = |x: u32, y: u32| plain.get_pixel(x / 2, y / 2) != outlined.get_pixel(x, y);
+    let drawn = (0..400).flat_map(|y| (0..640).map(move |x| (x, y))).filter(|(x, y)| differs(*x, *y)).count();
     assert!((500..2000).contains(&drawn), "{drawn} pixels drawn");
+}
+
+#[test]
+fn exported_frames_are_imported_again_with_every_grey_level() {
+    for (format, kind) in [(PixelFormat::Mono8, image::ColorType::L8), (PixelFormat::Mono12, image::ColorType::L16)] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("shot.mcap");
+        let mut writer = RecordingWriter::create(&path, &samples::info(), &WriterOptions::default()).unwrap();
+        let (meta, bytes) = samples::frame(0, format, [64, 32], 0);
+        writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
+        writer.finish().unwrap();
+        let target = folder.path().join("frames");
+        export::run(&options(&path, "frames", export::Format::Png, &target)).unwrap();
+        let picture = image::open(target.join("frames_000000.png")).unwrap();
+        assert_eq!(picture.color(), kind);
+        assert_eq!(picture.as_bytes(), &bytes[..], "{format:?}");
+    }
 }
 
 #[test]
