@@ -53,6 +53,7 @@ mod not_measured;
 mod occlusion;
 mod out_of_plane_rotation;
 mod out_of_plane_translation;
+mod packaging;
 mod patch;
 mod patch_footage;
 mod phone_film;
