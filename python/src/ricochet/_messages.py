@@ -382,6 +382,7 @@ EVENT = {
     18: "withdrawn",
     19: "matched",
     20: "silent",
+    21: "hung",
 }
 
 
@@ -399,6 +400,7 @@ ROLE = {
     3: "track",
     4: "record",
     5: "run",
+    6: "serve",
 }
 
 
