@@ -145,10 +145,8 @@ fn lost_frames_are_counted_and_the_frame_rate_stays_nominal() {
     );
     let arguments = ["check".as_ref(), config.as_os_str(), "--json".as_ref(), "--seconds".as_ref(), "2.5".as_ref()];
     let check = Background::start(ricochet(arguments));
-    let role = format!("@ricochet/check-{}/check", check.0.id());
-    wait_until("the check records", || {
-        std::fs::read_to_string("/proc/net/unix").unwrap().contains(&role).then_some(())
-    });
+    let name = format!("check-{}", check.0.id());
+    wait_until("the check records", || ricochet::bus::Bus::is_running(&name).then_some(()));
     std::thread::sleep(std::time::Duration::from_millis(200));
     check.signal(19);
     // The camera has 64 slots, which last for an eighth of a second.

@@ -303,12 +303,22 @@ fn a_film_of_two_balls_holds_the_truth_of_both_and_its_measurement_agrees() {
             if name == "passing" && (row.body == 0 && row.frame >= 69) {
                 continue;
             }
-            count += 1.0;
             let errors = [
                 step.dx_px - exact_step.dx_px,
                 step.dy_px - exact_step.dy_px,
                 step.dtheta_deg.unwrap() - exact_step.dtheta_deg.unwrap(),
             ];
+            let sigmas = [step.sigma_dx_px, step.sigma_dy_px, step.sigma_dtheta_deg.unwrap()];
+            assert!(
+                errors.iter().zip(sigmas).all(|(error, sigma)| error.abs() < 5.0 * sigma),
+                "{name} {}: {errors:?} with sigmas {sigmas:?}",
+                row.frame
+            );
+            // The rotation is uncertain where subsets near the rim are all that one ball shows of the other.
+            if sigmas[2] > 0.03 {
+                continue;
+            }
+            count += 1.0;
             squares.iter_mut().zip(errors).for_each(|(sum, error)| *sum += error * error);
         }
         let rms = squares.map(|sum| (sum / f64::max(count, 1.0)).sqrt());

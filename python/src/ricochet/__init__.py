@@ -32,7 +32,13 @@ _TOPICS = {
 _TRACKED, _ENDED = 11, 3
 _PAUSE_S = 0.0005
 _ALIVE_S = 1.0
-_WORDS = {"status": messages.STATUS, "phase": messages.PHASE, "force_law": messages.FORCE_LAW, "kind": messages.EVENT}
+_WORDS = {
+    "status": messages.STATUS,
+    "rotation_status": messages.STATUS,
+    "phase": messages.PHASE,
+    "force_law": messages.FORCE_LAW,
+    "kind": messages.EVENT,
+}
 
 
 def _value(value):
