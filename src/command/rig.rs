@@ -105,7 +105,7 @@ pub fn role(role: Role, options: &RoleOptions, stop: &Stop) -> Result<Outcome, F
 /// When a process cannot be started or cannot continue.
 pub fn run(config: &Path, stop: &Stop) -> Result<Outcome, Failure> {
     let config = load(config, None)?;
-    let extras = Extras { page: Page::Served, ..Extras::default() };
+    let extras = Extras { page: Page::Served, print: Some(crate::console::print_note), ..Extras::default() };
     let summary = process::supervise(&config, stop, extras, |_| ())?;
     // Older recordings may have been deleted to make room.
     for path in summary.recordings.iter().filter(|path| path.exists()) {

@@ -5,6 +5,7 @@ mod heartbeat;
 mod page;
 mod restarts;
 mod service_manager;
+mod shot_lines;
 
 use super::clock::{PeriodicTimer, Timeout};
 use super::frame_stamp::FrameStamp;
@@ -24,6 +25,7 @@ pub use child::{Child, Page};
 use child::{Running, Start};
 use heartbeat::{Heartbeat, process_state};
 use service_manager::ServiceManager;
+use shot_lines::ShotLines;
 use std::any::Any;
 use std::collections::BTreeMap;
 use std::os::unix::process::CommandExt;
@@ -81,6 +83,7 @@ pub struct Supervisor<'a> {
     program: PathBuf,
     children: BTreeMap<Child, Running>,
     events: Subscriber<Event>,
+    lines: Option<ShotLines>,
     /// The latest status of each process.
     statuses: BTreeMap<Child, StatusMessage>,
     reporter: StatusReporter,
@@ -102,6 +105,8 @@ pub struct Extras {
     pub leader: Option<Sender<StepControl>>,
     /// Whether the page is served.
     pub page: Page,
+    /// Prints one line for each change of state and each shot.
+    pub print: Option<fn(&str)>,
 }
 
 /// Runs every process of a rig until its stream ends or it is asked to stop.
@@ -168,6 +173,7 @@ impl<'a> Supervisor<'a> {
             program: std::env::current_exe()?,
             children: BTreeMap::new(),
             events: bus.subscriber(&limits)?,
+            lines: extras.print.map(|print| ShotLines::new(bus, config, &limits, print)).transpose()?,
             statuses: BTreeMap::new(),
             reporter: StatusReporter::new(bus, &limits, Role::Supervise, 0)?,
             groups,
@@ -330,7 +336,13 @@ impl<'a> Supervisor<'a> {
                 }
             }
         }
+        if let Some(lines) = &mut self.lines {
+            lines.note_impacts()?;
+        }
         while let Some(event) = self.events.take()? {
+            if let Some(lines) = &mut self.lines {
+                lines.print(&event);
+            }
             if event.kind() == Some(EventKind::Recorded) {
                 self.summary.recordings.push(PathBuf::from(event.text()));
             }

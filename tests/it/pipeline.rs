@@ -101,6 +101,22 @@ fn live_topic_recording_and_analysis_give_the_same_bytes() {
 }
 
 #[test]
+fn run_prints_when_it_films_and_each_shot_with_its_result() {
+    let rig = Rig::new();
+    let config = rig.config(
+        "source = \"simulated\"\npaced = false\nexposure_us = 20",
+        "[scale]\nmm_per_px = 0.5142\n[velocity]\ngravity_angle_deg = -71\n[workers]\ncount = 2",
+    );
+    let (code, printed, stderr) = Background::start(ricochet(["run".as_ref(), config.as_os_str()])).end();
+    assert_eq!(code, Some(0), "{stderr}");
+    let path = rig.recordings()[0].display().to_string();
+    assert_eq!(printed.trim(), path);
+    let lines: Vec<&str> = stderr.lines().collect();
+    assert_eq!(lines[0], format!("filming: rig {}", rig.name));
+    assert!(lines[1].starts_with(&format!("shot 1: {path}, ball restitution 0.79")), "{stderr}");
+}
+
+#[test]
 fn results_do_not_depend_on_workers_or_pace() {
     let rig = Rig::new();
     let film = rig.path("film.mcap");

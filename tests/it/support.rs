@@ -175,6 +175,12 @@ pub fn python(script: &str, arguments: &[&Path]) -> Option<String> {
     Some(String::from_utf8(output.stdout).unwrap())
 }
 
+/// The lines of a rig's standard error but those about its state and its shots.
+pub fn complaints(stderr: &str) -> Vec<&str> {
+    const USUAL: [&str; 4] = ["filming: ", "ready: ", "disarmed: ", "shot "];
+    stderr.lines().filter(|line| !USUAL.iter().any(|usual| line.starts_with(usual))).collect()
+}
+
 /// Whether `RICOCHET_REQUIRE_name` makes a test fail when what it needs is missing.
 pub fn is_required(name: &str) -> bool {
     std::env::var_os(format!("RICOCHET_REQUIRE_{name}")).is_some_and(|value| value == "1")
