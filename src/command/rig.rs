@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 pub struct RoleOptions {
     /// Rig file; `-` reads it from standard input.
     pub config: PathBuf,
-    /// Camera to work for, by the name of its [view] [default: the first].
+    /// Camera to work for, by the name of its view [default: the first].
     #[arg(long, value_name = "NAME")]
     pub camera: Option<String>,
     /// Index of the correlation worker, from 0.

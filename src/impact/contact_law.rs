@@ -31,7 +31,7 @@ pub enum Family {
 /// The maximum number of parameters of a law: start, speed, ln A, c, n, m, b1 to b7.
 pub const MAX_PARAMETERS: usize = 13;
 
-/// Parameters in the order of [`MAX_PARAMETERS`]; the first [`Family::count`] are free, the rest follow.
+/// Parameters in the order of `MAX_PARAMETERS`; the first [`Family::count`] are free, the rest follow.
 pub type Parameters = [f64; MAX_PARAMETERS];
 
 impl Family {

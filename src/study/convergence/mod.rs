@@ -130,8 +130,7 @@ struct Row {
 ///
 /// # Errors
 ///
-/// [`UsageError`] or [`FieldError`](crate::command::field::FieldError) naming the option, the file or both image
-/// sizes.
+/// When an option is out of range, a file cannot be read, or the images differ in size.
 pub fn run(options: &ConvergenceOptions, stop: &Stop) -> Result<Outcome, Failure> {
     if !(options.tolerance_px > 0.0 && options.tolerance_px <= 1.0) {
         return Err(
