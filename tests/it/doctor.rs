@@ -145,7 +145,9 @@ fn missing_tools_are_found() {
 /// Runs in a mount namespace of its own, in which shared memory is small.
 #[test]
 fn small_shared_memory_is_found_and_mended() {
-    if !rustix::process::geteuid().is_root() {
+    let trial = ["-m", "mount", "-t", "tmpfs", "tmpfs", "/dev/shm"];
+    if !Command::new("unshare").args(trial).output().is_ok_and(|output| output.status.success()) {
+        eprintln!("left out: no mount namespace can be made here");
         return;
     }
     let program = env!("CARGO_BIN_EXE_ricochet");
