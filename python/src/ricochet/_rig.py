@@ -25,7 +25,7 @@ def _folders():
     elif "XDG_RUNTIME_DIR" in os.environ:
         yield os.path.join(os.environ["XDG_RUNTIME_DIR"], "ricochet")
     yield f"/run/user/{user}/ricochet"
-    yield f"/tmp/ricochet-{user}"
+    yield os.path.join("/tmp", f"ricochet-{user}")
 
 
 def _config(rig):

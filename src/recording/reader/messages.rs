@@ -220,7 +220,7 @@ impl Recording {
 
     /// Visits every intact message of a section in the order of the file.
     ///
-    /// Of a chunk that fails its checksum, it visits the frames, which have checksums of their own. After a power cut the
+    /// A chunk that fails its checksum is searched for frames, which have checksums of their own. After a power cut the
     /// end of a chunk can be on the disk while a part of its middle is not. Returns the damage, if any.
     ///
     /// # Errors
