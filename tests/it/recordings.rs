@@ -121,12 +121,16 @@ fn every_rig_file_that_needs_no_camera_runs() {
         let output = ricochet(["run".as_ref(), copy.as_os_str()]).current_dir(home).output().unwrap();
         let stderr = String::from_utf8(output.stderr).unwrap();
         // A message on the free space of this machine is not about the file.
-        let stderr: Vec<&str> = stderr.lines().filter(|line| !line.contains("bytes are free in")).collect();
-        assert_eq!((output.status.code(), stderr), (Some(0), vec![]), "{}", path.display());
+        let (shots, other): (Vec<&str>, Vec<&str>) = stderr
+            .lines()
+            .filter(|line| !line.contains("bytes are free in"))
+            .partition(|line| ["filming: rig ", "ready: rig ", "shot "].iter().any(|start| line.starts_with(start)));
+        assert_eq!((output.status.code(), other), (Some(0), vec![]), "{}", path.display());
         let printed = String::from_utf8(output.stdout).unwrap();
         let recordings: Vec<&str> = printed.lines().collect();
         assert_eq!(recordings.len(), usize::from(config.record.is_some()), "{}", path.display());
         for recording in recordings {
+            assert!(shots.iter().any(|line| line.starts_with("shot ") && line.contains(recording)), "{shots:?}");
             let velocity = csv(&home.join(recording), "velocity");
             assert!(velocity.lines().filter(|row| row.ends_with(",valid")).count() > 50, "{velocity}");
         }
