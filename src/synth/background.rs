@@ -1,5 +1,6 @@
 //! The background of the ball: ground, lamp, lens, and the occluding half-plane.
 
+use super::flat::{Behind, Flat};
 use super::scenario::{MotionSetup, Scenario};
 use super::trajectory::tangent;
 use crate::numeric::normal_cdf;
@@ -7,7 +8,7 @@ use crate::numeric::{Stream, key};
 use crate::synth::render::Rod;
 use crate::synth::render::smooth;
 use crate::synth::render::total_sigma_px;
-use crate::synth::render::{EDGE_SIGMA, HalfPlane, Patch};
+use crate::synth::render::{DiscOutline, EDGE_SIGMA, HalfPlane, Patch};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// The purposes of the random streams.
@@ -26,9 +27,20 @@ pub(crate) struct Background {
     /// The ground and a static occluder without the ball, DN, row-major.
     still_dn: Vec<f32>,
     occluder: Option<OccludingEdge>,
+    flat: Option<Flat>,
     /// The relative amplitude of the lamp's flicker, and its frequency.
     flicker: f64,
     flicker_hz: f64,
+}
+
+/// The moving objects in one exposure.
+pub(crate) struct Exposed<'a> {
+    /// The occluder at each moment.
+    pub(crate) occluders: &'a [Option<HalfPlane>],
+    /// The bodies, from the back to the front.
+    pub(crate) patches: &'a [Patch],
+    /// The outlines of the balls in the middle of the exposure.
+    pub(crate) balls: &'a [DiscOutline],
 }
 
 /// The half-plane in front of the ball.
@@ -42,14 +54,20 @@ struct OccludingEdge {
 impl Background {
     pub(crate) fn new(scenario: &Scenario, full_dn: f32) -> Self {
         let room = room(scenario);
-        let ground_dn = ground(scenario, full_dn, &room);
+        let mut ground_dn = ground(scenario, full_dn, &room);
         let occluder = half_plane(scenario).zip(scenario.occluder.as_ref()).map(|(start, setup)| OccludingEdge {
             start,
             speed_px_s: setup.speed_px_frame * scenario.camera.frame_rate_hz,
             shade_dn: full_dn * setup.shade as f32,
         });
         let at_rest = occluder.filter(|occluder| !occluder.moves());
-        let still_dn = still(scenario, full_dn, &room, &ground_dn, at_rest.map(|occluder| occluder.start));
+        let edge = at_rest.map(|occluder| occluder.start);
+        if let (Some(edge), Some(setup)) = (edge, scenario.occluder.as_ref().filter(|setup| setup.behind_px > 0.0)) {
+            let [x, y] = edge.point_px;
+            let point_px = [x + setup.behind_px * edge.normal[0], y + setup.behind_px * edge.normal[1]];
+            ground_dn = still(scenario, full_dn, &room, &ground_dn, Some(HalfPlane { point_px, ..edge }));
+        }
+        let still_dn = still(scenario, full_dn, &room, &ground_dn, edge);
         Self {
             width: scenario.camera.width_px as usize,
             sigma_px: total_sigma_px(scenario.camera.blur_px),
@@ -57,6 +75,7 @@ impl Background {
             ground_dn,
             still_dn,
             occluder,
+            flat: edge.and_then(|edge| Flat::new(scenario, edge)),
             flicker: scenario.light.flicker,
             flicker_hz: scenario.light.flicker_hz,
         }
@@ -89,26 +108,43 @@ impl Background {
     }
 
     /// Renders one row of the image: static parts, a moving occluder and the balls, DN.
-    pub(crate) fn row(&self, occluders: &[Option<HalfPlane>], patches: &[Patch], row: usize, light: &mut [f32]) {
+    pub(crate) fn row(&self, exposed: &Exposed<'_>, row: usize, light: &mut [f32]) {
         let start = row * self.width;
         light.copy_from_slice(&self.still_dn[start..start + self.width]);
         if let Some(occluder) = self.occluder.filter(OccludingEdge::moves) {
-            self.add_occluder(&occluder, occluders, row, light);
+            self.add_occluder(&occluder, exposed.occluders, row, light);
         }
-        for patch in patches {
+        let shadows = self.shadows(exposed.balls, row);
+        light.iter_mut().zip(&shadows).for_each(|(light, left)| *light *= left);
+        for patch in exposed.patches {
             if row < patch.top || row >= patch.top + patch.height {
                 continue;
             }
             let cells = (row - patch.top) * patch.width..(row - patch.top + 1) * patch.width;
             let place = start + patch.left..start + patch.left + patch.width;
-            let ball = patch.coverage[cells.clone()].iter().zip(&patch.light_dn[cells]);
-            let still = self.room[place.clone()].iter().zip(&self.ground_dn[place]);
+            let ball = patch.coverage[cells.clone()].iter().zip(&patch.light_dn[cells.clone()]);
+            let still = self.room[place.clone()].iter().zip(&self.ground_dn[place.clone()]);
             for ((light, (coverage, light_dn)), (room, ground_dn)) in
                 light[patch.left..patch.left + patch.width].iter_mut().zip(ball).zip(still)
             {
                 *light += light_dn * room - coverage * ground_dn;
             }
+            // The darkened ground is covered, not the lit one.
+            let lost = shadows.iter().skip(patch.left).zip(&patch.coverage[cells]).zip(&self.ground_dn[place]);
+            for (light, ((left, coverage), ground_dn)) in light.iter_mut().skip(patch.left).zip(lost) {
+                *light += coverage * ground_dn * (1.0 - left);
+            }
         }
+        if let Some(flat) = &self.flat {
+            let behind = Behind { width: self.width, room: &self.room, ground_dn: &self.ground_dn };
+            flat.add_mirrored(exposed.patches, &behind, row, light);
+        }
+    }
+
+    /// Returns the light that the balls leave on each pixel of a row; empty if there are no shadows.
+    fn shadows(&self, balls: &[DiscOutline], row: usize) -> Vec<f32> {
+        let Some(flat) = &self.flat else { return Vec::new() };
+        (0..self.width).map(|column| flat.unshadowed(balls, column as f64, row as f64)).collect()
     }
 
     /// Adds a moving occluder: the mean over the moments of the exposure.

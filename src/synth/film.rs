@@ -1,6 +1,6 @@
 //! A film rendered from a scenario.
 
-use super::background::Background;
+use super::background::{Background, Exposed};
 use super::ground_truth::{impact, phase, status, step, velocity};
 use super::scenario::{MotionSetup, Scenario, ScenarioError, Shape};
 use super::sensor::Sensor;
@@ -8,12 +8,12 @@ use super::trajectory::{Pose, Trajectory, tangent};
 use crate::image::{Image, PixelFormat};
 use crate::numeric::{Stream, key, scramble};
 use crate::results::{Impact, PointStatus, VelocitySample};
-use crate::synth::render::Rod;
 use crate::synth::render::SpeckledSphere;
 use crate::synth::render::total_sigma_px;
 use crate::synth::render::{Ball, HalfPlane, Moment, Patch, Surface};
 use crate::synth::render::{DiscOutline, Occluder, visible_fraction};
 use crate::synth::render::{Field, Pattern};
+use crate::synth::render::{RegularPaint, Rod};
 use std::ops::Range;
 
 /// The purposes of the random streams.
@@ -53,6 +53,10 @@ impl Body {
         let (pattern, radius_px) = (&scenario.body.pattern, scenario.radius_px());
         let scatter = |field: Field| Pattern::scatter(pattern, field, sigma_px, speckles.clone());
         let ball = |surface: Surface| Self::Ball(Box::new(Ball::new(scenario, surface, full_dn)));
+        let regular = RegularPaint::new(pattern, scenario.body.shape, radius_px, sigma_px, speckles.clone());
+        if let Some(paint) = regular.filter(|_| scenario.body.rod.is_none()) {
+            return Ok(ball(Surface::Regular(paint)));
+        }
         Ok(match (&scenario.body.rod, scenario.body.shape) {
             (Some(rod), _) => {
                 Self::Rod(Box::new(Rod::new(scenario, rod, scatter(Rod::field(scenario, rod))?, full_dn)))
@@ -119,6 +123,10 @@ impl Actor {
     /// Returns its radius in the image, px.
     fn radius_px(&self, time_s: f64) -> f64 {
         self.zoom(time_s) * self.scenario.radius_px()
+    }
+
+    fn is_ball(&self) -> bool {
+        matches!(self.body, Body::Ball(_))
     }
 
     fn outline(&self, time_s: f64) -> DiscOutline {
@@ -260,10 +268,14 @@ impl SimulatedFilm {
         let patches: Vec<Patch> = self.actors.iter().enumerate().map(draw).collect();
         let occluders: Vec<Option<HalfPlane>> =
             times.iter().map(|time_s| self.background.occluder_at(*time_s)).collect();
+        let middle_s = start_s + 0.5 * self.exposure_s();
+        let balls: Vec<DiscOutline> =
+            self.actors.iter().filter(|actor| actor.is_ball()).map(|actor| actor.outline(middle_s)).collect();
+        let exposed = Exposed { occluders: &occluders, patches: &patches, balls: &balls };
         let lamp = self.background.lamp(start_s, self.exposure_s());
         let mut light = vec![0.0; width];
         for row in rows {
-            self.background.row(&occluders, &patches, row, &mut light);
+            self.background.row(&exposed, row, &mut light);
             light.iter_mut().for_each(|light| *light *= lamp);
             take(row, &mut light);
         }

@@ -5,6 +5,7 @@
 
 mod background;
 mod film;
+mod flat;
 mod ground_truth;
 mod orientation;
 pub mod physics;
@@ -17,6 +18,6 @@ mod trajectory;
 
 pub use film::SimulatedFilm;
 pub use scenario::{
-    BodySetup, CameraSetup, ImpactSetup, LightSetup, MotionSetup, OccluderSetup, OtherSetup, PartSetup, PatternSetup,
-    RingingSetup, RodSetup, ScaleSetup, Scenario, ScenarioError, ShadeSetup, Shape, SurfaceSetup,
+    BodySetup, CameraSetup, ImpactSetup, Layout, LightSetup, MotionSetup, OccluderSetup, OtherSetup, PartSetup,
+    PatternSetup, RingingSetup, RodSetup, ScaleSetup, Scenario, ScenarioError, ShadeSetup, Shape, SurfaceSetup,
 };

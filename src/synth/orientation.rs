@@ -43,6 +43,11 @@ impl Orientation {
         let [x, y, z] = direction;
         self.0.map(|row| row[0] * x + row[1] * y + row[2] * z)
     }
+
+    /// Rotates a direction back.
+    pub(crate) fn back(&self, direction: [f64; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|column| (0..3).map(|row| self.0[row][column] * direction[row]).sum())
+    }
 }
 
 #[cfg(test)]

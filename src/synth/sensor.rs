@@ -22,6 +22,8 @@ pub(crate) struct Sensor {
     quantiles: Vec<f32>,
     /// Gain and offset (DN) of every pixel, row-major; `None` if all are equal.
     fixed: Option<Vec<(f32, f32)>>,
+    /// The exponent of the tone curve; `None` if grey levels are proportional to the light.
+    gamma: Option<f32>,
 }
 
 impl Sensor {
@@ -35,6 +37,7 @@ impl Sensor {
             shot_variance_dn: (variance * camera.shot_share / (0.5 * full_dn)) as f32,
             quantiles: quantiles(),
             fixed: fixed_pattern(camera, full_dn as f32, seed),
+            gamma: (camera.gamma < 1.0).then_some(camera.gamma as f32),
         }
     }
 
@@ -56,6 +59,10 @@ impl Sensor {
         }
         if self.read_variance_dn2 + self.shot_variance_dn > 0.0 {
             self.add_noise(key, row, light_dn);
+        }
+        if let Some(gamma) = self.gamma {
+            let tone = |light: f32| self.full_dn * (light.clamp(0.0, self.full_dn) / self.full_dn).powf(gamma);
+            light_dn.iter_mut().for_each(|light| *light = tone(*light));
         }
         let level = |light: f32| light.clamp(0.0, self.full_dn) + 0.5;
         match self.format {
@@ -210,6 +217,28 @@ mod tests {
         let mut bytes = [0; 5];
         sensor.expose(0, 0, &mut [-3.0, 0.49, 0.5, 254.5, 300.0], &mut bytes);
         assert_eq!(bytes, [0, 0, 1, 255, 255]);
+    }
+
+    #[test]
+    fn a_tone_curve_lifts_the_dark_with_its_noise_and_keeps_both_ends() {
+        let camera = CameraSetup { gamma: 0.5, noise_dn: 1.0, ..Scenario::translation(0.0, 0.0, 0.0).camera };
+        let exposed = |light_dn: f32, noise_dn: f64| {
+            let mut bytes = vec![0; 4096];
+            let sensor = Sensor::new(&CameraSetup { noise_dn, ..camera.clone() }, PixelFormat::Mono8, 1);
+            sensor.expose(7, 0, &mut [light_dn; 4096], &mut bytes);
+            bytes.into_iter().map(f64::from).collect::<Vec<_>>()
+        };
+        let levels = [0.0, 63.75, 255.0].map(|light_dn| exposed(light_dn, 0.0)[0] as u8);
+        assert_eq!(levels, [0, 128, 255]);
+        let spread = |light_dn: f32| {
+            let levels = exposed(light_dn, 1.0);
+            let mean = levels.iter().sum::<f64>() / 4096.0;
+            deviation(&levels.iter().map(|level| level - mean).collect::<Vec<_>>())
+        };
+        // The slope of the square root at 1/16 is 2, at 9/16 it is 2/3; rounding adds 1/12 to the variance.
+        for (light_dn, slope) in [(255.0 / 16.0, 2.0_f64), (9.0 * 255.0 / 16.0, 2.0 / 3.0)] {
+            assert!((spread(light_dn) / slope.hypot(12_f64.sqrt().recip()) - 1.0).abs() < 0.05, "{}", spread(light_dn));
+        }
     }
 
     #[test]

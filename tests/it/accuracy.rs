@@ -115,10 +115,10 @@ fn struck(speed_px: f64, occluder: Option<OccluderSetup>) -> Scenario {
 fn the_visible_fraction_of_a_struck_ball_is_right() {
     let rising = OccluderSetup {
         shade: 0.4,
-        texture: 0.0,
         point_px: Some([110.0, 174.0]),
         normal_deg: Some(90.0),
         speed_px_frame: 3.0,
+        ..OccluderSetup::default()
     };
     for occluder in [None, Some(rising)] {
         for speed_px in [1.7, 2.6, 4.3, 6.4, 7.7, 9.2] {
@@ -143,10 +143,10 @@ fn the_visible_fraction_of_a_struck_ball_is_right() {
 fn centres_between_detected_outlines_have_the_uncertainty_they_claim() {
     let rising = OccluderSetup {
         shade: 0.4,
-        texture: 0.0,
         point_px: Some([110.0, 190.0]),
         normal_deg: Some(90.0),
         speed_px_frame: 3.0,
+        ..OccluderSetup::default()
     };
     for (occluder, carried_min) in [(None, 11), (Some(rising), 3)] {
         let mut pulls = [(0.0, 0.0); 2];

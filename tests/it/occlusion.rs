@@ -22,7 +22,8 @@ fn world() -> SimulatedFilm {
     (scenario.camera.frames, scenario.camera.width_px, scenario.camera.height_px) = (24, 256, 256);
     let (shade, texture, speed_px_frame) = (0.4, 0.03, 0.0);
     let (point_px, normal_deg) = (Some(EDGE_PX), Some(NORMAL_DEG));
-    scenario.occluder = Some(OccluderSetup { shade, texture, point_px, normal_deg, speed_px_frame });
+    scenario.occluder =
+        Some(OccluderSetup { shade, texture, point_px, normal_deg, speed_px_frame, ..OccluderSetup::default() });
     let tilt_deg_frame = [0.0; 2];
     let part = PartSetup {
         frames: 24.0,

@@ -154,8 +154,14 @@ fn the_spin_is_right_where_part_of_the_ball_is_occluded() {
         let point_px = Some([start_px[0] + 80.0 - 12.0 * cos, start_px[1] - 12.0 * sin]);
         start_px[0] += 70.0;
         let (shade, texture, speed_px_frame) = (0.4, 0.0, 0.0);
-        scenario.occluder =
-            Some(OccluderSetup { shade, texture, point_px, normal_deg: Some(normal_deg), speed_px_frame });
+        scenario.occluder = Some(OccluderSetup {
+            shade,
+            texture,
+            point_px,
+            normal_deg: Some(normal_deg),
+            speed_px_frame,
+            ..OccluderSetup::default()
+        });
         let world = SimulatedFilm::new(&scenario).unwrap();
         let rows = rows_of(&world, &level_rig(scenario.scale.mm_per_px));
         let (mut spins, mut speeds, mut occluded) = (Pulls::default(), Pulls::default(), 0.0_f64);

@@ -62,8 +62,14 @@ fn the_ring_shrinks_in_front_of_an_occluder() {
         // The occluder comes in from the right, at first 2 px next to the ball.
         let point_px = Some([110.3 + 59.0, 112.7]);
         let speed_px_frame = (114.0 * occluded + 2.0) / 24.0;
-        scenario.occluder =
-            Some(OccluderSetup { shade: 0.1, texture: 0.0, point_px, normal_deg: Some(180.0), speed_px_frame });
+        scenario.occluder = Some(OccluderSetup {
+            shade: 0.1,
+            texture: 0.0,
+            point_px,
+            normal_deg: Some(180.0),
+            speed_px_frame,
+            ..OccluderSetup::default()
+        });
         let rows = rows_of(
             &SimulatedFilm::new(&scenario).unwrap(),
             &rig(&scenario, "method = \"ring\"\n[workers]\nblock_frames = 64"),

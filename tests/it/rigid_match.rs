@@ -32,7 +32,8 @@ fn occlude(mut scenario: Scenario, (vx, vy): (f64, f64), occluded: f64, angle_de
     let reach = RADIUS_PX * (1.0 - 2.0 * occluded);
     let point_px = Some([START_PX[0] + vx - reach * cos, START_PX[1] + vy + reach * sin]);
     let (shade, texture, normal_deg, speed_px_frame) = (0.4, 0.04, Some(angle_deg), 0.0);
-    scenario.occluder = Some(OccluderSetup { shade, texture, point_px, normal_deg, speed_px_frame });
+    scenario.occluder =
+        Some(OccluderSetup { shade, texture, point_px, normal_deg, speed_px_frame, ..OccluderSetup::default() });
     scenario
 }
 
@@ -145,7 +146,7 @@ fn subsets_of_fine_speckles_with_shot_noise_have_the_sigma_they_claim() {
         (film.seed, film.camera.frames, film.camera.shot_share) = (300 + seed, 2 * PAIRS, 0.5);
         (film.camera.width_px, film.camera.height_px) = (160, 160);
         film.body.pattern =
-            PatternSetup { area_min_px2: 4.0, area_max_px2: 4.0, coverage: 0.35, lines: 0, line_width_px: 2.0 };
+            PatternSetup { area_min_px2: 4.0, area_max_px2: 4.0, coverage: 0.35, ..PatternSetup::default() };
         let (start_px, omega_deg_frame) = ([80.3 - PAIRS as f64 * vx, 79.6 - PAIRS as f64 * vy], 0.0);
         film.motion = MotionSetup::Constant { vx_px_frame: vx, vy_px_frame: vy, omega_deg_frame, start_px };
         for first in (0..2 * PAIRS).step_by(2) {

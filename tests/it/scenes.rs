@@ -7,7 +7,7 @@ use ricochet::dic::grid;
 use ricochet::dic::{CorrelationParams, Correlator, PlanarMotion, Point, PreparedFrame, Region, RigidBody, Start};
 use ricochet::recording::Recording;
 use ricochet::results::{PointStatus, VelocitySample};
-use ricochet::synth::{MotionSetup, PartSetup, PatternSetup, Scenario, Shape, SimulatedFilm};
+use ricochet::synth::{Layout, MotionSetup, PartSetup, PatternSetup, Scenario, Shape, SimulatedFilm};
 
 fn built_in(name: &str) -> SimulatedFilm {
     SimulatedFilm::new(&Scenario::built_in(name).unwrap()).unwrap()
@@ -402,6 +402,57 @@ fn the_scenarios_of_the_manual_can_be_rendered() {
         world.render(world.frames() / 2, &mut bytes);
         assert_eq!(simulated::stream_format(&world).width_px, scenario.camera.width_px);
     }
+}
+
+/// Collects the names of all keys of a table.
+fn keys(table: &toml::Table, names: &mut Vec<String>) {
+    for (name, value) in table {
+        names.push(name.clone());
+        if let Some(inner) = value.as_table() {
+            keys(inner, names);
+        }
+    }
+}
+
+#[test]
+fn every_key_of_a_scenario_is_in_the_manual() {
+    let (manual, mut names) = (include_str!("../../docs/scenarios.md"), Vec::new());
+    for name in ["lacrosse", "pair", "rod-ringing"] {
+        let text = toml::to_string(&Scenario::built_in(name).unwrap()).unwrap();
+        keys(&text.parse().unwrap(), &mut names);
+    }
+    let missing: Vec<&String> = names.iter().filter(|name| !manual.contains(name.as_str())).collect();
+    assert!(names.len() > 80 && missing.is_empty(), "{missing:?}");
+}
+
+#[test]
+fn what_contradicts_itself_in_a_lit_scene_is_refused() {
+    let refused = |edit: &dyn Fn(&mut Scenario)| {
+        let mut scenario = Scenario::built_in("lacrosse").unwrap();
+        edit(&mut scenario);
+        SimulatedFilm::new(&scenario).unwrap_err().to_string()
+    };
+    for (edit, expected) in [
+        (&(|s: &mut Scenario| s.camera.gamma = 1.2) as &dyn Fn(&mut Scenario), "camera.gamma = 1.2 is out of range"),
+        (&|s| s.light.highlight_deg = 0.0, "light.highlight_deg = 0 is out of range: allowed is 1 to 45"),
+        (&|s| s.light.lamp_elevation_deg = 120.0, "light.lamp_elevation_deg = 120 is out of range"),
+        (&|s| s.body.fuzz_px = 5.0, "body.fuzz_px = 5 is out of range: allowed is 0 to 4"),
+        (&|s| s.body.pattern.layout = Layout::Football, "body.pattern.layout is out of place"),
+        (&|s| s.occluder.as_mut().unwrap().mirror = 1.0, "occluder.mirror = 1 is out of range"),
+        (
+            &|s| {
+                s.camera.row_time_us = 0.1;
+                s.occluder.as_mut().unwrap().mirror = 0.2;
+            },
+            "occluder.mirror is out of place: camera.row_time_us must be 0",
+        ),
+    ] {
+        let message = refused(edit);
+        assert!(message.starts_with(expected), "{message}");
+    }
+    let mut rod = Scenario::built_in("rod").unwrap();
+    rod.occluder.as_mut().unwrap().shadow = 0.5;
+    assert!(SimulatedFilm::new(&rod).unwrap_err().to_string().ends_with("occluder.shadow must be 0"));
 }
 
 #[test]

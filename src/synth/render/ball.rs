@@ -1,16 +1,21 @@
 //! Rendering of the ball over a static image.
 
-use super::blurred_edge::{BlurredDisc, EdgedDisc, REACH_SIGMA, bivariate_cdf, gauss_legendre, total_sigma_px};
+use super::blurred_edge::{EdgedDisc, REACH_SIGMA, bivariate_cdf, gauss_legendre, total_sigma_px};
+use super::body_light::BodyLight;
+use super::fuzzy_rim::Rim;
 use super::half_plane::HalfPlane;
 use super::occluder::{Axes, DiscOutline, Occluder, coverage, disc_chord, visible_chords};
 use super::patch::{Canvas, Patch, splat};
+use super::regular_paint::RegularPaint;
 use super::speckle_pattern::{Line, Pattern, Speckle};
 use super::speckled_sphere::SpeckledSphere;
-use crate::numeric::normal_cdf;
-use crate::synth::scenario::{LightSetup, Scenario};
+use crate::numeric::{Stream, key, normal_cdf};
+use crate::synth::scenario::Scenario;
 use crate::synth::trajectory::Pose;
 use std::ops::Range;
 
+/// The purpose of the random stream of the felt.
+const FELT: u64 = 7;
 /// The distance beyond which a half-plane occludes a pixel fully or not at all, in standard deviations.
 pub(crate) const EDGE_SIGMA: f64 = 4.5;
 
@@ -38,6 +43,8 @@ pub(crate) enum Surface {
     Flat(Pattern),
     /// Speckles on a sphere.
     Sphere(SpeckledSphere),
+    /// A regular pattern on either.
+    Regular(RegularPaint),
 }
 
 /// The properties of the ball that do not change from frame to frame.
@@ -45,42 +52,15 @@ pub(crate) enum Surface {
 pub(crate) struct Ball {
     radius_px: f64,
     sigma_px: f64,
-    rim: BlurredDisc,
+    rim: Rim,
     surface: Surface,
     ball_dn: f32,
     /// The fraction of the ball's light that a speckle absorbs; negative if it is brighter.
     ink: f32,
-    light: BallLight,
+    light: BodyLight,
     rule: [(f64, f64); 16],
     /// For shapes with a corner inside.
     fine_rule: [(f64, f64); 40],
-}
-
-/// The shading of the ball: fixed in the room, moving with the ball without rotating.
-#[derive(Debug, Clone, Copy)]
-struct BallLight {
-    /// The relative change per pixel along x and y.
-    slope: [f32; 2],
-    limb: f32,
-    per_radius2: f32,
-}
-
-impl BallLight {
-    fn new(setup: &LightSetup, radius_px: f64) -> Self {
-        let (sin, cos) = setup.side_angle_deg.to_radians().sin_cos();
-        let slope = setup.side / radius_px;
-        Self {
-            slope: [(slope * cos) as f32, (-slope * sin) as f32],
-            limb: setup.limb as f32,
-            per_radius2: (1.0 / (radius_px * radius_px)) as f32,
-        }
-    }
-
-    #[inline]
-    fn at(&self, dx: f32, dy: f32) -> f32 {
-        let depth = (1.0 - (dx * dx + dy * dy) * self.per_radius2).max(0.0).sqrt();
-        (1.0 + self.slope[0] * dx + self.slope[1] * dy) * (1.0 - self.limb * (1.0 - depth))
-    }
 }
 
 impl Ball {
@@ -91,11 +71,11 @@ impl Ball {
         Self {
             radius_px,
             sigma_px,
-            rim: BlurredDisc::new(radius_px, sigma_px),
+            rim: Rim::new(radius_px, sigma_px, scenario.body.fuzz_px, Stream::new(key(scenario.seed, FELT, 0))),
             surface,
             ball_dn: full_dn * shade.ball as f32,
             ink: if shade.ball > 0.0 { (1.0 - shade.speckle / shade.ball) as f32 } else { 0.0 },
-            light: BallLight::new(&scenario.light, radius_px),
+            light: BodyLight::new(scenario, full_dn),
             rule: gauss_legendre(),
             fine_rule: gauss_legendre(),
         }
@@ -107,13 +87,9 @@ impl Ball {
         let surface = match &self.surface {
             Surface::Flat(pattern) => Surface::Flat(pattern.zoomed(zoom, radius_px, self.sigma_px)),
             Surface::Sphere(sphere) => Surface::Sphere(sphere.clone()),
+            Surface::Regular(paint) => Surface::Regular(paint.zoomed(zoom)),
         };
-        let light = BallLight {
-            slope: self.light.slope.map(|slope| slope / zoom as f32),
-            per_radius2: self.light.per_radius2 / (zoom * zoom) as f32,
-            ..self.light
-        };
-        Self { radius_px, rim: BlurredDisc::new(radius_px, self.sigma_px), surface, light, ..self.clone() }
+        Self { radius_px, rim: self.rim.zoomed(zoom), surface, light: self.light.zoomed(zoom), ..self.clone() }
     }
 
     /// Draws the mean over several moments of equal weight, within these rows of an image of this width.
@@ -124,6 +100,9 @@ impl Ball {
         for moment in moments {
             ink.fill(0.0);
             self.draw_pattern(moment, &mut Canvas { patch: &patch, ink: &mut ink });
+            if self.rim.is_fuzzy() {
+                self.fade_at_rim(&moment.pose, &mut Canvas { patch: &patch, ink: &mut ink });
+            }
             self.add_light(&moment.pose, &ink, weight, &mut patch);
             let occluders = moment.occluders([0.0; 2]);
             if !occluders.is_empty() {
@@ -158,6 +137,7 @@ impl Ball {
         let pattern = match &self.surface {
             Surface::Flat(pattern) => pattern,
             Surface::Sphere(sphere) => return sphere.draw(&pose.orientation, center, &occluders, canvas),
+            Surface::Regular(paint) => return self.draw_regular(paint, moment, canvas),
         };
         let (sin, cos) = pose.angle_rad.sin_cos();
         // Counter-clockwise on the screen, with y down.
@@ -172,6 +152,33 @@ impl Ball {
             let [x, y] = rotated(line.middle_px);
             let line = Line { middle_px: [center[0] + x, center[1] + y], along: rotated(line.along), ..*line };
             self.draw_line(&line, &occluders, canvas);
+        }
+    }
+
+    /// Adds the visible part of a regular pattern; an edge that cuts it is assumed to be perpendicular.
+    fn draw_regular(&self, paint: &RegularPaint, moment: &Moment, canvas: &mut Canvas<'_>) {
+        let [x0, y0] = moment.pose.center_px;
+        let occluders = moment.occluders([0.0; 2]);
+        for (index, ink) in canvas.ink.iter_mut().enumerate() {
+            let x = (canvas.patch.left + index % canvas.patch.width) as f64;
+            let y = (canvas.patch.top + index / canvas.patch.width) as f64;
+            let (dx, dy) = (x - x0, y - y0);
+            // Felt fades all paint alike afterwards.
+            let inside = if self.rim.is_fuzzy() { 1.0 } else { self.rim.at(dx as f32, dy as f32, 0.0) };
+            let free = occluders.iter().map(|occluder| normal_cdf(occluder.outside(x, y).0 / self.sigma_px));
+            let free = free.product::<f64>();
+            if inside > 0.0 && free > 0.0 {
+                *ink = inside * (free * paint.at(&moment.pose, dx, dy)) as f32;
+            }
+        }
+    }
+
+    /// Lets the paint end with the felt that carries it.
+    fn fade_at_rim(&self, pose: &Pose, canvas: &mut Canvas<'_>) {
+        for (index, ink) in canvas.ink.iter_mut().enumerate() {
+            let dx = (canvas.patch.left + index % canvas.patch.width) as f64 - pose.center_px[0];
+            let dy = (canvas.patch.top + index / canvas.patch.width) as f64 - pose.center_px[1];
+            *ink *= self.rim.at(dx as f32, dy as f32, pose.angle_rad);
         }
     }
 
@@ -255,9 +262,10 @@ impl Ball {
             let target = patch.coverage[cells.clone()].iter_mut().zip(&mut patch.light_dn[cells.clone()]);
             for (column, ((coverage, light_dn), ink)) in target.zip(&ink[cells]).enumerate() {
                 let dx = x0 as f32 + column as f32;
-                let ball = self.rim.at(dx * dx + dy * dy);
+                let ball = self.rim.at(dx, dy, pose.angle_rad);
                 *coverage += weight * ball;
                 *light_dn += weight * self.ball_dn * (ball - self.ink * ink) * self.light.at(dx, dy);
+                *light_dn += weight * ball * self.light.gloss_dn(dx, dy);
             }
         }
     }
@@ -279,7 +287,7 @@ impl Ball {
             let (dx, dy) = (x - pose.center_px[0], y - pose.center_px[1]);
             let mut near = occluders.iter().filter(|occluder| occluder.outside(x, y).0 <= edge_px);
             let Some(occluder) = near.next() else { continue };
-            let ball = self.rim.at((dx * dx + dy * dy) as f32);
+            let ball = self.rim.at(dx as f32, dy as f32, pose.angle_rad);
             if ball <= 0.0 {
                 continue;
             }
@@ -287,12 +295,18 @@ impl Ball {
             let is_corner = near.next().is_some() || self.radius_px - dx.hypot(dy) < edge_px + 1.0;
             let visible = match () {
                 () if occluders.iter().any(|occluder| occluder.outside(x, y).0 < -edge_px) => 0.0,
+                () if self.rim.is_fuzzy() => {
+                    let free = occluders.iter().map(|other| normal_cdf(other.outside(x, y).0 / self.sigma_px));
+                    f64::from(ball) * free.product::<f64>()
+                }
                 () if is_corner && !is_straight => coverage(&chords, dx, dy, self.sigma_px).clamp(0.0, f64::from(ball)),
                 () => self.visible_at_edge(dx, dy, outside_px + occluder.curvature_px(self.sigma_px), normal),
             };
             let occluded = weight * (ball - visible as f32);
             patch.coverage[index] -= occluded;
-            patch.light_dn[index] -= occluded * self.ball_dn * self.light.at(dx as f32, dy as f32);
+            let (dx, dy) = (dx as f32, dy as f32);
+            patch.light_dn[index] -= occluded * self.ball_dn * self.light.at(dx, dy);
+            patch.light_dn[index] -= occluded * self.light.gloss_dn(dx, dy);
         }
     }
 

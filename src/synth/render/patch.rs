@@ -14,6 +14,26 @@ pub(crate) struct Patch {
     pub(crate) light_dn: Vec<f32>,
 }
 
+impl Patch {
+    /// Returns coverage and light between the pixels; 0 outside.
+    pub(crate) fn at(&self, x: f64, y: f64) -> (f32, f32) {
+        let (x, y) = (x - self.left as f64, y - self.top as f64);
+        let (first_x, first_y) = (x.floor(), y.floor());
+        let inside = |first: f64, count: usize| first >= 0.0 && first + 1.0 < count as f64;
+        if !inside(first_x, self.width) || !inside(first_y, self.height) {
+            return (0.0, 0.0);
+        }
+        let (right, down) = ((x - first_x) as f32, (y - first_y) as f32);
+        let cell = first_y as usize * self.width + first_x as usize;
+        let between = |values: &[f32]| {
+            let across = |cell: usize| values[cell] + right * (values[cell + 1] - values[cell]);
+            let (above, below) = (across(cell), across(cell + self.width));
+            above + down * (below - above)
+        };
+        (between(&self.coverage), between(&self.light_dn))
+    }
+}
+
 /// A patch whose ink is drawn: the coverage of its pixels by speckles and lines, row-major.
 pub(crate) struct Canvas<'a> {
     pub(crate) patch: &'a Patch,

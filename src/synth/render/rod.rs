@@ -2,6 +2,7 @@
 
 use super::ball::Moment;
 use super::blurred_edge::{REACH_SIGMA, total_sigma_px};
+use super::body_light::BodyLight;
 use super::patch::{Canvas, Patch, splat};
 use super::speckle_pattern::{Field, Pattern};
 use crate::numeric::normal_cdf;
@@ -21,6 +22,7 @@ pub(crate) struct Rod {
     rod_dn: f32,
     tape_dn: f32,
     speckle_dn: f32,
+    light: BodyLight,
 }
 
 impl Rod {
@@ -46,6 +48,7 @@ impl Rod {
             rod_dn: full_dn * setup.shade as f32,
             tape_dn: full_dn * scenario.shade.ball as f32,
             speckle_dn: full_dn * scenario.shade.speckle as f32,
+            light: BodyLight::new(scenario, full_dn),
         }
     }
 
@@ -77,10 +80,13 @@ impl Rod {
         // The surface occludes the part that has sunk into it; both edges lie along the rows.
         let end = moment.occluder.map_or(y + self.end_px, |flat| flat.point_px[1].min(y + self.end_px));
         let below = |edge: f64, place: f64| normal_cdf((place - edge) / self.sigma_px);
-        let across: Vec<f32> = (0..patch.width)
+        // Coverage, diffuse light and reflection of the lamp: equal along an upright cylinder.
+        let across: Vec<[f32; 3]> = (0..patch.width)
             .map(|column| {
                 let column = column as f64;
-                (below(x - self.half_width_px, column) - below(x + self.half_width_px, column)) as f32
+                let covered = (below(x - self.half_width_px, column) - below(x + self.half_width_px, column)) as f32;
+                let dx = (column - x) as f32;
+                [covered, self.light.at(dx, 0.0), self.light.gloss_dn(dx, 0.0)]
             })
             .collect();
         let last = (end + REACH_SIGMA * self.sigma_px).ceil() - patch.top as f64;
@@ -95,9 +101,11 @@ impl Rod {
             let light = self.rod_dn * rod + (self.tape_dn - self.rod_dn) * tape;
             let cells = row * patch.width..(row + 1) * patch.width;
             let target = patch.coverage[cells.clone()].iter_mut().zip(&mut patch.light_dn[cells.clone()]);
-            for ((coverage, light_dn), (across, ink)) in target.zip(across.iter().zip(&ink[cells])) {
+            for ((coverage, light_dn), ([across, diffuse, gloss_dn], ink)) in target.zip(across.iter().zip(&ink[cells]))
+            {
                 *coverage += weight * across * rod;
-                *light_dn += weight * (across * light - (self.tape_dn - self.speckle_dn) * ink);
+                *light_dn += weight * (across * light - (self.tape_dn - self.speckle_dn) * ink) * diffuse;
+                *light_dn += weight * across * rod * gloss_dn;
             }
         }
     }

@@ -333,7 +333,7 @@ mod tests {
     use super::*;
 
     fn scattered(area_min_px2: f64, area_max_px2: f64, coverage: f64) -> Result<Pattern, ScenarioError> {
-        let setup = PatternSetup { area_min_px2, area_max_px2, coverage, lines: 0, line_width_px: 2.0 };
+        let setup = PatternSetup { area_min_px2, area_max_px2, coverage, ..PatternSetup::default() };
         Pattern::scatter(&setup, Field::Disc(60.0), 0.76, Stream::new(7))
     }
 
@@ -360,7 +360,7 @@ mod tests {
     #[test]
     fn lines_keep_clear_of_each_other_of_the_rim_and_of_speckles() {
         let setup =
-            PatternSetup { area_min_px2: 4.0, area_max_px2: 20.0, coverage: 0.27, lines: 5, line_width_px: 2.0 };
+            PatternSetup { area_min_px2: 4.0, area_max_px2: 20.0, coverage: 0.27, lines: 5, ..PatternSetup::default() };
         let pattern = Pattern::scatter(&setup, Field::Disc(60.0), 0.76, Stream::new(7)).unwrap();
         assert_eq!(pattern.lines.len(), 5);
         for (index, line) in pattern.lines.iter().enumerate() {

@@ -173,7 +173,7 @@ mod tests {
 
     #[test]
     fn speckles_reach_the_coverage_on_every_side_and_never_overlap() {
-        let setup = PatternSetup { area_min_px2: 4.0, area_max_px2: 80.0, coverage: 0.5, lines: 0, line_width_px: 2.0 };
+        let setup = PatternSetup { area_min_px2: 4.0, area_max_px2: 80.0, coverage: 0.5, ..PatternSetup::default() };
         let sphere = SpeckledSphere::scatter(&setup, 40.0, 0.76, Stream::new(7)).unwrap();
         let area = |spot: &Spot| TAU * (1.0 - sphere.tables[spot.size].cap().opening_rad().cos());
         for axis in 0..3 {

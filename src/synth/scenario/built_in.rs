@@ -77,17 +77,22 @@ impl Scenario {
             offset_spread_dn: 0.0,
             stuck_share: 0.0,
             blur_px: 0.7,
+            gamma: 1.0,
             start_ns: 1_700_000_000_000_000_000,
         };
-        let pattern =
-            PatternSetup { area_min_px2: 2.0, area_max_px2: 40.0, coverage: 0.45, lines: 0, line_width_px: 2.0 };
         Self {
             name: "translation".to_owned(),
             seed: 1,
             camera,
             scale: ScaleSetup { mm_per_px: 0.5, nearer_per_s: 0.0 },
             surface: SurfaceSetup::default(),
-            body: BodySetup { diameter_mm: 60.0, shape: Shape::Disc, pattern, rod: None },
+            body: BodySetup {
+                diameter_mm: 60.0,
+                shape: Shape::Disc,
+                pattern: PatternSetup::default(),
+                fuzz_px: 0.0,
+                rod: None,
+            },
             shade: ShadeSetup::default(),
             light: LightSetup::default(),
             occluder: None,
@@ -129,7 +134,7 @@ impl PatternSetup {
             "f-II" => (4.0, 80.0, 0.52, 4),
             _ => return None,
         };
-        Some(Self { area_min_px2, area_max_px2, coverage, lines, line_width_px: 2.0 })
+        Some(Self { area_min_px2, area_max_px2, coverage, lines, ..Self::default() })
     }
 }
 

@@ -1,6 +1,6 @@
 //! The ranges of all values of a scenario.
 
-use super::{ImpactSetup, MotionSetup, PartSetup, Scenario, ScenarioError, Shape};
+use super::{ImpactSetup, Layout, LightSetup, MotionSetup, OccluderSetup, PartSetup, Scenario, ScenarioError, Shape};
 use crate::synth::physics::NormalLaw;
 
 /// The maximum diameter of a plane, px: twice the diagonal of the largest image.
@@ -91,6 +91,7 @@ impl Scenario {
         within("camera.offset_spread_dn", camera.offset_spread_dn, 0.0, 2f64.powi(camera.bits as i32 - 4))?;
         within("camera.stuck_share", camera.stuck_share, 0.0, 0.1)?;
         within("camera.blur_px", camera.blur_px, 0.3, 5.0)?;
+        within("camera.gamma", camera.gamma, 0.2, 1.0)?;
         // The last stamp, at 1e8 frames of 1000 s, must still fit 64 bits.
         within("camera.start_ns", camera.start_ns as f64, 0.0, 9e18)?;
         within("camera.frames / camera.frame_rate_hz", camera.frames as f64 / camera.frame_rate_hz, 0.0, 9e9)
@@ -117,11 +118,32 @@ impl Scenario {
         within("body.pattern.area_max_px2", pattern.area_max_px2, pattern.area_min_px2, largest)?;
         within("body.pattern.coverage", pattern.coverage, 0.0, 0.6)?;
         within("body.pattern.lines", f64::from(pattern.lines), 0.0, 20.0)?;
+        within("body.pattern.line_width_px", pattern.line_width_px, 0.5, 10.0)?;
+        within("body.pattern.repeats", f64::from(pattern.repeats), 1.0, 64.0)?;
         if pattern.lines > 0 && self.body.shape == Shape::Sphere {
             let range = "0 with body.shape = \"sphere\", on which nothing is straight";
             return Err(out_of_range("body.pattern.lines", pattern.lines, range));
         }
-        within("body.pattern.line_width_px", pattern.line_width_px, 0.5, 10.0)
+        if pattern.lines > 0 && pattern.layout != Layout::Random {
+            return Err(out_of_range("body.pattern.lines", pattern.lines, "0 with a regular body.pattern.layout"));
+        }
+        if pattern.layout == Layout::Football && self.body.shape != Shape::Sphere {
+            let why = "\"football\" takes body.shape = \"sphere\"";
+            return Err(ScenarioError::Misplaced { key: "body.pattern.layout", why });
+        }
+        self.check_fuzz()
+    }
+
+    fn check_fuzz(&self) -> Result<(), ScenarioError> {
+        let (fuzz_px, key) = (self.body.fuzz_px, "body.fuzz_px");
+        within(key, fuzz_px, 0.0, (0.125 * self.radius_px()).min(4.0))?;
+        let why = match () {
+            () if fuzz_px <= 0.0 => return Ok(()),
+            () if self.body.shape == Shape::Plane => "a plane has no rim",
+            () if self.other.is_some() => "two balls have sharp rims",
+            () => return Ok(()),
+        };
+        Err(ScenarioError::Misplaced { key, why })
     }
 
     /// Returns the area of the disc or patch that carries the speckles.
@@ -153,11 +175,35 @@ impl Scenario {
             (slides, "motion.friction must be left out"),
             (self.surface.angle_deg.abs() > 0.0, "surface.angle_deg must be 0"),
             (self.body.pattern.lines > 0, "body.pattern.lines must be 0"),
+            (self.body.pattern.layout != Layout::Random, "body.pattern.layout must be left out"),
+            (self.body.fuzz_px > 0.0, "body.fuzz_px must be 0"),
+            (self.light.bounce > 0.0, "light.bounce must be 0"),
+            (edge.is_some_and(|edge| edge.shadow > 0.0), "occluder.shadow must be 0"),
             (self.light.side > 0.0 || self.light.limb > 0.0, "light.side and light.limb must be 0"),
             (edge.is_some_and(|edge| edge.normal_deg.is_some()), "occluder.normal_deg must be left out"),
         ] {
             if wrong {
                 return Err(ScenarioError::RodOnly(why));
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks the flat as the camera sees it from above.
+    fn check_flat(&self, flat: &OccluderSetup) -> Result<(), ScenarioError> {
+        within("occluder.behind_px", flat.behind_px, 0.0, 8192.0)?;
+        within("occluder.shadow", flat.shadow, 0.0, 1.0)?;
+        within("occluder.mirror", flat.mirror, 0.0, 0.9)?;
+        let is_lit = flat.shadow > 0.0 || flat.mirror > 0.0;
+        let is_rolling = self.camera.row_time_us.abs() > 0.0;
+        for (wrong, key, why) in [
+            (flat.speed_px_frame.abs() > 0.0 && is_lit, "occluder.shadow", "a moving edge shows nothing of the body"),
+            (flat.speed_px_frame.abs() > 0.0 && flat.behind_px > 0.0, "occluder.behind_px", "the edge moves"),
+            (self.body.shape == Shape::Plane && is_lit, "occluder.shadow", "a plane stands on nothing"),
+            (flat.mirror > 0.0 && is_rolling, "occluder.mirror", "camera.row_time_us must be 0"),
+        ] {
+            if wrong {
+                return Err(ScenarioError::Misplaced { key, why });
             }
         }
         Ok(())
@@ -173,6 +219,11 @@ impl Scenario {
         within("light.side", self.light.side, 0.0, 0.9)?;
         within("light.side_angle_deg", self.light.side_angle_deg, -360.0, 360.0)?;
         within("light.limb", self.light.limb, 0.0, 0.9)?;
+        self.light.check_lamp()?;
+        if self.light.is_directed() && self.body.shape == Shape::Plane {
+            let why = "a plane is not round: light.bounce and light.highlight must be 0 as well";
+            return Err(ScenarioError::Misplaced { key: "light.lamp", why });
+        }
         within("light.vignette", self.light.vignette, 0.0, 0.9)?;
         within("light.flicker", self.light.flicker, 0.0, 0.9)?;
         within("light.flicker_hz", self.light.flicker_hz, 0.0, 1e6)?;
@@ -181,7 +232,18 @@ impl Scenario {
         within("occluder.texture", occluder.texture, 0.0, if occluder.speed_px_frame.abs() > 0.0 { 0.0 } else { 0.2 })?;
         within("occluder.speed_px_frame", occluder.speed_px_frame, -1e4, 1e4)?;
         within("occluder.normal_deg", occluder.normal_deg.unwrap_or(0.0), -360.0, 360.0)?;
+        self.check_flat(occluder)?;
         place("occluder.point_px", occluder.point_px.unwrap_or_default())
+    }
+}
+
+impl LightSetup {
+    fn check_lamp(&self) -> Result<(), ScenarioError> {
+        within("light.lamp_elevation_deg", self.lamp_elevation_deg, 0.0, 90.0)?;
+        within("light.lamp", self.lamp, 0.0, 1.0)?;
+        within("light.bounce", self.bounce, 0.0, 0.9)?;
+        within("light.highlight", self.highlight, 0.0, 10.0)?;
+        within("light.highlight_deg", self.highlight_deg, 1.0, 45.0)
     }
 }
 
@@ -232,7 +294,7 @@ impl ImpactSetup {
 }
 
 /// The keys that hold whole numbers, with their ranges.
-const INTEGERS: [(&str, i64, i64); 7] = [
+const INTEGERS: [(&str, i64, i64); 9] = [
     ("seed", 0, i64::MAX),
     ("camera.width_px", 16, 8192),
     ("camera.height_px", 16, 8192),
@@ -240,6 +302,8 @@ const INTEGERS: [(&str, i64, i64); 7] = [
     ("camera.start_ns", 0, 9_000_000_000_000_000_000),
     ("body.pattern.lines", 0, 20),
     ("other.body.pattern.lines", 0, 20),
+    ("body.pattern.repeats", 1, 64),
+    ("other.body.pattern.repeats", 1, 64),
 ];
 
 /// Rejects whole numbers out of range before deserialization does.

@@ -3,8 +3,12 @@
 mod built_in;
 mod check;
 mod error;
+mod light;
+mod pattern;
 
 pub use error::ScenarioError;
+pub use light::{LightSetup, ShadeSetup};
+pub use pattern::{Layout, PatternSetup};
 
 use super::physics::{Friction, NormalLaw};
 use serde::{Deserialize, Serialize};
@@ -99,6 +103,10 @@ pub struct CameraSetup {
     /// Blur of the lens, standard deviation, 0.3 to 5 px.
     #[serde(default = "lens_blur")]
     pub blur_px: f64,
+    /// Exponent of the tone curve, 0.2 to 1: the grey level is the light, with its noise, to this power. Black and full
+    /// scale stay.
+    #[serde(default = "linear")]
+    pub gamma: f64,
     /// Stamp of the first frame (exposure start), ns since the Unix epoch.
     #[serde(default = "start")]
     pub start_ns: u64,
@@ -135,6 +143,10 @@ pub struct BodySetup {
     pub shape: Shape,
     /// Speckles on the ball, or on the patch of the rod.
     pub pattern: PatternSetup,
+    /// Felt on a ball: standard deviation of the ends of its hairs about the rim, 0 to 4 px and at most an eighth of the
+    /// radius. They turn with the ball and move neither its centre nor its mean radius.
+    #[serde(default)]
+    pub fuzz_px: f64,
     /// If present, the body is an upright rod of this diameter.
     #[serde(default)]
     pub rod: Option<RodSetup>,
@@ -181,64 +193,8 @@ pub struct RingingSetup {
     pub decay_s: f64,
 }
 
-/// Round speckles and straight lines, placed at random without overlap.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct PatternSetup {
-    /// Minimum area of a speckle, at least 0.5 px^2.
-    pub area_min_px2: f64,
-    /// Maximum area of a speckle, at most a twentieth of the ball.
-    pub area_max_px2: f64,
-    /// Covered fraction of the ball, 0 to 0.6.
-    pub coverage: f64,
-    /// Number of straight lines of random direction, 0 to 20.
-    #[serde(default)]
-    pub lines: u32,
-    /// Width of the lines, 0.5 to 10 px.
-    #[serde(default = "line_width")]
-    pub line_width_px: f64,
-}
-
-/// Grey levels as fractions of full scale, 0 to 1.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ShadeSetup {
-    /// The ball between its speckles.
-    pub ball: f64,
-    /// The speckles.
-    pub speckle: f64,
-    /// The background.
-    pub ground: f64,
-    /// Texture of the background, standard deviation as a fraction of full scale, 0 to 0.2.
-    #[serde(default)]
-    pub ground_texture: f64,
-}
-
-/// A lamp fixed in the room; all fractions are 0 to 0.9 in size.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct LightSetup {
-    /// Relative change of brightness from the left edge of the image to the right.
-    pub gradient_x: f64,
-    /// Relative change of brightness from the top edge of the image to the bottom.
-    pub gradient_y: f64,
-    /// Relative brightness of the ball's side towards the lamp; the other is darker. It moves with the ball without
-    /// rotating.
-    pub side: f64,
-    /// Direction of the lamp, counter-clockwise from x, deg.
-    pub side_angle_deg: f64,
-    /// Relative darkening of the ball's rim.
-    pub limb: f64,
-    /// Relative darkening of the image corners (lens).
-    pub vignette: f64,
-    /// Relative amplitude of the lamp's flicker.
-    pub flicker: f64,
-    /// Frequency of the flicker, 0 to 1 million Hz: 100 or 120 on the mains.
-    pub flicker_hz: f64,
-}
-
 /// A half-plane in front of the ball.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OccluderSetup {
     /// Grey level as a fraction of full scale, 0 to 1.
@@ -255,6 +211,17 @@ pub struct OccluderSetup {
     /// Speed of the edge along its normal, px/frame; a moving edge has no texture.
     #[serde(default)]
     pub speed_px_frame: f64,
+    /// The flat behind the ball, as the camera sees it from slightly above: its height over the edge, 0 to 8192 px. At 0
+    /// the flat is seen from the side.
+    #[serde(default)]
+    pub behind_px: f64,
+    /// Relative darkening where a ball blocks all light, 0 to 1: the light of the lamp in a cast shadow, that from all
+    /// sides around the contact.
+    #[serde(default)]
+    pub shadow: f64,
+    /// Share of the light that a glossy flat reflects like a mirror, 0 to 0.9: the image of the body upside down.
+    #[serde(default)]
+    pub mirror: f64,
 }
 
 /// The motion of the ball.
@@ -335,8 +302,8 @@ pub struct ImpactSetup {
 }
 
 impl CameraSetup {
-    /// Returns the variance of a pixel at `light_dn`, DN^2: read and shot noise, gain and offset of the pixels, and
-    /// rounding.
+    /// Returns the variance of a pixel at `light_dn`, DN^2, before the tone curve: read and shot noise, gain and offset of
+    /// the pixels, and rounding.
     pub fn noise_variance_dn2(&self, light_dn: f64) -> f64 {
         let half_dn = 0.5 * (2f64.powi(self.bits as i32) - 1.0);
         let noise = self.noise_dn * self.noise_dn * (1.0 - self.shot_share + self.shot_share * light_dn / half_dn);
@@ -368,22 +335,16 @@ impl MotionSetup {
     }
 }
 
-impl Default for ShadeSetup {
-    fn default() -> Self {
-        Self { ball: 0.75, speckle: 0.2, ground: 0.12, ground_texture: 0.0 }
-    }
-}
-
 fn eight() -> u32 {
     8
 }
 
-fn line_width() -> f64 {
-    2.0
-}
-
 fn lens_blur() -> f64 {
     0.7
+}
+
+fn linear() -> f64 {
+    1.0
 }
 
 fn start() -> u64 {

@@ -1,0 +1,108 @@
+//! The rim of a ball: sharp, or covered with felt.
+
+use super::blurred_edge::BlurredDisc;
+use crate::numeric::Stream;
+use std::f64::consts::{FRAC_1_SQRT_2, TAU};
+
+/// The shortest and the longest distance of tufts along the rim, px.
+const TUFT_PX: [f64; 2] = [4.0, 16.0];
+/// The minimum number of tufts around the rim. Fewer would move its centre or stretch it.
+const MIN_TUFTS: f64 = 5.0;
+/// The number of waves that make up the tufts.
+const WAVES: usize = 24;
+
+/// The coverage of pixels by a ball.
+#[derive(Debug, Clone)]
+pub(crate) struct Rim {
+    disc: BlurredDisc,
+    radius_px: f64,
+    sigma_px: f64,
+    fuzz_px: f64,
+    /// The number of periods around the rim and the phase of each wave of the tufts.
+    waves: Vec<(f64, f64)>,
+}
+
+impl Rim {
+    pub(crate) fn new(radius_px: f64, sigma_px: f64, fuzz_px: f64, mut stream: Stream) -> Self {
+        let mut wave = || {
+            let [short, long] = TUFT_PX.map(|px| TAU * radius_px / px);
+            (stream.between(long, short).round().max(MIN_TUFTS), stream.between(0.0, TAU))
+        };
+        let waves: Vec<_> = if fuzz_px > 0.0 { (0..WAVES).map(|_| wave()).collect() } else { Vec::new() };
+        Self::of_waves(radius_px, sigma_px, fuzz_px, waves)
+    }
+
+    /// Half of the variance is the transparent edge, half the tufts.
+    fn of_waves(radius_px: f64, sigma_px: f64, fuzz_px: f64, waves: Vec<(f64, f64)>) -> Self {
+        let soft_px = if fuzz_px > 0.0 { sigma_px.hypot(FRAC_1_SQRT_2 * fuzz_px) } else { sigma_px };
+        Self { disc: BlurredDisc::new(radius_px, soft_px), radius_px, sigma_px, fuzz_px, waves }
+    }
+
+    /// Returns the rim at another scale.
+    pub(crate) fn zoomed(&self, zoom: f64) -> Self {
+        Self::of_waves(zoom * self.radius_px, self.sigma_px, self.fuzz_px, self.waves.clone())
+    }
+
+    /// Whether the rim is covered with felt.
+    pub(crate) fn is_fuzzy(&self) -> bool {
+        !self.waves.is_empty()
+    }
+
+    /// The distance beyond which the ball is neglected.
+    pub(crate) fn reach_px(&self) -> f64 {
+        self.disc.reach_px() + 3.0 * self.fuzz_px
+    }
+
+    /// Returns the coverage at a position from the centre of the ball rotated by `angle_rad`, 0 to 1.
+    #[inline]
+    pub(crate) fn at(&self, dx: f32, dy: f32, angle_rad: f64) -> f32 {
+        let distance_px2 = dx * dx + dy * dy;
+        if self.waves.is_empty() { self.disc.at(distance_px2) } else { self.fuzzy(dx, dy, angle_rad) }
+    }
+
+    fn fuzzy(&self, dx: f32, dy: f32, angle_rad: f64) -> f32 {
+        let (dx, dy) = (f64::from(dx), f64::from(dy));
+        let distance = dx.hypot(dy);
+        if distance < self.radius_px - 4.5 * self.sigma_px.hypot(self.fuzz_px) - 3.0 * self.fuzz_px {
+            return 1.0;
+        }
+        let around = (-dy).atan2(dx) - angle_rad;
+        let waves: f64 = self.waves.iter().map(|(periods, phase)| (periods * around + phase).cos()).sum();
+        let tuft_px = FRAC_1_SQRT_2 * self.fuzz_px * waves * (2.0 / WAVES as f64).sqrt();
+        let inside = (distance - tuft_px).max(0.0) as f32;
+        self.disc.at(inside * inside)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn felt_keeps_centre_and_area_and_turns_with_the_ball() {
+        let (sharp, fuzzy) = (Rim::new(30.0, 0.76, 0.0, Stream::new(5)), Rim::new(30.0, 0.76, 1.2, Stream::new(5)));
+        let sums = |rim: &Rim, angle_rad: f64| {
+            let mut sums = [0.0; 3];
+            for y in -40..=40_i16 {
+                for x in -40..=40_i16 {
+                    let covered = f64::from(rim.at(f32::from(x), f32::from(y), angle_rad));
+                    let parts = [covered, covered * f64::from(x), covered * f64::from(y)];
+                    sums.iter_mut().zip(parts).for_each(|(sum, part)| *sum += part);
+                }
+            }
+            sums
+        };
+        let (round, felt) = (sums(&sharp, 0.0), sums(&fuzzy, 0.3));
+        assert!((felt[0] / round[0] - 1.0).abs() < 5e-3, "{felt:?} {round:?}");
+        assert!((felt[1] / felt[0]).hypot(felt[2] / felt[0]) < 0.03, "{felt:?}");
+        let quarter = 0.25 * TAU;
+        let at = |place: [f32; 2], angle_rad: f64| fuzzy.at(place[0], place[1], angle_rad);
+        for [x, y] in [[29.5, 3.0], [-20.0, 22.0], [4.0, -30.0]] {
+            assert!((at([x, y], 0.0) - at([y, -x], quarter)).abs() < 1e-5);
+        }
+        let around: Vec<f32> =
+            (0..60_u8).map(|k| f32::from(k) * 0.1047).map(|a| at([30.0 * a.cos(), 30.0 * a.sin()], 0.0)).collect();
+        let spread = around.iter().fold(0.0_f32, |most, at| most.max((at - around[0]).abs()));
+        assert!(spread > 0.2, "{spread}");
+    }
+}
