@@ -164,7 +164,7 @@ impl Ball {
             let y = (canvas.patch.top + index / canvas.patch.width) as f64;
             let (dx, dy) = (x - x0, y - y0);
             // Felt fades all paint alike afterwards.
-            let inside = if self.rim.is_fuzzy() { 1.0 } else { self.rim.at(dx as f32, dy as f32, 0.0) };
+            let inside = if self.rim.is_fuzzy() { 1.0 } else { self.rim.at((dx * dx + dy * dy) as f32, || 0.0) };
             let free = occluders.iter().map(|occluder| normal_cdf(occluder.outside(x, y).0 / self.sigma_px));
             let free = free.product::<f64>();
             if inside > 0.0 && free > 0.0 {
@@ -178,7 +178,7 @@ impl Ball {
         for (index, ink) in canvas.ink.iter_mut().enumerate() {
             let dx = (canvas.patch.left + index % canvas.patch.width) as f64 - pose.center_px[0];
             let dy = (canvas.patch.top + index / canvas.patch.width) as f64 - pose.center_px[1];
-            *ink *= self.rim.at(dx as f32, dy as f32, pose.angle_rad);
+            *ink *= self.rim.at((dx * dx + dy * dy) as f32, || (-dy).atan2(dx) - pose.angle_rad);
         }
     }
 
@@ -262,7 +262,7 @@ impl Ball {
             let target = patch.coverage[cells.clone()].iter_mut().zip(&mut patch.light_dn[cells.clone()]);
             for (column, ((coverage, light_dn), ink)) in target.zip(&ink[cells]).enumerate() {
                 let dx = x0 as f32 + column as f32;
-                let ball = self.rim.at(dx, dy, pose.angle_rad);
+                let ball = self.rim.at(dx * dx + dy * dy, || f64::from(-dy).atan2(f64::from(dx)) - pose.angle_rad);
                 *coverage += weight * ball;
                 *light_dn += weight * self.ball_dn * (ball - self.ink * ink) * self.light.at(dx, dy);
                 *light_dn += weight * ball * self.light.gloss_dn(dx, dy);
@@ -287,7 +287,7 @@ impl Ball {
             let (dx, dy) = (x - pose.center_px[0], y - pose.center_px[1]);
             let mut near = occluders.iter().filter(|occluder| occluder.outside(x, y).0 <= edge_px);
             let Some(occluder) = near.next() else { continue };
-            let ball = self.rim.at(dx as f32, dy as f32, pose.angle_rad);
+            let ball = self.rim.at((dx * dx + dy * dy) as f32, || (-dy).atan2(dx) - pose.angle_rad);
             if ball <= 0.0 {
                 continue;
             }

@@ -53,20 +53,20 @@ impl Rim {
         self.disc.reach_px() + 3.0 * self.fuzz_px
     }
 
-    /// Returns the coverage at a position from the centre of the ball rotated by `angle_rad`, 0 to 1.
+    /// Returns the coverage at a squared distance from the centre and a direction from it, 0 to 1.
+    ///
+    /// The direction is counter-clockwise from the axis of the ball that pointed to the right before it turned, rad.
     #[inline]
-    pub(crate) fn at(&self, dx: f32, dy: f32, angle_rad: f64) -> f32 {
-        let distance_px2 = dx * dx + dy * dy;
-        if self.waves.is_empty() { self.disc.at(distance_px2) } else { self.fuzzy(dx, dy, angle_rad) }
+    pub(crate) fn at(&self, distance_px2: f32, around_rad: impl FnOnce() -> f64) -> f32 {
+        if self.waves.is_empty() { self.disc.at(distance_px2) } else { self.fuzzy(distance_px2, around_rad) }
     }
 
-    fn fuzzy(&self, dx: f32, dy: f32, angle_rad: f64) -> f32 {
-        let (dx, dy) = (f64::from(dx), f64::from(dy));
-        let distance = dx.hypot(dy);
+    fn fuzzy(&self, distance_px2: f32, around_rad: impl FnOnce() -> f64) -> f32 {
+        let distance = f64::from(distance_px2).sqrt();
         if distance < self.radius_px - 4.5 * self.sigma_px.hypot(self.fuzz_px) - 3.0 * self.fuzz_px {
             return 1.0;
         }
-        let around = (-dy).atan2(dx) - angle_rad;
+        let around = around_rad();
         let waves: f64 = self.waves.iter().map(|(periods, phase)| (periods * around + phase).cos()).sum();
         let tuft_px = FRAC_1_SQRT_2 * self.fuzz_px * waves * (2.0 / WAVES as f64).sqrt();
         let inside = (distance - tuft_px).max(0.0) as f32;
@@ -78,6 +78,11 @@ impl Rim {
 mod tests {
     use super::*;
 
+    fn at(rim: &Rim, place: [f32; 2], angle_rad: f64) -> f32 {
+        let [x, y] = place;
+        rim.at(x * x + y * y, || f64::from(-y).atan2(f64::from(x)) - angle_rad)
+    }
+
     #[test]
     fn felt_keeps_centre_and_area_and_turns_with_the_ball() {
         let (sharp, fuzzy) = (Rim::new(30.0, 0.76, 0.0, Stream::new(5)), Rim::new(30.0, 0.76, 1.2, Stream::new(5)));
@@ -85,7 +90,7 @@ mod tests {
             let mut sums = [0.0; 3];
             for y in -40..=40_i16 {
                 for x in -40..=40_i16 {
-                    let covered = f64::from(rim.at(f32::from(x), f32::from(y), angle_rad));
+                    let covered = f64::from(at(rim, [f32::from(x), f32::from(y)], angle_rad));
                     let parts = [covered, covered * f64::from(x), covered * f64::from(y)];
                     sums.iter_mut().zip(parts).for_each(|(sum, part)| *sum += part);
                 }
@@ -96,12 +101,13 @@ mod tests {
         assert!((felt[0] / round[0] - 1.0).abs() < 5e-3, "{felt:?} {round:?}");
         assert!((felt[1] / felt[0]).hypot(felt[2] / felt[0]) < 0.03, "{felt:?}");
         let quarter = 0.25 * TAU;
-        let at = |place: [f32; 2], angle_rad: f64| fuzzy.at(place[0], place[1], angle_rad);
         for [x, y] in [[29.5, 3.0], [-20.0, 22.0], [4.0, -30.0]] {
-            assert!((at([x, y], 0.0) - at([y, -x], quarter)).abs() < 1e-5);
+            assert!((at(&fuzzy, [x, y], 0.0) - at(&fuzzy, [y, -x], quarter)).abs() < 1e-5);
         }
-        let around: Vec<f32> =
-            (0..60_u8).map(|k| f32::from(k) * 0.1047).map(|a| at([30.0 * a.cos(), 30.0 * a.sin()], 0.0)).collect();
+        let around: Vec<f32> = (0..60_u8)
+            .map(|k| f32::from(k) * 0.1047)
+            .map(|a| at(&fuzzy, [30.0 * a.cos(), 30.0 * a.sin()], 0.0))
+            .collect();
         let spread = around.iter().fold(0.0_f32, |most, at| most.max((at - around[0]).abs()));
         assert!(spread > 0.2, "{spread}");
     }
