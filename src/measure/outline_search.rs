@@ -113,7 +113,8 @@ impl Measurer {
                 self.spare.push(full_frame);
                 // The match near the predicted pose detects an occlusion more reliably.
                 let is_occluded = matches!(before, Some(Err(PointStatus::Occluded)));
-                found.map_err(|_| if is_occluded { PointStatus::Occluded } else { PointStatus::Lost })
+                let unseen = if is_occluded { PointStatus::Occluded } else { PointStatus::Lost };
+                found.map_err(|_| finder.refusal().unwrap_or(unseen))
             }
         };
         let state = self.states.of(BodyKey { body, block });

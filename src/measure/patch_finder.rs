@@ -7,6 +7,7 @@ use crate::dic::{
     BodyMotion, Patch, PlanarMotion, Point, PreparedFrame, Region, RigidBody, find_occluded_within_angle,
 };
 use crate::results::{Circle, Estimate, PointStatus, RigidStep};
+use std::f64::consts::TAU;
 
 /// The range of rotations searched in every frame for a lost patch, deg; all rotations are searched once per block.
 const SEARCH_ANGLE_DEG: f64 = 6.0;
@@ -22,6 +23,14 @@ const MIN_VISIBLE_PIXELS: u32 = 400;
 
 /// The visible fraction times the ZNCC from which no other rotation of a patch can match better.
 const COMPLETE_MATCH: f64 = 0.85;
+
+/// The shifts at which a patch is compared with its own image, relative to the radius of a disc of its area, in this many
+/// directions.
+const SELF_SHIFTS: [f64; 2] = [0.3, 0.6];
+const SELF_DIRECTIONS: u32 = 8;
+
+/// The distance from which a match of a patch with its own image is another place, px.
+const OTHER_PLACE_PX: f64 = 2.0;
 
 /// The ZNCC of an image with itself, up to rounding.
 const SELF_ZNCC: f64 = 0.999_999;
@@ -158,6 +167,33 @@ impl PatchFinder {
     pub(super) fn set_reference(&mut self, reference: &PreparedFrame) {
         let body = RigidBody::new(reference, &self.patch.region());
         self.reference = body.map(|body| (reference.clone(), Box::new(body)));
+        if self.repeats_itself() {
+            self.reference = Err(PointStatus::Ambiguous);
+        }
+    }
+
+    /// Returns the reason why the patch can be found in no frame, if its own image is not fit for it.
+    pub(super) fn refusal(&self) -> Option<PointStatus> {
+        self.reference.as_ref().err().copied().filter(|status| *status == PointStatus::Ambiguous)
+    }
+
+    /// Whether the patch matches its own image at another place as well, as stripes do.
+    ///
+    /// Its position is then not determined by its image, however small the noise.
+    fn repeats_itself(&mut self) -> bool {
+        let (x, y) = self.center_px;
+        let Ok((reference, body)) = &mut self.reference else { return false };
+        let directions = (0..SELF_DIRECTIONS).map(|part| f64::from(part) * TAU / f64::from(SELF_DIRECTIONS));
+        let shifts: Vec<(f64, f64)> = directions
+            .flat_map(|direction| SELF_SHIFTS.map(|shift| (direction.cos() * shift, direction.sin() * shift)))
+            .collect();
+        shifts.into_iter().any(|(dx, dy)| {
+            let [u_px, v_px] = [dx, dy].map(|part| part * self.radius_px);
+            let found = body.find_visible(reference, Point::new(x, y), PlanarMotion { u_px, v_px, angle_deg: 0.0 });
+            found.is_ok_and(|BodyMotion { motion, zncc, visible_fraction, .. }| {
+                motion.u_px.hypot(motion.v_px) > OTHER_PLACE_PX && zncc * visible_fraction > COMPLETE_MATCH
+            })
+        })
     }
 
     /// Returns the polygon at a pose.

@@ -7,6 +7,10 @@ use crate::results::{BodyStep, MotionMethod, RigidStep};
 
 /// The maximum gap over which a pose is extrapolated, frames.
 const BRIDGE_FRAMES: f64 = 8.0;
+/// The smallest part of a turn after which a patch may look the same again, deg: an image with more parts is a blur.
+const MIN_REPEAT_DEG: f64 = 3.0;
+/// The number of standard uncertainties from which the angle of a patch contradicts its last step.
+const CONTRADICTION_SIGMAS: f64 = 8.0;
 /// The minimum sigma of a step, px or deg.
 const SIGMA_FLOOR: f64 = 1e-7;
 
@@ -51,6 +55,7 @@ pub struct PoseIntegrator {
     /// Poses at the ends of steps, by frame and interval.
     arrivals: BTreeMap<(u64, u32), Pose>,
     newest: Option<Pose>,
+    repeat: PatchRepeat,
     /// The newest node with a step from it, its rates per nominal frame, and the rates before.
     last: Option<(Pose, [f64; 3], [f64; 3])>,
 }
@@ -82,6 +87,41 @@ impl Spin {
     }
 }
 
+/// The part of a turn by which the angle of a patch was taken wrong, because it looks the same again after that part.
+///
+/// A block searches the angle from the start. The step into it, which was followed from frame to frame, decides.
+#[derive(Debug, Clone, Copy, Default)]
+struct PatchRepeat {
+    offset_deg: f64,
+    variance_deg2: f64,
+    /// The component of the angle. Where steps are missing, an image that has repeated itself begins another.
+    turn: u32,
+    /// The frame after the last step, the angle in it and its variance.
+    expected: Option<(u64, f64, f64)>,
+}
+
+impl PatchRepeat {
+    /// Returns the angle found in a frame, deg, turned on to where the last step leads.
+    fn continued(&mut self, frame: u64, angle_deg: f64, sigma_deg: f64) -> f64 {
+        let found_deg = angle_deg + self.offset_deg;
+        let Some((_, expected_deg, variance)) = self.expected.filter(|(next, ..)| *next == frame) else {
+            if self.offset_deg.abs() > 0.0 {
+                (self.turn, self.variance_deg2) = (self.turn + 1, f64::INFINITY);
+            }
+            return found_deg;
+        };
+        let apart_deg = expected_deg - found_deg;
+        let apart_deg = apart_deg - 360.0 * (apart_deg / 360.0).round();
+        let variance = variance + sigma_deg.powi(2);
+        if apart_deg.abs() < MIN_REPEAT_DEG || apart_deg.abs() < CONTRADICTION_SIGMAS * variance.sqrt() {
+            return found_deg;
+        }
+        self.offset_deg += apart_deg;
+        self.variance_deg2 += variance;
+        found_deg + apart_deg
+    }
+}
+
 /// The origin of the newest nodes' positions: matches or outlines.
 #[derive(Debug, Clone, Copy, Default)]
 struct PoseSource {
@@ -108,6 +148,7 @@ impl PoseIntegrator {
             spin: None,
             arrivals: BTreeMap::new(),
             newest: None,
+            repeat: PatchRepeat::default(),
             last: None,
         }
     }
@@ -200,11 +241,17 @@ impl PoseIntegrator {
     /// Returns the node of a patch, whose pose in its reference image is measured in every frame.
     ///
     /// No step leads to it, so nothing accumulates and no gap matters. All poses contain the noise of the reference.
-    fn absolute(&self, step: &BodyStep, time_frames: f64) -> Option<Pose> {
+    fn absolute(&mut self, step: &BodyStep, time_frames: f64) -> Option<Pose> {
         let (angle, circle) = (step.angle_deg?, step.circle()?);
-        let newest_deg = self.newest.map_or(angle.value, |newest| newest.pose[2]);
-        let turns = ((newest_deg - angle.value) / 360.0).round();
+        let angle_deg = self.repeat.continued(step.frame, angle.value, angle.sigma);
+        let newest_deg = self.newest.map_or(angle_deg, |newest| newest.pose[2]);
+        let turns = ((newest_deg - angle_deg) / 360.0).round();
         let n = f64::from(step.interval_frames.max(1));
+        let angle_deg = angle_deg + 360.0 * turns;
+        self.repeat.expected = step.motion.filter(sound).filter(RigidStep::has_rotation).map(|out| {
+            let next = step.frame + u64::from(step.interval_frames.max(1));
+            (next, angle_deg + n * out.dtheta_deg, (n * out.sigma_dtheta_deg).powi(2))
+        });
         let out = step.motion.filter(sound).unwrap_or(RigidStep::STILL);
         // The image that the patch was drawn in matches itself exactly; the step from it has its noise.
         let sigma = [
@@ -216,10 +263,10 @@ impl PoseIntegrator {
             frame: step.frame,
             time_frames,
             component: 0,
-            turn: 0,
-            pose: [circle.x_px, circle.y_px, angle.value + 360.0 * turns],
+            turn: self.repeat.turn,
+            pose: [circle.x_px, circle.y_px, angle_deg],
             sigma: sigma.map(|sigma| (sigma * std::f64::consts::FRAC_1_SQRT_2).max(SIGMA_FLOOR)),
-            bridged: [0.0; 3],
+            bridged: [0.0, 0.0, self.repeat.variance_deg2],
             walk_share: [0.0; 3],
             kept: None,
         })

@@ -41,6 +41,7 @@ mod gige_line;
 mod gige_pair;
 mod golden;
 mod hardware_trigger;
+mod honesty;
 mod illumination;
 mod impact;
 mod import;

@@ -2,7 +2,7 @@
 
 use ricochet::config::Config;
 use ricochet::results::PointStatus;
-use ricochet::synth::{MotionSetup, Scenario, SimulatedFilm};
+use ricochet::synth::{Layout, MotionSetup, PatternSetup, Scenario, Shape, SimulatedFilm};
 use ricochet::track::TrackerRows;
 
 use crate::measured_world::{rows_of, rows_of_pictures};
@@ -238,4 +238,43 @@ fn a_rig_keeps_the_reference_image_of_its_patches_and_replays_to_the_byte() {
     succeed(["analyze".as_ref(), recording.as_os_str(), "-o".as_ref(), results.as_os_str()]);
     assert_eq!(csv(&results, "velocity"), recorded, "analysis differs from the recording");
     assert!(!std::env::temp_dir().join(format!("ricochet-{}-reference.png", rig.name)).exists(), "left behind");
+}
+
+/// A board with a regular pattern that moves and turns by 5.6 deg per frame, and the rows of an octagon around its middle.
+fn board(layout: Layout, repeats: u32) -> (SimulatedFilm, TrackerRows) {
+    let start_px = [120.3, 118.7];
+    let mut scenario = Scenario::translation(0.0, 0.0, 0.0);
+    (scenario.camera.frames, scenario.camera.width_px, scenario.camera.height_px) = (40, SIDE as u32, SIDE as u32);
+    (scenario.scale.mm_per_px, scenario.body.shape) = (MM_PER_PX, Shape::Plane);
+    scenario.body.diameter_mm = 400.0 * MM_PER_PX;
+    scenario.body.pattern = PatternSetup { layout, repeats, ..PatternSetup::default() };
+    scenario.motion = MotionSetup::Constant { vx_px_frame: 0.71, vy_px_frame: -0.43, omega_deg_frame: 5.6, start_px };
+    let world = SimulatedFilm::new(&scenario).unwrap();
+    let rows = rows_of(&world, &rig(&[("board", octagon(start_px, 30.0))]));
+    (world, rows)
+}
+
+/// Each block searches the angle again and finds it wrong by a seventh of a turn.
+#[test]
+fn a_patch_that_looks_the_same_after_a_part_of_a_turn_keeps_its_spin() {
+    let (world, rows) = board(Layout::Sectors, 7);
+    let mut measured = 0;
+    for (row, track) in rows.velocities.iter().zip(&rows.tracks) {
+        let (Some(velocity), Some(angle_deg)) = (row.velocity, track.angle_deg) else { continue };
+        let spin = (velocity.omega_rad_s.unwrap(), velocity.sigma_omega_rad_s.unwrap());
+        let exact = world.truth(row.frame).velocity.unwrap().omega_rad_s.unwrap();
+        assert!((spin.0 - exact).abs() < 5.0 * spin.1, "frame {}: {spin:?} for {exact}", row.frame);
+        assert!((angle_deg - world.angle_deg(row.frame)).abs() < 0.3, "frame {}: {angle_deg} deg", row.frame);
+        measured += 1;
+    }
+    assert!(measured > 30, "{measured} frames");
+}
+
+#[test]
+fn a_striped_patch_is_ambiguous_since_nothing_shows_its_place_along_the_stripes() {
+    let (_, rows) = board(Layout::Stripes, 24);
+    for (row, track) in rows.velocities.iter().zip(&rows.tracks) {
+        assert_eq!((row.status, track.center_x_px), (PointStatus::Ambiguous, None), "frame {}", row.frame);
+        assert!(row.velocity.is_none() && row.motion.is_none());
+    }
 }

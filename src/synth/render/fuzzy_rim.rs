@@ -2,12 +2,15 @@
 
 use super::blurred_edge::BlurredDisc;
 use crate::numeric::Stream;
-use std::f64::consts::{FRAC_1_SQRT_2, TAU};
+use std::f64::consts::TAU;
 
 /// The shortest and the longest distance of tufts along the rim, px.
 const TUFT_PX: [f64; 2] = [4.0, 16.0];
 /// The minimum number of tufts around the rim. Fewer would move its centre or stretch it.
 const MIN_TUFTS: f64 = 5.0;
+/// The parts of the felt that are a transparent edge and tufts; the sum of their squares is 1.
+const SOFT: f64 = 0.9;
+const TUFTS: f64 = 0.436;
 /// The number of waves that make up the tufts.
 const WAVES: usize = 24;
 
@@ -32,9 +35,8 @@ impl Rim {
         Self::of_waves(radius_px, sigma_px, fuzz_px, waves)
     }
 
-    /// Half of the variance is the transparent edge, half the tufts.
     fn of_waves(radius_px: f64, sigma_px: f64, fuzz_px: f64, waves: Vec<(f64, f64)>) -> Self {
-        let soft_px = if fuzz_px > 0.0 { sigma_px.hypot(FRAC_1_SQRT_2 * fuzz_px) } else { sigma_px };
+        let soft_px = if fuzz_px > 0.0 { sigma_px.hypot(SOFT * fuzz_px) } else { sigma_px };
         Self { disc: BlurredDisc::new(radius_px, soft_px), radius_px, sigma_px, fuzz_px, waves }
     }
 
@@ -68,7 +70,7 @@ impl Rim {
         }
         let around = around_rad();
         let waves: f64 = self.waves.iter().map(|(periods, phase)| (periods * around + phase).cos()).sum();
-        let tuft_px = FRAC_1_SQRT_2 * self.fuzz_px * waves * (2.0 / WAVES as f64).sqrt();
+        let tuft_px = TUFTS * self.fuzz_px * waves * (2.0 / WAVES as f64).sqrt();
         let inside = (distance - tuft_px).max(0.0) as f32;
         self.disc.at(inside * inside)
     }
@@ -109,6 +111,6 @@ mod tests {
             .map(|a| at(&fuzzy, [30.0 * a.cos(), 30.0 * a.sin()], 0.0))
             .collect();
         let spread = around.iter().fold(0.0_f32, |most, at| most.max((at - around[0]).abs()));
-        assert!(spread > 0.2, "{spread}");
+        assert!(spread > 0.1, "{spread}");
     }
 }
