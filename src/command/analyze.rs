@@ -2,6 +2,7 @@
 
 use super::body_summary::{self, BodySummary, FilmShape};
 use super::frame_source::{Film, GIVEN_ORDER, GIVEN_RATE, span};
+use super::image_order::ImageOrder;
 use super::json_cells;
 use super::shard::{SETTINGS, Shard};
 use crate::camera::{CameraIdentity, StreamFormat};
@@ -9,7 +10,6 @@ use crate::config::Record;
 use crate::console::{Outcome, Overwrite, UsageError, print_line, print_note, progress, table};
 use crate::failure::Failure;
 use crate::image::{Frame, FrameMeta, FrameRuns};
-use crate::import::Order;
 use crate::measure::{MeasureError, MeasureParams, Measured, Measurer, Share};
 use crate::process::{FrameRange, Shot, Stop, analysis_params, recording_info, reference_picture};
 use crate::recording::{Recording, RecordingError, part_path};
@@ -38,9 +38,9 @@ pub struct AnalyzeOptions {
     /// Frame rate, Hz; replaces the file's own, for files that record none or only a playback rate.
     #[arg(long)]
     pub fps: Option<f64>,
-    /// Take the images of a sequence in reverse order.
-    #[arg(long)]
-    pub reverse: bool,
+    /// The order of the images of a sequence.
+    #[command(flatten)]
+    pub order: ImageOrder,
     /// Start at this time after the first frame, s.
     #[arg(long = "from", value_name = "S")]
     pub from_s: Option<f64>,
@@ -77,8 +77,8 @@ pub fn run(options: &AnalyzeOptions, stop: &Stop) -> Result<Outcome, Failure> {
 /// Opens a film with the chosen rig file, within the chosen interval.
 pub(super) fn open(options: &AnalyzeOptions, inputs: &[PathBuf]) -> Result<Film, Failure> {
     let span = span(options.from_s, options.to_s)?;
-    let order = if options.reverse { Order::Reversed } else { Order::Forward };
-    let film = Film::open(inputs, options.camera.as_deref(), options.config.as_deref(), options.fps, order)?;
+    let film =
+        Film::open(inputs, options.camera.as_deref(), options.config.as_deref(), options.fps, options.order.order())?;
     let mut film = film.within(span);
     if let Some(count) = options.workers {
         film.config.workers.count = count;

@@ -134,7 +134,7 @@ fn measure(options: &AnalyzeOptions, film: &Path, results: &Path, stop: &Stop) -
 /// Returns the version, and a checksum of all that results depend on besides the frames.
 fn settings(options: &AnalyzeOptions, config: &Config, film: &Path) -> String {
     let bytes = film.metadata().map_or(0, |metadata| metadata.len());
-    let given = (&options.camera, options.fps, options.reverse, options.from_s, options.to_s, bytes);
+    let given = (&options.camera, options.fps, options.order.reverse, options.from_s, options.to_s, bytes);
     let checksum = crc32fast::hash(format!("{given:?} {}", config.text).as_bytes());
     format!("{} {checksum:08x}", env!("CARGO_PKG_VERSION"))
 }

@@ -20,6 +20,8 @@ pub(super) struct FilmFiles {
     pub(super) camera: Option<String>,
     /// The rate that the user gave, Hz.
     pub(super) fps: Option<f64>,
+    /// The order of the images of a sequence.
+    pub(super) order: Order,
 }
 
 /// A film and what moves in it.
@@ -47,7 +49,7 @@ pub(super) struct SurveyedBody {
 
 impl FilmFiles {
     pub(super) fn open(&self) -> Result<OpenedFilm, Failure> {
-        result_film::open(&self.inputs, self.camera.as_deref(), self.fps, Order::Forward)
+        result_film::open(&self.inputs, self.camera.as_deref(), self.fps, self.order)
     }
 
     /// Hands the frames to `take`, each with its number from 0, until it returns [`Visit::Stop`].

@@ -1,10 +1,11 @@
 //! `ricochet import`: converts footage of other programs or cameras into a recording.
 
 use super::frame_source::{report_findings, report_footage};
+use super::image_order::ImageOrder;
 use crate::console::{print_line, progress};
 use crate::failure::Failure;
 use crate::image::Frame;
-use crate::import::{self, Footage, Order, Provenance};
+use crate::import::{self, Footage, Provenance};
 use crate::recording::{Compression, RecordingInfo, RecordingWriter, WriterOptions};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -19,9 +20,9 @@ pub struct ImportOptions {
     /// Frame rate, Hz; replaces the file's own.
     #[arg(long)]
     pub fps: Option<f64>,
-    /// Take the images of a sequence in reverse order.
-    #[arg(long)]
-    pub reverse: bool,
+    /// The order of the images of a sequence.
+    #[command(flatten)]
+    pub order: ImageOrder,
     /// Recording to write.
     #[arg(short, long)]
     pub output: PathBuf,
@@ -47,8 +48,7 @@ pub struct Imported {
 ///
 /// When a file cannot be read or written. An unfinished recording remains as a part file.
 pub fn run(options: &ImportOptions) -> Result<Imported, Failure> {
-    let order = if options.reverse { Order::Reversed } else { Order::Forward };
-    let footage = import::open_in_order(&options.inputs, options.fps, order)?;
+    let footage = import::open_in_order(&options.inputs, options.fps, options.order.order())?;
     report_footage(&footage);
     let mut metadata = metadata(&footage);
     let names = options.inputs.first().and_then(|path| path.file_name());

@@ -16,6 +16,7 @@ pub mod export;
 pub mod field;
 mod film_survey;
 mod frame_source;
+pub mod image_order;
 pub mod import;
 pub mod info;
 pub mod init;

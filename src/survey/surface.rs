@@ -2,6 +2,7 @@
 
 use super::movement::Movement;
 use super::path::Bounce;
+use crate::numeric::median;
 
 /// The maximum angle between the normal of the surface and the change of velocity, deg. Friction turns that by its
 /// coefficient.
@@ -17,12 +18,20 @@ const MIN_INSIDE: f64 = 0.6;
 const MIN_CONTRAST_RATIO: f64 = 4.0;
 /// The minimum contrast of the edge, standard deviations of noise.
 const MIN_CONTRAST_SIGMAS: f64 = 2.0;
+/// The distance up to which the edge is searched beside the best line, reduced pixels.
+const REACH: f64 = 2.5;
+/// The minimum number of points of the edge.
+const MIN_POINTS: usize = 8;
+/// The distance of a point from the edge, in median distances, from which it lies on something else.
+const OUTLIER: f64 = 4.0;
 
 /// An edge that the ball touches.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurfaceEdge {
     /// The direction of its tangent, counter-clockwise from x with y up, deg; the ball is to the left of it.
     pub angle_deg: f64,
+    /// The standard uncertainty of the direction, from the scatter of the points of the edge, deg.
+    pub sigma_deg: f64,
     /// Two points of it, px.
     pub ends_px: [[f64; 2]; 2],
 }
@@ -45,7 +54,7 @@ pub fn surface_edge(movement: &Movement, bounce: &Bounce, radius_px: f64) -> Opt
     let factor = movement.factor as f64;
     let reduced = |at: f64| (at + 0.5) / factor - 0.5;
     let (center, radius) = (bounce.center_px.map(reduced), radius_px / factor);
-    let mut best: Option<(f64, Line, f64)> = None;
+    let mut best: Option<(f64, Line)> = None;
     let mut all = Vec::new();
     let steps = (MAX_TILT_DEG / TILT_STEP_DEG) as i32;
     for tilt_deg in (-steps..=steps).map(|k| f64::from(k) * TILT_STEP_DEG) {
@@ -58,22 +67,24 @@ pub fn surface_edge(movement: &Movement, bounce: &Bounce, radius_px: f64) -> Opt
             let line = Line { foot, normal, half_length: HALF_LENGTH * radius };
             let Some(contrast) = line.contrast(movement) else { continue };
             all.push(contrast);
-            if best.is_none_or(|(highest, ..)| contrast > highest) {
-                best = Some((contrast, line, tilt_deg));
+            if best.is_none_or(|(highest, _)| contrast > highest) {
+                best = Some((contrast, line));
             }
         }
     }
-    let (contrast, line, _) = best?;
+    let (contrast, line) = best?;
     all.sort_by(f64::total_cmp);
     let usual = all[all.len() / 2].max(MIN_CONTRAST_SIGMAS * f64::from(movement.noise_dn) / MIN_CONTRAST_RATIO);
     if contrast < MIN_CONTRAST_RATIO * usual {
         return None;
     }
+    let (line, sigma) = line.refined(movement).unwrap_or((line, TILT_STEP_DEG.to_radians()));
     // The image's y points down. The tangent is the normal, turned clockwise by a quarter turn.
     let angle_deg = (-line.normal[1]).atan2(line.normal[0]).to_degrees() - 90.0;
     let full = |at: f64| (at + 0.5) * factor - 0.5;
     Some(SurfaceEdge {
         angle_deg: (angle_deg + 180.0).rem_euclid(360.0) - 180.0,
+        sigma_deg: sigma.to_degrees(),
         ends_px: [-1.0, 1.0].map(|side| line.point(side * line.half_length, 0.0).map(full)),
     })
 }
@@ -83,6 +94,42 @@ impl Line {
     fn point(&self, along: f64, across: f64) -> [f64; 2] {
         let [x, y] = self.normal;
         [self.foot[0] - along * y + across * x, self.foot[1] + along * x + across * y]
+    }
+
+    /// Fits the line to the points of the edge beside it, each where the grey level changes most. Returns it with the
+    /// standard uncertainty of its direction, rad; `None` for too few points.
+    fn refined(self, movement: &Movement) -> Option<(Self, f64)> {
+        let steps = (2.0 * self.half_length).ceil() as i32;
+        let places = (0..=steps).map(|k| self.half_length * (2.0 * f64::from(k) / f64::from(steps) - 1.0));
+        let mut points: Vec<[f64; 2]> =
+            places.filter_map(|along| Some([along, self.edge_across(movement, along)?])).collect();
+        for _ in 0..2 {
+            let fitted = StraightFit::of(&points)?;
+            let mut off: Vec<f64> = points.iter().map(|point| fitted.off(point).abs()).collect();
+            let limit = OUTLIER * median(&mut off)?;
+            points.retain(|point| fitted.off(point).abs() <= limit);
+        }
+        let fitted = StraightFit::of(&points)?;
+        let (sin, cos) = fitted.slope.atan().sin_cos();
+        let [x, y] = self.normal;
+        let line =
+            Self { foot: self.point(0.0, fitted.offset), normal: [x * cos + y * sin, y * cos - x * sin], ..self };
+        Some((line, fitted.slope_sigma(&points)))
+    }
+
+    /// Returns the distance towards the ball at which the grey level changes most, `along` the line, as the mean of the
+    /// squared changes; `None` outside of the image or where nothing changes.
+    fn edge_across(&self, movement: &Movement, along: f64) -> Option<f64> {
+        let steps = (REACH / 0.25) as i32;
+        let (mut weights, mut sum) = (0.0, 0.0);
+        for across in (-steps..=steps).map(|k| 0.25 * f64::from(k)) {
+            let level = |across: f64| level(movement, self.point(along, across));
+            let change = level(across + 0.5)? - level(across - 0.5)?;
+            weights += change * change;
+            sum += across * change * change;
+        }
+        let noise = f64::from(movement.noise_dn) * MIN_CONTRAST_SIGMAS;
+        (weights > noise * noise).then(|| sum / weights)
     }
 
     /// Returns the mean change of the grey level across the line, DN; `None` if too little of it lies in the image.
@@ -100,6 +147,42 @@ impl Line {
         let is_inside = f64::from(count) >= MIN_INSIDE * f64::from(steps + 1);
         is_inside.then(|| (sum / f64::from(count)).abs())
     }
+}
+
+/// A straight line through points by least squares.
+struct StraightFit {
+    offset: f64,
+    slope: f64,
+}
+
+impl StraightFit {
+    /// Fits the second coordinates over the first; `None` for too few points.
+    fn of(points: &[[f64; 2]]) -> Option<Self> {
+        if points.len() < MIN_POINTS {
+            return None;
+        }
+        let mean = |axis: usize| points.iter().map(|point| point[axis]).sum::<f64>() / points.len() as f64;
+        let (x, y) = (mean(0), mean(1));
+        let products: f64 = points.iter().map(|point| (point[0] - x) * (point[1] - y)).sum();
+        let slope = products / spread(points);
+        Some(Self { offset: y - slope * x, slope })
+    }
+
+    fn off(&self, point: &[f64; 2]) -> f64 {
+        point[1] - self.offset - self.slope * point[0]
+    }
+
+    /// Returns the standard uncertainty of the slope, from the scatter of the points.
+    fn slope_sigma(&self, points: &[[f64; 2]]) -> f64 {
+        let squares: f64 = points.iter().map(|point| self.off(point).powi(2)).sum();
+        (squares / (points.len() as f64 - 2.0) / spread(points)).sqrt()
+    }
+}
+
+/// Returns the sum of the squared distances of the first coordinates from their mean.
+fn spread(points: &[[f64; 2]]) -> f64 {
+    let mean = points.iter().map(|point| point[0]).sum::<f64>() / points.len() as f64;
+    points.iter().map(|point| (point[0] - mean).powi(2)).sum()
 }
 
 /// Interpolates the background linearly; `None` outside.
@@ -147,13 +230,14 @@ mod tests {
 
     #[test]
     fn the_edge_of_the_background_gives_the_angle_that_friction_hides() {
-        for angle_deg in [0.0, 12.0, -7.5] {
+        for angle_deg in [0.0, 1.3, 2.6, -3.4, 12.0, -7.5] {
             // The ball leaves 15 deg off the normal of a level surface.
             let direction = [0.2588, -0.9659];
             let bounce =
                 Bounce { index: 9, t_s: 0.1, center_px: [100.0, 60.0], direction, velocities_px_s: [[0.0; 2]; 2] };
             let found = surface_edge(&movement(angle_deg), &bounce, 20.0).unwrap();
-            assert!((found.angle_deg - angle_deg).abs() < 1.0, "{} for {angle_deg}", found.angle_deg);
+            let off_deg = (found.angle_deg - angle_deg).abs();
+            assert!(off_deg < 0.2 && found.sigma_deg < 0.2, "{found:?} for {angle_deg}");
         }
     }
 

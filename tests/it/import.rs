@@ -148,7 +148,7 @@ fn an_import_becomes_a_recording_with_the_same_frames() {
     let options = command::import::ImportOptions {
         inputs: stills.clone(),
         fps: Some(500.0),
-        reverse: false,
+        order: command::image_order::ImageOrder::default(),
         output: output.clone(),
         json: false,
     };

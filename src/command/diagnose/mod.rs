@@ -10,11 +10,12 @@ use super::analyze;
 use super::body_summary::{self, FilmShape};
 use super::film_survey::{self, FilmFiles, Surveyed, Visit};
 use super::frame_source::Film;
+use super::image_order::ImageOrder;
 use crate::config::Config;
 use crate::console::{Outcome, Overwrite, UsageError, print_note};
 use crate::failure::Failure;
 use crate::image::{Frame, Image};
-use crate::import::{self, Order};
+use crate::import;
 use crate::process::Stop;
 use crate::recording::Recording;
 use crate::report::{BodyDiagnosis, Diagnosis};
@@ -40,6 +41,9 @@ pub struct DiagnoseOptions {
     /// Frame rate, Hz; replaces the file's own.
     #[arg(long)]
     pub fps: Option<f64>,
+    /// The order of the images of a sequence.
+    #[command(flatten)]
+    pub order: ImageOrder,
     /// Frame to show, from 0; may be repeated [default: the first, the middle, the last, and the first of each reason].
     #[arg(long, value_name = "N")]
     pub frame: Vec<u64>,
@@ -70,7 +74,8 @@ struct Measured {
 /// When the film or the rig file cannot be used, or the page cannot be written.
 pub fn run(options: &DiagnoseOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let target = Target::new(options)?;
-    let film = FilmFiles { inputs: options.film.clone(), camera: options.camera.clone(), fps: options.fps };
+    let (camera, order) = (options.camera.clone(), options.order.order());
+    let film = FilmFiles { inputs: options.film.clone(), camera, fps: options.fps, order };
     let results = Scratch(target.scratch());
     let measured = match has_config(options)? {
         true => Some(measure(options, &results.0, stop)?),
@@ -117,7 +122,7 @@ fn has_config(options: &DiagnoseOptions) -> Result<bool, Failure> {
 /// Measures the film into a file.
 fn measure(options: &DiagnoseOptions, results: &Path, stop: &Stop) -> Result<Measured, Failure> {
     let (camera, config) = (options.camera.as_deref(), options.config.as_deref());
-    let mut film = Film::open(&options.film, camera, config, options.fps, Order::Forward)?;
+    let mut film = Film::open(&options.film, camera, config, options.fps, options.order.order())?;
     film.config.workers.count = film.config.workers.count.max(1);
     film.config.record = Some(analyze::results_record());
     let config = film.config.clone();

@@ -6,6 +6,7 @@ mod proposal;
 mod rig_text;
 
 use super::film_survey::{self, FilmFiles};
+use super::image_order::ImageOrder;
 use crate::config::Config;
 use crate::console::{Outcome, Overwrite, UsageError, WriteError, check_no_input, print_line, print_note, write_file};
 use crate::failure::{ExitCode, Failure, Fatal};
@@ -26,6 +27,9 @@ pub struct SetupOptions {
     /// Frame rate, Hz; replaces the file's own, for files that record none or only a playback rate.
     #[arg(long)]
     pub fps: Option<f64>,
+    /// The order of the images of a sequence.
+    #[command(flatten)]
+    pub order: ImageOrder,
     /// True diameter of the ball, or width of the rod, mm; asked for at a terminal.
     #[arg(long, value_name = "MM")]
     pub diameter_mm: Option<f64>,
@@ -74,7 +78,7 @@ pub fn run(options: &SetupOptions, stop: &Stop) -> Result<Outcome, Failure> {
     if let Some(diameter_mm) = options.diameter_mm.filter(|mm| !(*mm > 0.0 && *mm <= 10_000.0)) {
         return Err(UsageError(format!("--diameter-mm {diameter_mm}: must be above 0 and at most 10000 mm")).into());
     }
-    let film = FilmFiles { inputs: options.film.clone(), camera: None, fps: options.fps };
+    let film = FilmFiles { inputs: options.film.clone(), camera: None, fps: options.fps, order: options.order.order() };
     let surveyed = film_survey::survey(&film, stop)?;
     let name = options.film[0].display().to_string();
     let diameter_mm = match options.diameter_mm {
@@ -104,6 +108,18 @@ fn check_outputs(options: &SetupOptions, picture_path: &Path) -> Result<(), Usag
     for path in [options.output.as_path(), picture_path] {
         check_no_input(path, &options.film)?;
         options.overwrite.check(path)?;
+    }
+    // The next command would take the picture for a frame.
+    let folder = |path: &Path| path.parent().and_then(|parent| parent.join(".").canonicalize().ok());
+    let holds_picture = |input: &PathBuf| match input.is_dir() {
+        true => input.canonicalize().ok() == folder(picture_path),
+        false => options.film.len() > 1 && folder(input) == folder(picture_path),
+    };
+    if options.film.iter().any(holds_picture) {
+        let picture = picture_path.display();
+        return Err(UsageError(format!(
+            "{picture} would lie among the images of the film; choose another folder with -o"
+        )));
     }
     Ok(())
 }
@@ -136,7 +152,8 @@ fn next_command(options: &SetupOptions, name: &str) -> String {
     let more = if options.film.len() > 1 { " ..." } else { "" };
     let rate = options.fps.map_or_else(String::new, |fps| format!(" --fps {fps}"));
     let config = options.output.display().to_string();
-    format!("ricochet analyze {}{more}{rate} --config {}", quoted(name), quoted(&config))
+    let order = if options.order.reverse { " --reverse" } else { "" };
+    format!("ricochet analyze {}{more}{rate}{order} --config {}", quoted(name), quoted(&config))
 }
 
 fn print(options: &SetupOptions, proposal: &Proposal, picture_path: &Path, command: &str) {

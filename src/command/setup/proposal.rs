@@ -17,8 +17,11 @@ const FRICTION_DEG: f64 = 25.0;
 /// The area of something else that moves from which it is worth a warning, relative to the body.
 const MIN_OTHER_SHARE: f64 = 0.1;
 
-/// The uncertainty of the angle of an edge. Within it, a level surface or an upright wall is far more frequent.
-const EDGE_DEG: f64 = 4.0;
+/// The least difference from a level surface or an upright wall that counts as a tilt, deg: less changes a restitution
+/// by less than 1 % of the tangential speed.
+const MIN_TILT_DEG: f64 = 0.5;
+/// The coverage of the uncertainty of an edge, standard deviations. Within it, a level surface is far more frequent.
+const COVERAGE: f64 = 2.0;
 
 /// A body of the rig file.
 #[derive(Debug, Clone, PartialEq)]
@@ -151,7 +154,8 @@ impl ProposedSurface {
         match self.source {
             SurfaceSource::Edge => {
                 let edge_deg = self.edge.map_or(angle_deg, |edge| edge.angle_deg);
-                format!("{angle_deg} deg, from an edge of the background at {edge_deg:.1} deg{at}")
+                let sigma_deg = self.edge.map_or(0.0, |edge| edge.sigma_deg);
+                format!("{angle_deg} deg, from an edge of the background at {edge_deg:.1} +- {sigma_deg:.1} deg{at}")
             }
             SurfaceSource::Bounce => format!("{angle_deg} deg, from the direction of the bounce{at}"),
             SurfaceSource::Assumed => format!("{angle_deg} deg, assumed, because the track does not bounce"),
@@ -256,8 +260,8 @@ fn surface(surveyed: &Surveyed, bounce: Option<Bounce>, radius_px: Option<f64>) 
     let edge = edge.and_then(|(movement, radius_px)| surface_edge(movement, &bounce, radius_px));
     if let Some(edge) = edge {
         let upright_deg = upright_deg(edge.angle_deg);
-        let is_upright = (edge.angle_deg - upright_deg).abs() < EDGE_DEG;
-        let angle_deg = if is_upright { upright_deg } else { edge.angle_deg.round() } + 0.0;
+        let is_upright = (edge.angle_deg - upright_deg).abs() < MIN_TILT_DEG.max(COVERAGE * edge.sigma_deg);
+        let angle_deg = if is_upright { upright_deg } else { (edge.angle_deg * 10.0).round() / 10.0 } + 0.0;
         return ProposedSurface { angle_deg, source: SurfaceSource::Edge, edge: Some(edge), bounce: Some(bounce) };
     }
     // The surface's tangent is the normal turned clockwise by a quarter turn; the image's y points down.

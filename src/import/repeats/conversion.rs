@@ -63,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn inserted_repeats_are_told_from_lost_frames_by_the_motion_after_them() {
+    fn the_motion_after_repeats_separates_inserted_ones_from_lost_frames() {
         // 24 frames/s as 30; 25 as 30; 24 as 60.
         for repeats in [&[0, 0, 0, 1][..], &[0, 0, 0, 0, 1], &[1, 2]] {
             assert!(judged(repeats, false, f64::INFINITY), "{repeats:?}");

@@ -9,6 +9,7 @@ mod decoding;
 mod levels;
 mod program;
 mod rate;
+mod stored_times;
 mod stream;
 mod times;
 
@@ -30,6 +31,7 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
         return Err(ImportError::invalid(path, INTERLACED));
     }
     let mut warnings = Vec::new();
+    stored_times::check(path, &stream, file_bytes, &mut warnings)?;
     let ticks = Ticks::read(path, &stream, file_bytes)?;
     let timeline = rate::timeline(path, &stream, &ticks, fps, &mut warnings)?;
     let levels = Levels::of(&stream);

@@ -16,6 +16,8 @@ const MESSAGE_BYTES: u64 = 64 << 10;
 pub(super) struct Stream {
     /// The stream as JSON.
     stream: Value,
+    /// The format of the file, as ffprobe names it.
+    pub(super) container: String,
     /// Tags of the file, then of the stream: key and text.
     pub(super) tags: Vec<(String, String)>,
 }
@@ -40,7 +42,8 @@ impl Stream {
         let stream = value["streams"][0].clone();
         if stream["width"].is_u64() {
             let tags = [&value["format"]["tags"], &stream["tags"]].into_iter().flat_map(texts).collect();
-            return Ok(Self { stream, tags });
+            let container = value["format"]["format_name"].as_str().unwrap_or_default().to_owned();
+            return Ok(Self { stream, container, tags });
         }
         let last = messages.lines().map(str::trim).rfind(|line| !line.is_empty());
         Err(ImportError::invalid(path, last.unwrap_or("the file has no video stream")))

@@ -1,8 +1,10 @@
 //! Depths, colours, orders and times of files, read exactly.
 
 use super::encoders::{Cine, Field, TiffPage, cih, tiff_file};
+use super::films::scene::{Ball, stack};
 use super::pages::Kind;
 use super::{frames, pack, refusal};
+use crate::support::{csv, ricochet};
 use image::{GrayImage, Luma};
 use ricochet::image::PixelFormat;
 use ricochet::import::{self, Order};
@@ -234,6 +236,43 @@ fn names_order_a_sequence_or_leave_it_open() {
     assert!(warnings.contains("--reverse"), "{warnings}");
     let (_, warnings) = read(&["north", "south"], Some(1000.0), Order::Forward).unwrap();
     assert!(warnings.contains("no number in common"), "{warnings}");
+}
+
+#[test]
+fn a_proposal_for_reversed_images_measures_them_reversed() {
+    let folder = tempfile::tempdir().unwrap();
+    let images = folder.path().join("images");
+    fs::create_dir(&images).unwrap();
+    let ball = Ball::default();
+    let [width, height] = Ball::SIZE;
+    for k in 0..24 {
+        let picture = GrayImage::from_raw(width, height, ball.picture(f64::from(k), k)).unwrap();
+        picture.save(images.join(format!("f_{k:02}.png"))).unwrap();
+    }
+    let among = ricochet(["setup", "."]).current_dir(&images).output().unwrap();
+    assert!(String::from_utf8_lossy(&among.stderr).contains("rig.png would lie among the images"), "{among:?}");
+    let command = |name: &str, rest: &[&str]| {
+        let mut command = ricochet([name]);
+        command.args(["images", "--fps", "500", "--reverse"]).args(rest).current_dir(folder.path());
+        let output = command.output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let printed = command("setup", &["--diameter-mm", "40", "-o", "rig.toml"]);
+    assert!(printed.contains("--fps 500 --reverse --config rig.toml"), "{printed}");
+    command("analyze", &["--config", "rig.toml", "-o", "reversed.mcap"]);
+    let rows = csv(&folder.path().join("reversed.mcap"), "velocity");
+    let column = |row: &str, name: &str| {
+        let at = rows.lines().next().unwrap().split(',').position(|title| title == name).unwrap();
+        row.split(',').nth(at).unwrap().parse::<f64>().unwrap_or(f64::NAN)
+    };
+    // The ball moves to the right and down; reversed, to the left and up.
+    let row = rows.lines().nth(12).unwrap();
+    assert!(column(row, "vx_m_s") < -0.1 && column(row, "vy_m_s") > 0.05, "{rows}");
+    command("diagnose", &["--config", "rig.toml", "-o", "page.html"]);
+    let film = stack(folder.path(), (0..4).map(|k| ball.picture(f64::from(k), k)));
+    let output = ricochet(["setup".as_ref(), film.as_os_str(), "--reverse".as_ref()]).output().unwrap();
+    assert_eq!(output.status.code(), Some(2), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
 #[test]

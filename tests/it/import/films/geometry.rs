@@ -72,6 +72,8 @@ fn pixels_that_are_not_square_are_made_so() {
         ("ts", "-c:v libx264 -pix_fmt yuv420p", "setsar=2/1", [128, 48]),
         ("avi", "-c:v mjpeg", "setsar=1/2", [64, 96]),
         ("webm", "-c:v libvpx-vp9 -deadline realtime", "setsar=3/2", [96, 48]),
+        ("mpg", "-c:v mpeg2video", "setsar=4/3", [85, 48]),
+        ("mxf", "-c:v mpeg2video", "setsar=4/3", [85, 48]),
     ];
     for (ending, codec, filters, size) in cases {
         let footage = open(&Film { ending, codec, filters, ..Film::default() }.write(folder.path()));
@@ -93,6 +95,8 @@ fn interlaced_films_are_refused_with_a_cure_that_works() {
         ("ts", "-c:v mpeg2video -q:v 2 -flags +ildct+ilme", "setfield=tff"),
         ("mp4", "-c:v libx264 -pix_fmt yuv420p -x264opts bff=1", "setfield=bff"),
         ("mov", "-c:v prores_ks -flags +ildct", "setfield=tff"),
+        ("mpg", "-c:v mpeg2video -q:v 2 -flags +ildct+ilme", "setfield=tff"),
+        ("mxf", "-c:v mpeg2video -q:v 2 -flags +ildct+ilme", "setfield=bff"),
     ];
     for (ending, codec, filters) in cases {
         let film = Film { ending, codec, filters, ..Film::default() };

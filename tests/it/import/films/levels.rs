@@ -53,6 +53,8 @@ fn limited_and_full_range_come_out_alike() {
         ("mkv", "-c:v ffv1 -pix_fmt bgr0", "null", "0.299 R"),
         ("mov", "-c:v png -pix_fmt rgba", "null", "without its transparency"),
         ("gif", "-c:v gif", "null", "0.299 R"),
+        ("mpg", "-c:v mpeg2video -q:v 1 -pix_fmt yuv420p", "scale=out_range=tv", "16 and white 235"),
+        ("mxf", "-c:v mpeg2video -q:v 1 -pix_fmt yuv422p", "scale=out_range=tv", "16 and white 235"),
     ];
     for (ending, codec, filters, rule) in cases {
         let film = Film { ending, codec, filters, numbers: (0..2).collect(), rate: "25", ..Film::default() };

@@ -29,6 +29,8 @@ fn a_repeat_is_a_missing_frame_in_every_container() {
         ("webm", "-c:v libvpx-vp9 -b:v 1M -deadline realtime"),
         ("ts", "-c:v mpeg2video -q:v 3 -bf 2"),
         ("mov", "-c:v png"),
+        ("mpg", "-c:v mpeg2video -q:v 3 -bf 2"),
+        ("mxf", "-c:v mpeg2video -q:v 3 -bf 2"),
     ];
     for (ending, codec) in codecs {
         let footage = open(&Film { ending, codec, numbers: stored.clone(), ..Film::default() }.write(folder.path()));
@@ -39,6 +41,31 @@ fn a_repeat_is_a_missing_frame_in_every_container() {
         assert_eq!(numbers, kept, "{ending}");
         assert!(read.iter().all(|(meta, pixels)| u64::from(recognised(pixels)) == meta.sequence), "{ending}");
         assert!(findings.warnings()[0].contains("4 frames repeat"), "{:?}", findings.warnings());
+    }
+}
+
+/// A strong compression changes a repeated frame, and hides it where the motion changes the picture as little.
+#[test]
+fn a_repeat_under_strong_compression_is_left_out() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let stored: Vec<u32> =
+        vec![0, 1, 2, 3, 4, 5, 5, 7, 8, 9, 10, 11, 11, 11, 14, 15, 16, 17, 18, 19, 19, 21, 22, 23, 24];
+    let kept: Vec<u64> =
+        stored.iter().zip(0..).filter(|(at, index)| *at == index).map(|(at, _)| u64::from(*at)).collect();
+    for (crf, speeds) in [(26, [1.0, 2.5]), (30, [1.0, 2.5]), (33, [1.7, 2.5])] {
+        for (speed, frames_between) in speeds.into_iter().flat_map(|speed| [(speed, 0), (speed, 3)]) {
+            let codec = format!("-c:v libx264 -crf {crf} -bf {frames_between} -pix_fmt yuv420p");
+            let film =
+                Film { ending: "mp4", codec: &codec, size: Ball::SIZE, numbers: stored.clone(), ..Film::default() };
+            let ball = Ball { step_px: [0.9, 0.4], ..Ball::default() };
+            let path = film.write_pixels(folder.path(), |at| ball.picture(speed * f64::from(at), at));
+            let (numbers, findings) = numbers_and_findings(&path);
+            println!("crf {crf}, {speed} px per frame, {frames_between} frames between: {findings:?}");
+            assert_eq!(numbers, kept, "crf {crf}, {speed} px per frame, {frames_between} frames between");
+        }
     }
 }
 

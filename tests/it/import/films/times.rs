@@ -1,6 +1,6 @@
 //! Rates, gaps, odd intervals and capture rates.
 
-use super::maker::{Film, frames, has_ffmpeg, open, recognised};
+use super::maker::{Film, frames, has_ffmpeg, open, recognised, refusal};
 use ricochet::import::{self, RateSource};
 
 /// A container with an encoder, and the step of its clock at 50 frames per second, s.
@@ -74,6 +74,48 @@ fn containers_of_a_constant_rate_are_read() {
             assert_eq!((recognised(&pixels), meta.sequence), (n, n.into()), "{ending}");
         }
     }
+}
+
+/// An MPEG stream stores no time with small frames, which share a packet; MXF has no times at all.
+#[test]
+fn a_gap_among_frames_without_times_is_refused_and_any_other_is_found() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let (mut found, mut refused) = (0, 0);
+    for ending in ["mpg", "vob", "ts", "m2ts"] {
+        for (codec, size) in [
+            ("-c:v mpeg2video -q:v 2 -bf 2 -enc_time_base 1:50", [256, 192]),
+            ("-c:v mpeg2video -q:v 2 -bf 0 -enc_time_base 1:50", [256, 192]),
+            ("-c:v mpeg2video -q:v 12 -bf 2 -enc_time_base 1:50", [64, 48]),
+            ("-c:v mpeg2video -q:v 12 -bf 0 -enc_time_base 1:50", [64, 48]),
+        ] {
+            let filters = "settb=1/90000,setpts=round((N+3*gte(N\\,9))/50/TB)";
+            let film = Film { ending, codec, size, filters, numbers: (0..40).collect(), ..Film::default() };
+            let pixels = |number: u32| {
+                let level = |at: u32| (at * 7 + number * 40).wrapping_mul(0x9E37_79B1) >> 27;
+                (0..size[0] * size[1]).map(|at| 60 + level(at) as u8 + (at % size[0]) as u8 / 4).collect()
+            };
+            let path = film.write_pixels(folder.path(), pixels);
+            match import::open(std::slice::from_ref(&path), None) {
+                Ok(footage) => {
+                    println!("{ending} {codec}: {} {:?}", footage.summary(), footage.warnings);
+                    let numbers: Vec<u64> = frames(footage).iter().map(|(meta, _)| meta.sequence).collect();
+                    let expected: Vec<u64> = (0..40).map(|n| if n < 9 { n } else { n + 3 }).collect();
+                    assert_eq!(numbers, expected, "{ending} {codec}");
+                    found += 1;
+                }
+                Err(_) => {
+                    let line = refusal(&path);
+                    println!("{line}");
+                    assert!(line.contains("frames are missing there, and which is unknown"), "{line}");
+                    refused += 1;
+                }
+            }
+        }
+    }
+    assert!(found >= 6 && refused >= 2, "{found} found, {refused} refused");
 }
 
 #[test]
