@@ -9,7 +9,7 @@ use crate::command::bindings::{self, Language};
 use crate::command::cameras::{self, CamerasOptions};
 use crate::command::check::{self, CheckOptions};
 use crate::command::config::{self, ConfigCommand};
-use crate::command::control::{self, RigOptions};
+use crate::command::control::{self, RigOptions, TriggerOptions};
 use crate::command::demo::{self, DemoOptions};
 use crate::command::diagnose::{self, DiagnoseOptions};
 use crate::command::doctor::{self, DoctorOptions};
@@ -28,6 +28,7 @@ use crate::command::setup::{self, SetupOptions};
 use crate::command::shell;
 use crate::command::simulate::{self, SimulateOptions};
 use crate::command::status;
+use crate::command::status::StatusOptions;
 use crate::failure::Failure;
 use crate::message::{Command as Request, Role};
 use crate::process::Stop;
@@ -103,7 +104,7 @@ pub enum Command {
     Config(ConfigCommand),
     /// Show the state of each process of a running rig.
     #[command(after_help = "Example: ricochet status --rig lacrosse")]
-    Status(RigOptions),
+    Status(StatusOptions),
     /// Arm a running rig so that it waits for a trigger.
     #[command(after_help = "Example: ricochet arm --rig lacrosse")]
     Arm(RigOptions),
@@ -112,7 +113,7 @@ pub enum Command {
     Disarm(RigOptions),
     /// Trigger a running rig: record a shot around this moment.
     #[command(after_help = "Example: ricochet trigger --rig lacrosse")]
-    Trigger(RigOptions),
+    Trigger(TriggerOptions),
     /// Print a live topic: field, track, velocity, impact, status or events.
     #[command(after_help = "Example: ricochet listen velocity --rig lacrosse --json")]
     Listen(ListenOptions),
@@ -251,7 +252,7 @@ pub fn run(command: Command, stop: &Stop) -> Result<Outcome, Failure> {
         Command::Status(options) => status::run(&options),
         Command::Arm(options) => control::run(&options, Request::Arm),
         Command::Disarm(options) => control::run(&options, Request::Disarm),
-        Command::Trigger(options) => control::run(&options, Request::Trigger),
+        Command::Trigger(options) => control::trigger(&options, stop),
         Command::Listen(options) => listen::run(&options, stop),
         Command::Replay(options) => replay::run(&options, stop),
         Command::Analyze(options) => match options.shard {

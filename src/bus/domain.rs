@@ -188,6 +188,17 @@ fn existing(runtime: &Path, rig: &str) -> Option<Domain> {
     Some(Domain { folder: runtime.join(name) })
 }
 
+/// Returns the names of all rigs that this user has run since the runtime folders were created, in alphabetical order.
+pub(super) fn known_rigs() -> Vec<String> {
+    let is_ours = |folder: &PathBuf| folder.is_dir() && runtime::private(folder).is_ok();
+    let folders = runtime::candidates().into_iter().filter(is_ours);
+    let entries = folders.flat_map(|folder| std::fs::read_dir(folder.join("rigs")).into_iter().flatten().flatten());
+    let mut names: Vec<String> = entries.filter_map(|entry| entry.file_name().into_string().ok()).collect();
+    names.sort();
+    names.dedup();
+    names
+}
+
 /// Returns the rig's present domain: that of the runtime folder in which it is alive.
 pub(super) fn of_rig(rig: &str) -> Option<Domain> {
     let folders = runtime::candidates();

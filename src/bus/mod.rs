@@ -160,6 +160,13 @@ impl Bus {
         domain::of_rig(rig).is_some_and(|domain| !domain.claims(rig).is_empty())
     }
 
+    /// Returns the names of this user's rigs that run, in alphabetical order.
+    pub fn running_rigs() -> Vec<String> {
+        let mut names = domain::known_rigs();
+        names.retain(|name| Self::is_running(name));
+        names
+    }
+
     /// Whether any process of this rig is alive, listeners aside.
     pub fn is_alive(&self) -> bool {
         !self.domain().claims(&self.rig).is_empty()

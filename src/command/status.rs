@@ -1,8 +1,7 @@
 //! `ricochet status`: the state of a running rig.
 
-use super::control::RigOptions;
 use crate::bus::{Bus, BusError, TakenRole};
-use crate::console::{Outcome, print_line, table};
+use crate::console::{Outcome, UsageError, print_line, table};
 use crate::failure::Failure;
 use crate::message::{Role, StatusMessage};
 use std::collections::BTreeMap;
@@ -12,41 +11,99 @@ use std::time::Duration;
 const LISTEN: Duration = Duration::from_millis(600);
 const PAUSE: Duration = Duration::from_millis(20);
 
-/// Prints the latest status of every process of the rig.
+/// The options of `ricochet status`.
+#[derive(Debug, Clone, PartialEq, Eq, clap::Args)]
+pub struct StatusOptions {
+    /// Name of the rig [default: every rig that runs].
+    #[arg(long)]
+    pub rig: Option<String>,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// The state of a rig's processes.
+struct RigStatus {
+    rig: String,
+    /// The newest status of each process, by role and index.
+    processes: BTreeMap<(u32, u32), StatusMessage>,
+    /// The processes that sent none.
+    silent: Vec<TakenRole>,
+}
+
+/// Prints the latest status of every process of a rig, or of all rigs that run.
 ///
 /// # Errors
 ///
 /// When no such rig runs.
-pub fn run(options: &RigOptions) -> Result<Outcome, Failure> {
-    let rig = &options.rig;
-    let bus = Bus::join(rig, "status")?;
-    let topic = bus.listen::<StatusMessage>()?;
-    let mut newest: BTreeMap<(u32, u32), StatusMessage> = BTreeMap::new();
-    for _ in 0..LISTEN.as_millis() / PAUSE.as_millis() {
-        while let Some(status) = topic.take()? {
-            newest.insert((status.role, status.index), status);
+pub fn run(options: &StatusOptions) -> Result<Outcome, Failure> {
+    let rigs = match &options.rig {
+        Some(rig) => vec![rig.clone()],
+        None => Bus::running_rigs(),
+    };
+    let mut shown = 0;
+    for rig in &rigs {
+        let status = match (RigStatus::collect(rig)?, &options.rig) {
+            (Some(status), _) => status,
+            // It has ended since the list was made.
+            (None, None) => continue,
+            (None, Some(_)) => {
+                let service = format!("ricochet/{rig}/status");
+                return Err(BusError::NoRig { rig: rig.clone(), service }.into());
+            }
+        };
+        if options.json {
+            print_line(&status.json());
+        } else {
+            if options.rig.is_none() {
+                print_line(&format!("{}rig {rig}", if shown > 0 { "\n" } else { "" }));
+            }
+            print_line(&status.table());
         }
-        std::thread::sleep(PAUSE);
+        shown += 1;
     }
-    let silent: Vec<_> =
-        bus.roles().into_iter().filter(|role| !newest.values().any(|status| is_of(status, role))).collect();
-    if newest.is_empty() && silent.is_empty() {
-        return Err(BusError::NoRig { rig: rig.clone(), service: format!("ricochet/{rig}/status") }.into());
+    if shown == 0 {
+        return Err(UsageError("no rig of this user runs on this computer; `ricochet run` starts one".into()).into());
     }
-    if options.json {
-        let all: Vec<_> = newest.values().map(as_json).collect();
+    Ok(Outcome::Clean)
+}
+
+impl RigStatus {
+    /// Listens to the rig for as long as each process takes to report; `None` where no process is alive.
+    fn collect(rig: &str) -> Result<Option<Self>, Failure> {
+        let bus = Bus::join(rig, "status")?;
+        let topic = match bus.listen::<StatusMessage>() {
+            Err(BusError::NoRig { .. }) => return Ok(None),
+            topic => topic?,
+        };
+        let mut processes = BTreeMap::new();
+        for _ in 0..LISTEN.as_millis() / PAUSE.as_millis() {
+            while let Some(status) = topic.take()? {
+                processes.insert((status.role, status.index), status);
+            }
+            std::thread::sleep(PAUSE);
+        }
+        let has_sent = |role: &TakenRole| processes.values().any(|status| is_of(status, role));
+        let silent: Vec<_> = bus.roles().into_iter().filter(|role| !has_sent(role)).collect();
+        let is_alive = !processes.is_empty() || !silent.is_empty();
+        Ok(is_alive.then(|| Self { rig: rig.to_owned(), processes, silent }))
+    }
+
+    fn json(&self) -> String {
+        let all: Vec<_> = self.processes.values().map(as_json).collect();
         let silent: Vec<_> =
-            silent.iter().map(|role| serde_json::json!({ "process": role.name, "pid": role.pid })).collect();
-        print_line(&serde_json::json!({ "rig": rig, "processes": all, "silent": silent }).to_string());
-    } else {
+            self.silent.iter().map(|role| serde_json::json!({ "process": role.name, "pid": role.pid })).collect();
+        serde_json::json!({ "rig": self.rig, "processes": all, "silent": silent }).to_string()
+    }
+
+    fn table(&self) -> String {
         let header =
             ["process", "pid", "frame", "rate/s", "taken", "given", "lost", "dropped", "queue", "latency", "restarts"];
         let mut rows = vec![header.map(str::to_owned).to_vec()];
-        rows.extend(newest.values().map(as_row));
-        rows.extend(silent.iter().map(|role| vec![format!("{} (no heartbeat)", role.name), role.pid.to_string()]));
-        print_line(&table(&rows));
+        rows.extend(self.processes.values().map(as_row));
+        rows.extend(self.silent.iter().map(|role| vec![format!("{} (no heartbeat)", role.name), role.pid.to_string()]));
+        table(&rows)
     }
-    Ok(Outcome::Clean)
 }
 
 /// Whether a process that has this role sent the status.

@@ -82,6 +82,7 @@ pub fn run(config: &Config, launch: &Launch, stop: &Stop) -> Result<Summary, Fai
         actions: Actions::new(config),
         live_trigger: (!feeds[0].is_measured()).then(|| LiveTrigger::new(config)),
         summary: Summary::default(),
+        published_losses: 0,
         feeds,
         config,
         record,
@@ -114,6 +115,8 @@ struct Recorder<'a> {
     /// The rig's state, if no tracker publishes it.
     live_trigger: Option<LiveTrigger>,
     summary: Summary,
+    /// The number of lost frames in the newest status.
+    published_losses: u64,
     config: &'a Config,
     record: &'a Record,
 }
@@ -392,12 +395,25 @@ impl Recorder<'_> {
 
     fn publish_status(&mut self) -> Result<(), Failure> {
         let has_problem = self.pause.is_some() || self.storage.has_problem();
-        let summary = &self.summary;
+        let summary = self.counts();
+        // Losses are published at once: if this process is killed, nobody else knows of them.
+        let has_lost = summary.lost != self.published_losses;
+        self.published_losses = summary.lost;
         for feed in &mut self.feeds {
             feed.reporter.set_state(u32::from(self.armed) | u32::from(has_problem) << 1);
             feed.reporter.set_queue(feed.held.len() as u64, feed.limits.ring_frames as u64);
-            feed.reporter.status(summary, feed.newest)?;
+            match has_lost {
+                true => feed.reporter.status_now(&summary, feed.newest)?,
+                false => feed.reporter.status(&summary, feed.newest)?,
+            }
         }
         Ok(())
+    }
+
+    /// Returns the counts so far, with the losses of the open shot.
+    fn counts(&self) -> Summary {
+        let Summary { taken, given, lost, dropped, .. } = self.summary;
+        let open = self.shot.iter().flat_map(|open| (0..self.feeds.len()).map(move |camera| open.lost(camera)));
+        Summary { taken, given, lost: lost + open.sum::<u64>(), dropped, ..Summary::default() }
     }
 }

@@ -380,6 +380,8 @@ impl<'a> Supervisor<'a> {
 
     fn handle_death(&mut self, child: Child, code: Option<i32>, status: ExitStatus) -> Result<(), Failure> {
         let role = child.role.as_str();
+        // Its last words may have come since.
+        self.receive()?;
         let last = self.statuses.remove(&child).unwrap_or_default();
         let Some(running) = self.children.get_mut(&child) else { return Ok(()) };
         let is_memory = running.lacked_memory(status);

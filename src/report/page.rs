@@ -97,7 +97,7 @@ fn collision(shot: &Shot, impact: &Impact) -> Markup {
             @if impact.status != PointStatus::Valid {
                 p class="alert" { "This collision is " (impact.status.as_str()) ": not all of it could be measured." }
             }
-            (tiles(&measured))
+            (tiles(&measured, spin_refusal(shot, impact)))
             (snapshot::strip(shot, impact))
             div class="groups" { @for (name, group) in GROUPS { (table(name, group, &measured, truth.as_ref())) } }
             p class="note" {
@@ -133,8 +133,21 @@ const TILES: [(&str, &[&str], &str, f64); 6] = [
     ("Compression", &["compression_max_mm"], "mm", 1.0),
 ];
 
-fn tiles(measured: &BTreeMap<&str, Estimate>) -> Markup {
+/// Returns why the rotation of a body was not measured: the most frequent status of its rows; `None` where it was.
+fn spin_refusal(shot: &Shot, impact: &Impact) -> Option<PointStatus> {
+    let rows = shot.velocities.iter().filter(|row| row.body == impact.body);
+    let mut counts: BTreeMap<&str, (usize, PointStatus)> = BTreeMap::new();
+    for status in rows.map(|row| row.rotation_status) {
+        counts.entry(status.as_str()).or_insert((0, status)).0 += 1;
+    }
+    let (_, most_frequent) = counts.into_values().max_by_key(|(count, _)| *count)?;
+    (most_frequent != PointStatus::Valid).then_some(most_frequent)
+}
+
+fn tiles(measured: &BTreeMap<&str, Estimate>, spin_refusal: Option<PointStatus>) -> Markup {
     let tile = |label: &str, columns: &[&str], unit: &str, factor: f64| {
+        let is_missing = columns.iter().all(|column| !measured.contains_key(column));
+        let refusal = spin_refusal.filter(|_| is_missing && columns.iter().any(|column| column.starts_with("omega")));
         let texts = columns.iter().map(|column| measured.get(column).map(|number| format_estimate(*number, factor)));
         let (values, sigmas): (Vec<_>, Vec<_>) = texts
             .map(|text| text.map_or(("–".into(), "–".into()), |text| (text.value, format!("±{}", text.sigma))))
@@ -149,7 +162,9 @@ fn tiles(measured: &BTreeMap<&str, Estimate>) -> Markup {
                     }
                     " " small { (unit) }
                 }
-                p class="sigma" { (sigmas.join(" and ")) }
+                p class="sigma" {
+                    @if let Some(status) = refusal { "not measured: " (status.as_str()) } @else { (sigmas.join(" and ")) }
+                }
             }
         }
     };

@@ -107,3 +107,28 @@ fn the_listening_examples_print_every_velocity_of_the_rig() {
         assert!(received == expected, "the numbers differ");
     }
 }
+
+/// Six films with their reports, from rod to a plain steel ball.
+#[test]
+fn the_gallery_is_made_by_one_command() {
+    let rig = Rig::new();
+    let folder = rig.path("gallery");
+    let mut gallery = Command::new(script("gallery.sh"));
+    let output = gallery.arg(&folder).env("RICOCHET", env!("CARGO_BIN_EXE_ricochet")).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let restitution = |name: &str| {
+        let page = std::fs::read_to_string(folder.join(format!("{name}.html"))).unwrap();
+        assert!(page.contains("<svg") && page.contains("data:image"), "{name}: a page with curves and pictures");
+        let recording = Recording::open(&folder.join(format!("{name}.mcap"))).unwrap();
+        let impacts = recording.impacts().unwrap().map(Result::unwrap);
+        let found: Vec<f64> = impacts.filter_map(|impact| Some(impact.restitution?.value)).collect();
+        found.first().copied()
+    };
+    for name in ["rod", "tennis", "lacrosse", "patch", "steel"] {
+        let found = restitution(name);
+        assert!(found.is_some_and(|found| (0.4..1.0).contains(&found)), "{name}: {found:?}");
+    }
+    restitution("pair");
+    // A second gallery in the same folder would mix with the first.
+    assert!(!Command::new(script("gallery.sh")).arg(&folder).output().unwrap().status.success());
+}

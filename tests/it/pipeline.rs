@@ -159,8 +159,10 @@ fn a_software_trigger_records_the_time_before_it_and_analysis_agrees() {
         let status = crate::support::status(name)?;
         (crate::support::process(&status, "acquire", 0)?["sequence"].as_u64()? > 125).then_some(())
     });
-    succeed(["trigger", "--rig", name]);
-    wait_until("the shot is written", || (rig.recordings().len() == 1).then_some(()));
+    let listed = succeed(["status"]);
+    assert!(listed.lines().any(|line| line == format!("rig {name}")), "{listed}");
+    let recorded = succeed(["trigger", "--rig", name, "--wait"]);
+    assert_eq!(rig.recordings(), [std::path::PathBuf::from(recorded.trim())]);
     let refused = run(["trigger", "--rig", "no-such-rig"]);
     assert_eq!(refused.status.code(), Some(4));
     service.signal(15);

@@ -133,7 +133,16 @@ fn check(rig: &Rig, live: &BTreeMap<u64, Option<[f64; 2]>>, stderr: &str, seed: 
         "seed {seed}: {filmed} numbers from {first}, {missing} missing, {reported} reported, {compared} rows alike"
     );
     assert!(compared > 50, "seed {seed}: only {compared} rows to compare");
-    assert!(missing <= reported, "seed {seed}: {missing} frames are missing, {reported} are reported: {stderr}");
+    let gaps: Vec<[u64; 2]> = std::iter::once(0)
+        .chain(recorded.keys().map(|number| number + 1))
+        .zip(recorded.keys().copied().chain([filmed]))
+        .filter(|(from, to)| from < to)
+        .map(|(from, to)| [from, to])
+        .collect();
+    assert!(
+        missing <= reported,
+        "seed {seed}: {missing} frames are missing, in {gaps:?}, and {reported} are reported: {stderr}"
+    );
     [filmed, recorded.len() as u64, missing]
 }
 

@@ -84,7 +84,7 @@ fn a_gap_among_frames_without_times_is_refused_and_any_other_is_found() {
     }
     let folder = tempfile::tempdir().unwrap();
     let (mut found, mut refused) = (0, 0);
-    for ending in ["mpg", "vob", "ts", "m2ts"] {
+    for ending in ["mpg", "mpeg", "ts", "m2ts"] {
         for (codec, size) in [
             ("-c:v mpeg2video -q:v 2 -bf 2 -enc_time_base 1:50", [256, 192]),
             ("-c:v mpeg2video -q:v 2 -bf 0 -enc_time_base 1:50", [256, 192]),
