@@ -118,7 +118,7 @@ fn the_gallery_is_made_by_one_command() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let restitution = |name: &str| {
         let page = std::fs::read_to_string(folder.join(format!("{name}.html"))).unwrap();
-        assert!(page.contains("<svg") && page.contains("data:image"), "{name}: a page with curves and pictures");
+        assert!(page.contains("<svg"), "{name}: a page with curves");
         let recording = Recording::open(&folder.join(format!("{name}.mcap"))).unwrap();
         let impacts = recording.impacts().unwrap().map(Result::unwrap);
         let found: Vec<f64> = impacts.filter_map(|impact| Some(impact.restitution?.value)).collect();
