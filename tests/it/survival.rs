@@ -60,8 +60,9 @@ fn trigger(rig: &Rig) -> Output {
 
 /// Triggers a drop and waits for its recording, which must equal its own analysis.
 fn record_a_drop(rig: &Rig) -> PathBuf {
-    let before = rig.recordings();
     wait_until("a trigger is accepted", || trigger(rig).status.success().then_some(()));
+    // It is not while an earlier shot is written.
+    let before = rig.recordings();
     let path = wait_until("the drop is recorded", || rig.recordings().into_iter().find(|path| !before.contains(path)));
     let (_, analysed) = analysis(rig, &path, "1");
     assert!(analysed == tables(&path), "the recording differs from its analysis");
