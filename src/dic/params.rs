@@ -67,12 +67,17 @@ impl Method {
 }
 
 impl CorrelationParams {
-    /// Returns the shape function of the refinement. The correlation-peak methods allow translations only.
+    /// Returns the shape function of the refinement: the configured one for `ic-gn`, a translation for the
+    /// correlation-peak methods.
     pub(super) fn refined_shape(&self) -> Shape {
         if self.method == Method::IcGn { self.shape } else { Shape::Translation }
     }
 
     /// Checks the ranges of all parameters.
+    ///
+    /// # Errors
+    ///
+    /// [`CorrelationError::Parameter`] naming the first key that is out of range.
     pub(super) fn check(&self) -> Result<(), CorrelationError> {
         let refuse = |key: &'static str, value: String, range: &str| {
             Err(CorrelationError::Parameter { key, value, range: range.to_owned() })

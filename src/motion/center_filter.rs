@@ -3,18 +3,18 @@
 use super::Pose;
 use crate::results::{Circle, Estimate};
 
-/// Share of an outline's variance that is common to all frames of a film and does not average out.
-const COMMON: f64 = 0.5;
+/// The share of an outline's variance that is common to all frames of a film and does not average out.
+const COMMON_VARIANCE_SHARE: f64 = 0.5;
 /// The drift of the propagated pose per frame, in units of its white sigma.
-const DRIFT: f64 = 0.15;
-/// The gate: an outline further off than this is rejected, sigmas.
-const GATE: f64 = 6.0;
+const DRIFT_SIGMAS: f64 = 0.15;
+/// The validation gate: an outline further off than this is rejected, sigmas.
+const GATE_SIGMAS: f64 = 6.0;
 /// The time of consecutive rejections after which the propagated pose is dropped instead, frames.
 const PATIENCE_FRAMES: f64 = 8.0;
 /// The number of outlines that the scatter of outlines is averaged over.
 const EXCESS_OUTLINES: f64 = 32.0;
 /// The number of dropped offsets that are kept, since rows are published some frames later.
-const PAST: usize = 8;
+const MAX_PAST_OFFSETS: usize = 8;
 /// Uncertainty of the time at which a pose left its outlines, as a share of the distance.
 const LEAVE_TIME_SHARE: f64 = 0.3;
 
@@ -36,16 +36,16 @@ pub struct Center {
 /// state holds for the earlier nodes.
 #[derive(Debug, Clone, Default)]
 pub struct CenterFilter {
-    hold: Option<Offset>,
+    state: Option<OffsetState>,
     /// The start of the current rejections, and the offset of the newest rejected outline.
-    disbelieved: Option<(f64, Offset)>,
+    rejected: Option<(f64, OffsetState)>,
     /// Dropped offsets, oldest first.
     past: Vec<PastOffset>,
 }
 
 /// An offset that outlines agree on.
 #[derive(Debug, Clone, Copy)]
-struct Offset {
+struct OffsetState {
     offset: [Estimate; 2],
     common: f64,
     /// The running mean of the squared distances of outlines from their predictions, relative to the variances.
@@ -61,14 +61,15 @@ struct Offset {
 /// A dropped offset.
 #[derive(Debug, Clone, Copy)]
 struct PastOffset {
-    hold: Offset,
+    state: OffsetState,
     /// The time at which its successor took over.
     until_frames: f64,
     /// Whether the pose drifted away gradually; otherwise the body was lost.
     is_left: bool,
 }
 
-impl Offset {
+impl OffsetState {
+    /// Starts with the offset of one outline of this variance, px^2.
     fn new(node: &Pose, offset: [Estimate; 2], variance: f64) -> Self {
         let bridged = [node.bridged[0], node.bridged[1]];
         Self {
@@ -82,8 +83,9 @@ impl Offset {
         }
     }
 
-    /// Returns the variance between a node and the one whose outline was accepted last, along x and y, px^2.
-    fn gap(&self, node: &Pose) -> [f64; 2] {
+    /// Returns the variance by gaps in the steps between a node and the one whose outline was accepted last, along x
+    /// and y, px^2. Infinite for a gap that cannot be bridged.
+    fn gap_variance(&self, node: &Pose) -> [f64; 2] {
         if node.component == self.component {
             return [0.0; 2];
         }
@@ -94,20 +96,20 @@ impl Offset {
         })
     }
 
-    /// Returns the variance of the offset at a node.
-    fn prior(&self, node: &Pose) -> [f64; 2] {
-        let (dt, gap) = ((node.time_frames - self.time_frames).max(0.0), self.gap(node));
-        std::array::from_fn(|k| self.offset[k].sigma.powi(2) + (DRIFT * node.sigma[k]).powi(2) * dt + gap[k])
+    /// Returns the predicted variance of the offset at a node, along x and y, px^2.
+    fn predicted_variance(&self, node: &Pose) -> [f64; 2] {
+        let (dt, gap) = ((node.time_frames - self.time_frames).max(0.0), self.gap_variance(node));
+        std::array::from_fn(|k| self.offset[k].sigma.powi(2) + (DRIFT_SIGMAS * node.sigma[k]).powi(2) * dt + gap[k])
     }
 
-    /// Returns the state updated by an accepted outline.
-    fn with(&self, node: &Pose, seen: [f64; 2], variance: f64) -> Self {
-        let prior = self.prior(node);
+    /// Returns the state after the Kalman update by an accepted outline at the offset `measured`, px, of this variance.
+    fn updated(&self, node: &Pose, measured: [f64; 2], variance: f64) -> Self {
+        let prior = self.predicted_variance(node);
         let offset = std::array::from_fn(|k| {
             let (gain, old) = (prior[k] / (prior[k] + variance), self.offset[k].value);
-            Estimate { value: old + gain * (seen[k] - old), sigma: (prior[k] * (1.0 - gain)).sqrt() }
+            Estimate { value: old + gain * (measured[k] - old), sigma: (prior[k] * (1.0 - gain)).sqrt() }
         });
-        let apart = |k: usize| 0.5 * (seen[k] - self.offset[k].value).powi(2) / (prior[k] + variance);
+        let apart = |k: usize| 0.5 * (measured[k] - self.offset[k].value).powi(2) / (prior[k] + variance);
         let excess = self.excess + (apart(0) + apart(1) - self.excess) / self.outlines;
         Self {
             common: self.common + 0.02 * (variance - self.common),
@@ -117,10 +119,11 @@ impl Offset {
         }
     }
 
+    /// Returns the centre at a node by this offset; `None` across a gap that cannot be bridged.
     fn center(&self, node: &Pose) -> Option<Center> {
-        let gap = self.gap(node);
+        let gap = self.gap_variance(node);
         let own = |k: usize| self.offset[k].sigma.powi(2) + node.sigma[k].powi(2) + gap[k];
-        let variance = (0..2).map(own).sum::<f64>() / 2.0 + COMMON * self.common;
+        let variance = (0..2).map(own).sum::<f64>() / 2.0 + COMMON_VARIANCE_SHARE * self.common;
         // Outlines that scatter more than they should are less certain than they say.
         let variance = variance * self.excess.max(1.0);
         variance.is_finite().then(|| Center {
@@ -137,70 +140,73 @@ impl CenterFilter {
         Self::default()
     }
 
-    /// Takes the outline detected in a node's frame.
+    /// Updates the offset by the outline detected in a node's frame. Outlines must be given in frame order.
+    ///
+    /// An outline beyond the gate is rejected. After 8 frames of rejections the filter restarts from it.
     pub fn push(&mut self, node: &Pose, circle: &Circle) {
-        let seen = [circle.x_px - node.pose[0], circle.y_px - node.pose[1]];
+        let measured = [circle.x_px - node.pose[0], circle.y_px - node.pose[1]];
         let variance = circle.sigma_center_px.powi(2).max(1e-12);
-        if !(seen.iter().all(|x| x.is_finite()) && variance.is_finite()) {
+        if !(measured.iter().all(|x| x.is_finite()) && variance.is_finite()) {
             return;
         }
-        let fresh = Offset::new(node, seen.map(|value| Estimate { value, sigma: variance.sqrt() }), variance);
-        let Some(hold) = self.hold else {
-            self.hold = Some(fresh);
+        let fresh = OffsetState::new(node, measured.map(|value| Estimate { value, sigma: variance.sqrt() }), variance);
+        let Some(state) = self.state else {
+            self.state = Some(fresh);
             return;
         };
-        let prior = hold.prior(node);
+        let prior = state.predicted_variance(node);
         let is_lost = prior.iter().any(|prior| prior.is_infinite());
-        let believed = (0..2).all(|k| (seen[k] - hold.offset[k].value).powi(2) <= GATE.powi(2) * (prior[k] + variance));
-        let is_left = self.disbelieved.is_some_and(|(since, _)| node.time_frames - since >= PATIENCE_FRAMES);
-        if is_lost || (!believed && is_left) {
-            if self.past.len() == PAST {
+        let is_within_gate = (0..2)
+            .all(|k| (measured[k] - state.offset[k].value).powi(2) <= GATE_SIGMAS.powi(2) * (prior[k] + variance));
+        let is_left = self.rejected.is_some_and(|(since, _)| node.time_frames - since >= PATIENCE_FRAMES);
+        if is_lost || (!is_within_gate && is_left) {
+            if self.past.len() == MAX_PAST_OFFSETS {
                 self.past.remove(0);
             }
-            self.past.push(PastOffset { hold, until_frames: node.time_frames, is_left: !is_lost });
-            self.hold = Some(fresh);
-        } else if believed {
-            self.hold = Some(hold.with(node, seen, variance));
+            self.past.push(PastOffset { state, until_frames: node.time_frames, is_left: !is_lost });
+            self.state = Some(fresh);
+        } else if is_within_gate {
+            self.state = Some(state.updated(node, measured, variance));
         } else {
-            let since = self.disbelieved.map_or(node.time_frames, |(since, _)| since);
-            self.disbelieved = Some((since, fresh));
+            let since = self.rejected.map_or(node.time_frames, |(since, _)| since);
+            self.rejected = Some((since, fresh));
             return;
         }
-        self.disbelieved = None;
+        self.rejected = None;
     }
 
     /// Returns the centre in a node's frame; `None` before the first outline and across a gap that cannot be bridged.
     pub fn center(&self, node: &Pose) -> Option<Center> {
-        let leads_to = |past: &PastOffset| past.hold.gap(node).iter().all(|gap| gap.is_finite());
+        let leads_to = |past: &PastOffset| past.state.gap_variance(node).iter().all(|gap| gap.is_finite());
         let now = self.past.iter().position(|past| node.time_frames < past.until_frames && leads_to(past));
-        let Some(index) = now else { return self.newest(node) };
+        let Some(index) = now else { return self.newest_center(node) };
         let past = &self.past[index];
-        let center = past.hold.center(node)?;
-        let began_frames = past.hold.time_frames;
+        let center = past.state.center(node)?;
+        let began_frames = past.state.time_frames;
         if !past.is_left || node.time_frames <= began_frames {
             return Some(center);
         }
         // Between one offset and the next.
-        let next = self.past.get(index + 1).map_or(self.hold, |next| Some(next.hold))?.center(node)?;
+        let next = self.past.get(index + 1).map_or(self.state, |next| Some(next.state))?.center(node)?;
         let share = (node.time_frames - began_frames) / (past.until_frames - began_frames);
-        let way = [next.x_px - center.x_px, next.y_px - center.y_px];
+        let shift_px = [next.x_px - center.x_px, next.y_px - center.y_px];
         Some(Center {
-            x_px: center.x_px + share * way[0],
-            y_px: center.y_px + share * way[1],
-            sigma_px: center.sigma_px.max(next.sigma_px).hypot(LEAVE_TIME_SHARE * way[0].hypot(way[1])),
+            x_px: center.x_px + share * shift_px[0],
+            y_px: center.y_px + share * shift_px[1],
+            sigma_px: center.sigma_px.max(next.sigma_px).hypot(LEAVE_TIME_SHARE * shift_px[0].hypot(shift_px[1])),
         })
     }
 
     /// Returns the centre by the newest offset. Its uncertainty includes the outlines that are rejected so far.
-    fn newest(&self, node: &Pose) -> Option<Center> {
-        let hold = self.hold?;
-        let center = hold.center(node)?;
-        let Some((_, doubt)) = self.disbelieved.filter(|_| node.time_frames > hold.time_frames) else {
+    fn newest_center(&self, node: &Pose) -> Option<Center> {
+        let state = self.state?;
+        let center = state.center(node)?;
+        let Some((_, rejected)) = self.rejected.filter(|_| node.time_frames > state.time_frames) else {
             return Some(center);
         };
-        let way = [0, 1].map(|k| doubt.offset[k].value - hold.offset[k].value);
-        let share = (node.time_frames - hold.time_frames) / (doubt.time_frames - hold.time_frames);
-        Some(Center { sigma_px: center.sigma_px.hypot(share.min(2.0) * way[0].hypot(way[1])), ..center })
+        let shift_px = [0, 1].map(|k| rejected.offset[k].value - state.offset[k].value);
+        let share = (node.time_frames - state.time_frames) / (rejected.time_frames - state.time_frames);
+        Some(Center { sigma_px: center.sigma_px.hypot(share.min(2.0) * shift_px[0].hypot(shift_px[1])), ..center })
     }
 }
 

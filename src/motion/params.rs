@@ -53,7 +53,8 @@ pub struct View {
 }
 
 impl View {
-    /// Returns the principal point for images of this size: their centre, where nothing else is known.
+    /// Returns the principal point for images of this width and height, px: of the calibration if there is one, else
+    /// the centre of the image.
     pub fn of(size_px: [u32; 2], rectifier: Option<&Rectifier>) -> Self {
         let size = size_px.map(f64::from);
         let longest_px = size[0].max(size[1]);
@@ -113,13 +114,13 @@ pub struct MotionParams {
 }
 
 impl MotionParams {
-    /// Converts a step from the recorded to the rectified image; its numbers are `None` beyond the calibration.
+    /// Converts a step from the recorded to the rectified image. Outline and motion are `None` beyond the calibration.
     pub fn rectified(&self, step: &BodyStep) -> BodyStep {
         let Some(rectifier) = &self.rectifier else { return *step };
         rectifier.step(step, self.form).unwrap_or(BodyStep { outline: None, motion: None, ..*step })
     }
 
-    /// Returns the position in the recorded image of a centre in the rectified one.
+    /// Converts a centre from the rectified to the recorded image, px; `None` beyond the calibration.
     pub fn recorded(&self, center: Center) -> Option<Center> {
         let Some(rectifier) = &self.rectifier else { return Some(center) };
         let [x_px, y_px] = rectifier.pixel([center.x_px, center.y_px])?;

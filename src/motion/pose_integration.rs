@@ -60,7 +60,8 @@ pub struct PoseIntegrator {
     last: Option<(Pose, [f64; 3], [f64; 3])>,
 }
 
-fn sound(step: &RigidStep) -> bool {
+/// Whether motion and uncertainties of a step are all finite.
+fn has_finite_numbers(step: &RigidStep) -> bool {
     let numbers = [step.dx_px, step.dy_px, step.dtheta_deg, step.sigma_dx_px, step.sigma_dy_px, step.sigma_dtheta_deg];
     numbers.iter().all(|x| x.is_finite())
 }
@@ -77,7 +78,9 @@ struct Spin {
 }
 
 impl Spin {
-    /// Returns the rotation in some further frames, deg, and its variance; infinite if that is too long ago.
+    /// Extrapolates the rotation over `frames` further frames. Returns it, deg, and its variance, deg^2.
+    ///
+    /// The variance is infinite if the last rotation was measured more than [`BRIDGE_FRAMES`] before.
     fn extrapolated(&mut self, frames: f64) -> (f64, f64) {
         self.unseen_frames += frames;
         let change = 0.5 * self.unseen_frames * (self.rate_deg - self.before_deg);
@@ -132,8 +135,8 @@ struct PoseSource {
     offset_px: Option<[f64; 2]>,
 }
 
-/// Whether two rotations, given by their standard uncertainties in deg, are both known.
-fn is_turning(sigma_deg: f64, other_deg: f64) -> bool {
+/// Whether two rotations with these standard uncertainties, deg, are both known.
+fn are_rotations_known(sigma_deg: f64, other_deg: f64) -> bool {
     [sigma_deg, other_deg].iter().all(|sigma| RigidStep { sigma_dtheta_deg: *sigma, ..RigidStep::STILL }.has_rotation())
 }
 
@@ -158,13 +161,13 @@ impl PoseIntegrator {
     ///
     /// `periods` is the time between the exposures of the body in this frame and the next, in nominal frame periods.
     pub fn push(&mut self, step: &BodyStep, time_frames: f64, periods: f64) -> Option<Pose> {
-        if let Some(node) = self.absolute(step, time_frames) {
+        if let Some(node) = self.patch_pose(step, time_frames) {
             self.newest = Some(node);
             return Some(node);
         }
-        let arrived = self.arrive(step.frame);
-        let arrived = self.by_outline(step, arrived);
-        let outgoing = step.motion.filter(sound);
+        let arrived = self.take_arrival(step.frame);
+        let arrived = self.place_by_outline(step, arrived);
+        let outgoing = step.motion.filter(has_finite_numbers);
         let n = f64::from(step.interval_frames.max(1));
         let sigma_out = outgoing.map(|s| {
             [s.sigma_dx_px, s.sigma_dy_px, s.sigma_dtheta_deg]
@@ -179,11 +182,11 @@ impl PoseIntegrator {
                 let sigma = [
                     both(0),
                     both(1),
-                    if is_turning(node.sigma[2], out[2]) { both(2) } else { node.sigma[2].min(out[2]) },
+                    if are_rotations_known(node.sigma[2], out[2]) { both(2) } else { node.sigma[2].min(out[2]) },
                 ];
                 Pose { sigma, ..node }
             }
-            (None, Some(sigma)) => self.begin(time_frames, sigma),
+            (None, Some(sigma)) => self.begin_component(time_frames, sigma),
         };
         node.frame = step.frame;
         node.time_frames = time_frames;
@@ -192,7 +195,7 @@ impl PoseIntegrator {
         if let (Some(out), Some(sigma)) = (outgoing, sigma_out) {
             let rates = [out.dx_px, out.dy_px, out.dtheta_deg];
             let target = step.frame + u64::from(step.interval_frames.max(1));
-            let arriving = Pose { sigma, ..self.moved(&node, step, rates.map(|rate| n * rate)) };
+            let arriving = Pose { sigma, ..self.pose_after_step(&node, step, rates.map(|rate| n * rate)) };
             self.arrivals.insert((target, step.interval_frames), arriving);
             let rates = rates.map(|rate| rate / periods);
             if out.has_rotation() {
@@ -210,20 +213,20 @@ impl PoseIntegrator {
         let Some(from) = self.newest.filter(|node| node.frame == step.frame && step.angle_deg.is_none()) else {
             return;
         };
-        let Some(out) = step.motion.filter(sound) else { return };
+        let Some(out) = step.motion.filter(has_finite_numbers) else { return };
         let n = f64::from(step.interval_frames.max(1));
         let moved = [out.dx_px, out.dy_px, out.dtheta_deg].map(|rate| n * rate);
         let target = step.frame + u64::from(step.interval_frames);
         let Pose { component, turn, bridged, .. } = from;
-        let arriving = Pose { component, turn, bridged, ..self.moved(&from, step, moved) };
+        let arriving = Pose { component, turn, bridged, ..self.pose_after_step(&from, step, moved) };
         self.arrivals.insert((target, step.interval_frames), arriving);
     }
 
-    /// Returns the node at the end of a step of this size.
-    fn moved(&mut self, from: &Pose, step: &BodyStep, moved: [f64; 3]) -> Pose {
+    /// Returns the pose at the end of a step from `from` by `moved` (px, px, deg). An unmeasured angle is extrapolated.
+    fn pose_after_step(&mut self, from: &Pose, step: &BodyStep, moved: [f64; 3]) -> Pose {
         let mut kept = from.kept;
         let walk_share = match step.method {
-            MotionMethod::WholeBody => self.walk.whole(from.frame, from.pose[2], &mut kept),
+            MotionMethod::WholeBody => self.walk.whole_body(from.frame, from.pose[2], &mut kept),
             MotionMethod::Subsets => self.walk.subsets(moved),
             // The sum of the differences between outlines is the last outline, whose error does not accumulate.
             MotionMethod::Outlines => [0.0; 3],
@@ -234,25 +237,26 @@ impl PoseIntegrator {
         if step.motion.is_some_and(|motion| motion.has_rotation()) {
             next
         } else {
-            self.turned_unseen(next, f64::from(step.interval_frames.max(1)))
+            self.with_extrapolated_angle(next, f64::from(step.interval_frames.max(1)))
         }
     }
 
-    /// Returns the node of a patch, whose pose in its reference image is measured in every frame.
+    /// Returns the node of a patch, whose pose in its reference image is measured in every frame; `None` for other
+    /// bodies.
     ///
     /// No step leads to it, so nothing accumulates and no gap matters. All poses contain the noise of the reference.
-    fn absolute(&mut self, step: &BodyStep, time_frames: f64) -> Option<Pose> {
+    fn patch_pose(&mut self, step: &BodyStep, time_frames: f64) -> Option<Pose> {
         let (angle, circle) = (step.angle_deg?, step.circle()?);
         let angle_deg = self.repeat.continued(step.frame, angle.value, angle.sigma);
         let newest_deg = self.newest.map_or(angle_deg, |newest| newest.pose[2]);
         let turns = ((newest_deg - angle_deg) / 360.0).round();
         let n = f64::from(step.interval_frames.max(1));
         let angle_deg = angle_deg + 360.0 * turns;
-        self.repeat.expected = step.motion.filter(sound).filter(RigidStep::has_rotation).map(|out| {
+        self.repeat.expected = step.motion.filter(has_finite_numbers).filter(RigidStep::has_rotation).map(|out| {
             let next = step.frame + u64::from(step.interval_frames.max(1));
             (next, angle_deg + n * out.dtheta_deg, (n * out.sigma_dtheta_deg).powi(2))
         });
-        let out = step.motion.filter(sound).unwrap_or(RigidStep::STILL);
+        let out = step.motion.filter(has_finite_numbers).unwrap_or(RigidStep::STILL);
         // The image that the patch was drawn in matches itself exactly; the step from it has its noise.
         let sigma = [
             circle.sigma_center_px.max(n * out.sigma_dx_px),
@@ -272,10 +276,10 @@ impl PoseIntegrator {
         })
     }
 
-    /// Returns the node of a frame whose motion comes from outlines: its outline, where the last ones are linked to.
+    /// Returns the node of a frame placed by its outline, if the motion comes from outlines; else the node `arrived`.
     ///
     /// Outlines place the body without the frames between, so a gap in them breaks nothing.
-    fn by_outline(&mut self, step: &BodyStep, arrived: Option<Pose>) -> Option<Pose> {
+    fn place_by_outline(&mut self, step: &BodyStep, arrived: Option<Pose>) -> Option<Pose> {
         let is_matched = step.motion.is_some() && step.method != MotionMethod::Outlines;
         let offset_px = self.source.offset_px.filter(|_| !is_matched);
         let circle = step.circle().filter(|_| step.is_detected());
@@ -290,7 +294,7 @@ impl PoseIntegrator {
         Some(Pose { component: self.source.component, pose, sigma, bridged, walk_share: [0.0; 3], ..turned })
     }
 
-    /// Notes what places the nodes from this one on: matches, or outlines, whose errors are far larger.
+    /// Records what places the nodes from this one on: matches, or outlines, whose errors are far larger.
     ///
     /// Nodes of the two kinds are not linked.
     fn follow_source(&mut self, step: &BodyStep, node: &Pose, is_linked: bool) {
@@ -309,8 +313,8 @@ impl PoseIntegrator {
         self.source = PoseSource { component, bridged, offset_px };
     }
 
-    /// Returns a node `frames` later whose angle is not measured, but extrapolated.
-    fn turned_unseen(&mut self, node: Pose, frames: f64) -> Pose {
+    /// Returns a node whose angle is extrapolated over `frames`, because its rotation was not measured.
+    fn with_extrapolated_angle(&mut self, node: Pose, frames: f64) -> Pose {
         self.turns += 1;
         let (turned_deg, variance) = self.spin.as_mut().map_or((0.0, f64::INFINITY), |spin| spin.extrapolated(frames));
         let pose = [node.pose[0], node.pose[1], node.pose[2] + turned_deg];
@@ -318,8 +322,10 @@ impl PoseIntegrator {
         Pose { turn: self.turns, pose, bridged, ..node }
     }
 
-    /// Returns the node of this frame, in which the longer steps correct the shortest.
-    fn arrive(&mut self, frame: u64) -> Option<Pose> {
+    /// Removes and returns the node that steps lead to in this frame; `None` if no step does.
+    ///
+    /// The longer steps correct the position of the shortest.
+    fn take_arrival(&mut self, frame: u64) -> Option<Pose> {
         let later = self.arrivals.split_off(&(frame, 0));
         self.arrivals = later;
         let mut arrived: Option<Pose> = None;
@@ -338,8 +344,8 @@ impl PoseIntegrator {
         arrived
     }
 
-    /// Starts a new component, extrapolated from the newest node.
-    fn begin(&mut self, time_frames: f64, sigma: [f64; 3]) -> Pose {
+    /// Starts a new component at a time, with the pose extrapolated from the newest node and these sigmas.
+    fn begin_component(&mut self, time_frames: f64, sigma: [f64; 3]) -> Pose {
         // No step of its component leads to it.
         let walk_share = [0.0; 3];
         let kept = None;

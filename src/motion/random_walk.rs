@@ -61,9 +61,9 @@ impl RandomWalk {
     /// Computes the random walk of steps over one interval or several, the shortest first.
     ///
     /// Sums of steps drift, and each longer interval ties a pose to an earlier one. With weight g of a step over n
-    /// times as many frames, errors of the pose follow E(i) = (1 - g) (E(i-1) + a(i)) + g (E(i-n) + b(i)). The permanent part
-    /// moves by [(1 - g) a + g b] / [1 - g + g n] per frame; a and b are of the same size for any interval. Poses
-    /// relative to a kept reference drift less for any interval.
+    /// times as many frames, errors of the pose follow E(i) = (1 - g) (E(i-1) + a(i)) + g (E(i-n) + b(i)). The
+    /// permanent part moves by [(1 - g) a + g b] / [1 - g + g n] per frame; a and b are of the same size for any
+    /// interval. Poses relative to a kept reference drift less for any interval.
     pub fn of(intervals_frames: &[u32], renewal: Option<Renewal>) -> Self {
         let shortest = intervals_frames.first().map_or(1.0, |interval| f64::from((*interval).max(1)));
         let g = LONG_STEP_WEIGHT;
@@ -75,13 +75,17 @@ impl RandomWalk {
         Self { temper: f64::sqrt(variance), renewal }
     }
 
-    /// Returns the random walk of a step over subsets: x, y and angle. `moved` is the displacement, px, px and deg.
+    /// Returns the random walk of a step over subsets by `moved` (px, px, deg): x, y and angle, as shares of a pose's
+    /// white noise.
     pub fn subsets(&self, moved: [f64; 3]) -> [f64; 3] {
         subset_walk(moved).map(|share| share * self.temper)
     }
 
-    /// Returns the random walk of a whole-body step from a frame rotated by `angle_deg`, and follows the reference.
-    pub(super) fn whole(&self, frame: u64, angle_deg: f64, kept: &mut Option<KeptReference>) -> [f64; 3] {
+    /// Returns the random walk of a whole-body step from a frame rotated by `angle_deg`: x, y and angle, as shares of a
+    /// pose's white noise.
+    ///
+    /// It is zero unless the reference is renewed in this frame. `kept` is the newest reference, and is updated.
+    pub(super) fn whole_body(&self, frame: u64, angle_deg: f64, kept: &mut Option<KeptReference>) -> [f64; 3] {
         let Some(Renewal { block_frames, stale_deg }) = self.renewal else { return [0.0; 3] };
         let block = frame / u64::from(block_frames.max(1));
         let holds = |kept: &KeptReference| kept.block == block && (angle_deg - kept.angle_deg).abs() <= stale_deg;
@@ -118,11 +122,11 @@ mod tests {
     fn a_kept_reference_leaves_something_only_where_it_is_renewed() {
         let walk = RandomWalk::of(&[1], Some(Renewal { block_frames: 8, stale_deg: 3.0 }));
         let mut kept = None;
-        let renewed = |(frame, angle_deg): (u64, f64)| walk.whole(frame, angle_deg, &mut kept)[0] > 0.0;
+        let renewed = |(frame, angle_deg): (u64, f64)| walk.whole_body(frame, angle_deg, &mut kept)[0] > 0.0;
         let turning = (0..16).map(|frame| (frame, 0.8 * frame as f64));
         let frames: Vec<u64> =
             (0..16).zip(turning.map(renewed)).filter(|(_, renewed)| *renewed).map(|(f, _)| f).collect();
         assert_eq!(frames, [0, 4, 8, 12]);
-        assert!(RandomWalk::of(&[1], None).whole(3, 0.0, &mut None)[0] <= 0.0, "a patch's is never renewed");
+        assert!(RandomWalk::of(&[1], None).whole_body(3, 0.0, &mut None)[0] <= 0.0, "a patch's is never renewed");
     }
 }

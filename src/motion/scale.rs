@@ -5,19 +5,20 @@ use crate::numeric::median;
 use crate::results::{Circle, Estimate};
 
 /// The maximum number of outlines kept; every second one is then dropped.
-const KEPT: usize = 512;
+const MAX_OUTLINES: usize = 512;
 /// The visible fraction from which an outline counts as unoccluded.
 const UNOCCLUDED_FRACTION: f64 = 0.95;
 
 /// A robust running radius of a ball: the median over the outlines so far, of the unoccluded ones if there are any.
 #[derive(Debug, Clone)]
 pub struct RunningRadius {
-    whole: Sorted,
-    any: Sorted,
+    whole: RunningMedian,
+    any: RunningMedian,
 }
 
+/// The running medians of radii and of their sigmas, over at most [`MAX_OUTLINES`] evenly spread outlines.
 #[derive(Debug, Clone)]
-struct Sorted {
+struct RunningMedian {
     /// In order of arrival: (radius, its sigma).
     kept: Vec<(f64, f64)>,
     stride: u64,
@@ -25,18 +26,19 @@ struct Sorted {
     median: Option<Estimate>,
 }
 
-impl Sorted {
+impl RunningMedian {
     fn new() -> Self {
         Self { kept: Vec::new(), stride: 1, seen: 0, median: None }
     }
 
+    /// Takes the next radius, px, or skips it once the list is thinned out.
     fn push(&mut self, radius: f64, sigma: f64) {
-        let turn = self.seen.is_multiple_of(self.stride);
+        let is_sampled = self.seen.is_multiple_of(self.stride);
         self.seen += 1;
-        if !turn {
+        if !is_sampled {
             return;
         }
-        if self.kept.len() == KEPT {
+        if self.kept.len() == MAX_OUTLINES {
             self.kept = self.kept.iter().step_by(2).copied().collect();
             self.stride *= 2;
         }
@@ -50,10 +52,10 @@ impl Sorted {
 impl RunningRadius {
     /// Creates an estimate without any outline.
     pub fn new() -> Self {
-        Self { whole: Sorted::new(), any: Sorted::new() }
+        Self { whole: RunningMedian::new(), any: RunningMedian::new() }
     }
 
-    /// Takes the next outline.
+    /// Takes the next outline; one without a positive radius is ignored.
     pub fn push(&mut self, circle: &Circle) {
         if !(circle.radius_px > 0.0 && circle.radius_px.is_finite() && circle.sigma_radius_px.is_finite()) {
             return;
@@ -62,8 +64,9 @@ impl RunningRadius {
         list.push(circle.radius_px, circle.sigma_radius_px.abs());
     }
 
-    /// Returns the radius, px. Its sigma is a single outline's, because the errors of outlines of one film are mostly
-    /// common.
+    /// Returns the radius, px; `None` before the first outline.
+    ///
+    /// Its sigma is a single outline's, because the errors of outlines of one film are mostly common.
     pub fn radius_px(&self) -> Option<Estimate> {
         self.whole.median.or(self.any.median)
     }

@@ -71,14 +71,15 @@ pub struct PixelRates {
 }
 
 impl PixelRates {
-    /// Includes the uncertainty of the centre: a point off the centre of a rotating body has another velocity.
+    /// Widens the sigmas along x and y by an uncertain centre, px: a point off the centre of a rotating body has
+    /// another velocity.
     pub fn about(self, center_sigma_px: f64) -> Self {
         let whirl = self.theta.value.to_radians() * center_sigma_px;
         let widened = |rate: Estimate| Estimate { sigma: rate.sigma.hypot(whirl), ..rate };
         Self { x: widened(self.x), y: widened(self.y), ..self }
     }
 
-    /// Adds further uncertainties of each rate.
+    /// Adds further standard uncertainties in quadrature: x and y, px/frame, and the angle, deg/frame.
     pub fn widened_by(self, sigmas: [f64; 3]) -> Self {
         let [x, y, theta] = sigmas;
         let widened = |rate: Estimate, by: f64| Estimate { sigma: rate.sigma.hypot(by), ..rate };
@@ -95,7 +96,7 @@ impl PixelRates {
 /// The standard uncertainty from which a rotation is not known at all, deg/frame.
 const MAX_SPIN_SIGMA_DEG: f64 = 90.0;
 
-/// Converts rates in pixels and frames to physical velocities.
+/// Converts rates per frame in image axes to velocities in m/s and rad/s, with y up, and along the surface's axes.
 pub fn physical(rates: &PixelRates, scale: MetresPerPixel, params: &MotionParams) -> BodyVelocity {
     let period_s = params.frame_period_ns * 1e-9;
     let per_frame = scale.value / period_s;

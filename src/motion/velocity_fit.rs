@@ -96,7 +96,8 @@ pub fn local_fit(nodes: &[Pose], at_frames: f64, order: u32) -> Option<PixelRate
     fit_rates(nodes, at_frames, order as usize, [0.0; 2])
 }
 
-fn samples(nodes: &[Pose], axis: usize) -> Vec<Sample> {
+/// Returns the samples of one coordinate of the nodes: x (0), y (1) or the angle (2).
+fn axis_samples(nodes: &[Pose], axis: usize) -> Vec<Sample> {
     let sample = |n: &Pose| Sample {
         time_frames: n.time_frames,
         component: if axis == 2 { n.turn } else { n.component },
@@ -115,12 +116,13 @@ fn has_rotation(nodes: &[Pose]) -> bool {
     turns.windows(2).filter(|pair| pair[0] == pair[1]).count() >= MIN_TURNING_STEPS
 }
 
+/// Fits like [`local_fit`], with a known acceleration along x and y, px/frame^2.
 fn fit_rates(nodes: &[Pose], at_frames: f64, order: usize, gravity: [f64; 2]) -> Option<PixelRates> {
     let acceleration = [gravity[0], gravity[1], 0.0];
     let mut order = order;
     let is_turning = has_rotation(nodes);
     let fits = loop {
-        let fit = |axis: usize| Polynomial::fit(&samples(nodes, axis), at_frames, order, acceleration[axis]);
+        let fit = |axis: usize| Polynomial::fit(&axis_samples(nodes, axis), at_frames, order, acceleration[axis]);
         let theta = if is_turning { fit(2) } else { None };
         match (fit(0), fit(1), theta) {
             (Some(x), Some(y), theta) if theta.is_some() || !is_turning => break (x, y, theta),
@@ -138,8 +140,9 @@ fn fit_rates(nodes: &[Pose], at_frames: f64, order: usize, gravity: [f64; 2]) ->
     Some(PixelRates { x, y, theta, window_frames: u32::try_from(span).ok()?, order: u32::try_from(order).ok()? })
 }
 
-/// Fits as [`local_fit`], with the truncation error in the sigmas: the difference from the rates of the next order that
-/// changes them, beyond their noise.
+/// Fits like [`local_fit`] and includes the truncation error in the sigmas.
+///
+/// The truncation error is the difference from the rates of the next order that changes them, beyond their noise.
 fn fit_with_truncation_error(nodes: &[Pose], at_frames: f64, order: usize) -> Option<PixelRates> {
     let rates = fit_rates(nodes, at_frames, order, [0.0; 2])?;
     // In the middle of a window, an even order has the rates of the odd one below.
@@ -164,8 +167,9 @@ fn fit_with_truncation_error(nodes: &[Pose], at_frames: f64, order: usize) -> Op
 /// In px/frame and deg/frame; 0 where a polynomial of `order` fits. An impact between two frames does not curve the
 /// track, so a higher order does not reveal it.
 fn velocity_jump_error(nodes: &[Pose], at_frames: f64, order: usize) -> [f64; 3] {
-    let fits =
-        |axis: usize| Polynomial::fit(&samples(nodes, axis), at_frames, order, 0.0).is_none_or(|f| f.excess() <= 1.0);
+    let fits = |axis: usize| {
+        Polynomial::fit(&axis_samples(nodes, axis), at_frames, order, 0.0).is_none_or(|f| f.excess() <= 1.0)
+    };
     if (0..3).all(fits) {
         return [0.0; 3];
     }
@@ -186,21 +190,23 @@ fn velocity_jump_error(nodes: &[Pose], at_frames: f64, order: usize) -> [f64; 3]
     largest
 }
 
-fn between(nodes: &[Pose], from: u64, to: u64) -> &[Pose] {
+/// Returns the nodes of the frames `from` to `to`, both included.
+fn nodes_between(nodes: &[Pose], from: u64, to: u64) -> &[Pose] {
     let first = nodes.partition_point(|n| n.frame < from);
     let end = nodes.partition_point(|n| n.frame <= to);
     &nodes[first..end.max(first)]
 }
 
-/// Returns a window of `width` frames about `frame`, moved inwards at the ends of the nodes but never past `frame +
-/// ahead`.
-fn window(nodes: &[Pose], frame: u64, width: u64, ahead: u64) -> &[Pose] {
+/// Returns the nodes in a window of `width` frames about `frame`.
+///
+/// The window is moved inwards at the ends of the nodes, but never extends past `frame + ahead`.
+fn fit_window(nodes: &[Pose], frame: u64, width: u64, ahead: u64) -> &[Pose] {
     let (Some(first), Some(last)) = (nodes.first(), nodes.last()) else { return nodes };
     let last = last.frame.min(frame + ahead);
     let width = width.max(2);
     let from = frame.saturating_sub(width / 2).max(first.frame);
     let to = (from + width - 1).min(last);
-    between(nodes, (to + 1).saturating_sub(width).max(first.frame), to)
+    nodes_between(nodes, (to + 1).saturating_sub(width).max(first.frame), to)
 }
 
 /// Estimates the rates at the node of `frame`, from nodes no newer than `frame + ahead`.
@@ -211,8 +217,8 @@ fn window(nodes: &[Pose], frame: u64, width: u64, ahead: u64) -> &[Pose] {
 /// - in flight, a straight line with known gravity over up to 55 frames of the same flight, after testing that the
 ///   acceleration there is gravity's (or none);
 /// - in contact, order 4 over the window with the smallest noise^2 + bias^2. For a window of 2 h + 1 frames, noise =
-///   3.06 sigma / h^1.5 and bias = |5th derivative| h^4 / 504, with the derivative estimated from the approach speed and
-///   the peak acceleration;
+///   3.06 sigma / h^1.5 and bias = |5th derivative| h^4 / 504, with the derivative estimated from the approach speed
+///   and the peak acceleration;
 /// - otherwise order 2 over 9 frames.
 ///
 /// Where the force sets in or ends, neither fit is right: the sigmas of frames near there include the difference
@@ -222,7 +228,7 @@ pub fn smooth(known: KnownMotion<'_>, frame: u64, regime: Regime, params: &Motio
     let at = nodes[nodes.binary_search_by_key(&frame, |n| n.frame).ok()?];
     let n = u64::from(params.interval_frames.max(1));
     let plain = |width: u64, order: usize, ahead: u64| {
-        fit_with_truncation_error(window(nodes, frame, width, ahead), at.time_frames, order)
+        fit_with_truncation_error(fit_window(nodes, frame, width, ahead), at.time_frames, order)
     };
     if let Some(width) = params.window_frames {
         return plain(u64::from(width), params.order as usize, lag_frames(params));
@@ -232,25 +238,25 @@ pub fn smooth(known: KnownMotion<'_>, frame: u64, regime: Regime, params: &Motio
         Regime::Unknown => return fallback(),
         Regime::Flight { from, to } => {
             let (back, ahead) = (from.max(frame.saturating_sub(FLIGHT_BACK)), to.min(frame + FLIGHT_AHEAD));
-            let rates = in_flight(between(nodes, back, ahead), at.time_frames, gravity).or_else(fallback)?;
+            let rates = fit_flight(nodes_between(nodes, back, ahead), at.time_frames, gravity).or_else(fallback)?;
             rates.widened_by(unobserved_force_error(known, frame, n))
         }
         Regime::Contact { speed_px, acceleration_px, .. } => {
             let sigma = (at.sigma[0] + at.sigma[1]) / 2.0;
             let half = contact_half_width(sigma, speed_px, acceleration_px);
-            let across = window(nodes, frame, 2 * half + n, AUTO_AHEAD_FRAMES);
+            let across = fit_window(nodes, frame, 2 * half + n, AUTO_AHEAD_FRAMES);
             let rates = fit_rates(across, at.time_frames, CONTACT_ORDER, [0.0; 2])?;
             let bias_px = contact_bias(half, speed_px, acceleration_px);
             let [_, _, jump] = velocity_jump_error(across, at.time_frames, CONTACT_ORDER);
             rates.widened_by([bias_px, bias_px, jump])
         }
     };
-    let nodes = between(nodes, 0, frame + AUTO_AHEAD_FRAMES);
+    let nodes = nodes_between(nodes, 0, frame + AUTO_AHEAD_FRAMES);
     let widened = |rates: PixelRates, edge: &Edge| {
         let difference = edge.difference(nodes, gravity).unwrap_or_default();
         rates.widened_by(std::array::from_fn(|k| edge.share * difference[k].hypot(edge.min_error[k])))
     };
-    Some(edges(frame, regime).iter().flatten().fold(rates, widened))
+    Some(force_edges(frame, regime).iter().flatten().fold(rates, widened))
 }
 
 /// A moment near a frame at which a force sets in or ends.
@@ -265,8 +271,8 @@ struct Edge {
     min_error: [f64; 3],
 }
 
-/// Returns the moments before and after a frame that are near.
-fn edges(frame: u64, regime: Regime) -> [Option<Edge>; 2] {
+/// Returns the moments near a frame at which a force sets in or ends: before it and after it.
+fn force_edges(frame: u64, regime: Regime) -> [Option<Edge>; 2] {
     let before = |edge: u64, from: u64| (edge.saturating_sub(FLIGHT_BACK).max(from), edge.saturating_sub(1));
     let after = |edge: u64, to: u64| (edge, to.min(edge.saturating_add(FLIGHT_AHEAD)));
     let both = match regime {
@@ -292,20 +298,21 @@ fn edges(frame: u64, regime: Regime) -> [Option<Edge>; 2] {
 }
 
 impl Edge {
-    /// Returns the difference between the flight and a fit across the moment, per frame: x, y and the angle.
+    /// Returns the difference between the rates of the flight and of a fit across the moment: x and y, px/frame, and
+    /// the angle, deg/frame.
     ///
     /// The flight omits the force, and the fit spreads it over its window; the truth lies between them.
     fn difference(&self, nodes: &[Pose], gravity: Option<[f64; 2]>) -> Option<[f64; 3]> {
         let at_frames = nodes[nodes.binary_search_by_key(&self.frame, |n| n.frame).ok()?].time_frames;
-        let flight = in_flight(between(nodes, self.flight.0, self.flight.1), at_frames, gravity)?;
-        let across = window(nodes, self.frame, 2 * ACROSS_FRAMES + 1, ACROSS_FRAMES);
+        let flight = fit_flight(nodes_between(nodes, self.flight.0, self.flight.1), at_frames, gravity)?;
+        let across = fit_window(nodes, self.frame, 2 * ACROSS_FRAMES + 1, ACROSS_FRAMES);
         let across = fit_rates(across, at_frames, CONTACT_ORDER, [0.0; 2])?;
         let difference = |a: Estimate, b: Estimate| (a.value - b.value).abs();
         Some([difference(flight.x, across.x), difference(flight.y, across.y), difference(flight.theta, across.theta)])
     }
 }
 
-/// Returns how far ahead of a frame [`smooth`] looks, frames.
+/// Returns the number of frames that [`smooth`] needs after a frame: the lag of its rates.
 pub fn lag_frames(params: &MotionParams) -> u64 {
     params.window_frames.map_or(AUTO_AHEAD_FRAMES, |width| u64::from(width / 2).max(AUTO_AHEAD_FRAMES))
 }
@@ -316,7 +323,7 @@ pub fn lag_frames(params: &MotionParams) -> u64 {
 /// bound is what its last steps leave open.
 fn unobserved_force_error(known: KnownMotion<'_>, frame: u64, interval: u64) -> [f64; 3] {
     let to_frame = known.to_frame.min(frame + AUTO_AHEAD_FRAMES);
-    let nodes = between(known.nodes, 0, to_frame);
+    let nodes = nodes_between(known.nodes, 0, to_frame);
     let Ok(own) = nodes.binary_search_by_key(&frame, |node| node.frame) else { return [0.0; 3] };
     let is_gap = |pair: &[Pose]| pair[1].frame > pair[0].frame + 1;
     let later = nodes[own..].windows(2).take(GAP_FRAMES).position(is_gap);
@@ -328,11 +335,13 @@ fn unobserved_force_error(known: KnownMotion<'_>, frame: u64, interval: u64) -> 
     std::array::from_fn(|axis| MAX_UNOBSERVED_CHANGE[distance] * noise(axis))
 }
 
-/// Fits a line with gravity (or none) where the measured acceleration agrees with it.
-fn in_flight(nodes: &[Pose], at_frames: f64, gravity: Option<[f64; 2]>) -> Option<PixelRates> {
+/// Fits a line with known gravity, px/frame^2, or with none, where the measured acceleration agrees with it.
+///
+/// `None` if it agrees with neither, or if the nodes scatter more than noise.
+fn fit_flight(nodes: &[Pose], at_frames: f64, gravity: Option<[f64; 2]>) -> Option<PixelRates> {
     let (first, last) = (nodes.first()?, nodes.last()?);
     let middle = 0.5 * (first.time_frames + last.time_frames);
-    let free = [0, 1].map(|axis| Polynomial::fit(&samples(nodes, axis), middle, 2, 0.0));
+    let free = [0, 1].map(|axis| Polynomial::fit(&axis_samples(nodes, axis), middle, 2, 0.0));
     if free.iter().flatten().any(|fit| fit.excess() > MAX_EXCESS) {
         return None;
     }
@@ -348,7 +357,7 @@ fn in_flight(nodes: &[Pose], at_frames: f64, gravity: Option<[f64; 2]>) -> Optio
     fit_rates(nodes, at_frames, 1, known)
 }
 
-/// Returns the half width of the order-4 window with the smallest noise^2 + bias^2.
+/// Returns the half width, frames, of the order-4 window with the smallest noise^2 + bias^2: see [`smooth`].
 fn contact_half_width(sigma: f64, speed_px: f64, acceleration_px: f64) -> u64 {
     let cost = |half: u64| {
         9.375 * sigma * sigma / (half as f64).powi(3) + contact_bias(half, speed_px, acceleration_px).powi(2)
@@ -356,7 +365,9 @@ fn contact_half_width(sigma: f64, speed_px: f64, acceleration_px: f64) -> u64 {
     (4..=12).min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap_or(6)
 }
 
-/// Returns the truncation error of the order-4 window inside a contact, px/frame.
+/// Returns the truncation error of the order-4 window of this half width inside a contact, px/frame: see [`smooth`].
+///
+/// The contact is taken as half a sine with this approach speed, px/frame, and peak acceleration, px/frame^2.
 fn contact_bias(half: u64, speed_px: f64, acceleration_px: f64) -> f64 {
     let omega = (acceleration_px / speed_px.max(1e-9)).clamp(0.0, 1.0);
     let fifth = SHARPNESS * speed_px * omega.powi(4) * std::f64::consts::FRAC_1_SQRT_2;

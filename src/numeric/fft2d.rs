@@ -62,6 +62,7 @@ impl Fft2d {
         self.run(inverse.as_ref(), data);
     }
 
+    /// Transforms the rows, transposes, and transforms the rows again.
     fn run(&mut self, line: &dyn Fft<f32>, data: &mut Vec<Complex32>) {
         assert_eq!(data.len(), self.transposed.len(), "the size of the data differs from the plan");
         line.process_with_scratch(data, &mut self.scratch);
@@ -71,7 +72,7 @@ impl Fft2d {
     }
 }
 
-/// Transposes a square in blocks.
+/// Transposes a square of `size` x `size` numbers in blocks.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
 fn transpose(from: &[Complex32], to: &mut [Complex32], size: usize) {
     let whole = size / BLOCK * BLOCK;

@@ -15,6 +15,7 @@ pub fn nth_smallest(values: &mut Vec<f32>, rank: usize) -> f32 {
     f32::from_bits(bits_of_rank(values, rank as u32))
 }
 
+/// Returns the bits of the value that `rank` others are smaller than, without the [`IGNORED_BITS`], by bisection.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
 fn bits_of_rank(values: &[f32], rank: u32) -> u32 {
     let mut bits = 0;
@@ -40,20 +41,20 @@ pub fn nth_highest(values: &[f32; MAX_COUNT], rank: u32) -> f32 {
         }
     }
     // The lowest of those that fewer than `rank` values exceed.
-    let mut least = [f32::INFINITY; LANES];
+    let mut lowest = [f32::INFINITY; LANES];
     for (values, higher) in values.chunks_exact(LANES).zip(higher.chunks_exact(LANES)) {
         for lane in 0..LANES {
             let value = if higher[lane] < rank { values[lane] } else { f32::INFINITY };
-            least[lane] = if value < least[lane] { value } else { least[lane] };
+            lowest[lane] = if value < lowest[lane] { value } else { lowest[lane] };
         }
     }
     // By halves, because in sequence each comparison would wait for the last.
     for half in [8, 4, 2, 1] {
         for lane in 0..half {
-            least[lane] = if least[lane + half] < least[lane] { least[lane + half] } else { least[lane] };
+            lowest[lane] = if lowest[lane + half] < lowest[lane] { lowest[lane + half] } else { lowest[lane] };
         }
     }
-    least[0]
+    lowest[0]
 }
 
 #[cfg(test)]

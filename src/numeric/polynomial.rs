@@ -84,14 +84,15 @@ impl Polynomial {
         if !(unit_frames > 0.0 && unit_frames.is_finite()) {
             return None;
         }
-        fit.take_means(samples);
+        fit.average_components(samples);
         fit.freedom = samples.len().checked_sub(fit.components.len() + order)?;
         fit.solve(samples, order)?;
         fit.chi2 = samples.iter().filter_map(|s| fit.residual(s)).map(|(r, sigma)| (r / sigma).powi(2)).sum();
         Some(fit)
     }
 
-    /// Returns a curve of which nothing is known but the scale of its rate, per frame.
+    /// Returns a constant curve about `at_frames` with the standard uncertainty `sigma_rate` of its rate, per frame: a
+    /// curve of which nothing else is known.
     pub fn unknown(at_frames: f64, sigma_rate: f64) -> Self {
         let mut covariance = Matrix::zeros();
         covariance[(0, 0)] = sigma_rate.powi(2);
@@ -107,6 +108,7 @@ impl Polynomial {
         }
     }
 
+    /// Returns the powers 1 to [`MAX_ORDER`] of a time relative to the centre of the fit, in its unit.
     fn powers(&self, time_frames: f64) -> Vector {
         let u = (time_frames - self.at_frames) / self.unit_frames;
         let mut power = 1.0;
@@ -116,14 +118,16 @@ impl Polynomial {
         })
     }
 
-    fn known(&self, time_frames: f64) -> f64 {
+    /// Returns the displacement by the known acceleration since the centre of the fit.
+    fn known_part(&self, time_frames: f64) -> f64 {
         0.5 * self.acceleration * (time_frames - self.at_frames).powi(2)
     }
 
-    fn take_means(&mut self, samples: &[Sample]) {
+    /// Computes the weighted means of value and powers over the samples of each component.
+    fn average_components(&mut self, samples: &[Sample]) {
         for s in samples {
             let weight = s.sigma.powi(-2);
-            let (value, powers) = (s.value - self.known(s.time_frames), self.powers(s.time_frames));
+            let (value, powers) = (s.value - self.known_part(s.time_frames), self.powers(s.time_frames));
             match self.components.iter_mut().find(|c| c.id == s.component) {
                 Some(c) => {
                     c.weight += weight;
@@ -142,22 +146,24 @@ impl Polynomial {
         }
     }
 
+    /// Solves the normal equations of a given order. `None` if they are singular.
     fn solve(&mut self, samples: &[Sample], order: usize) -> Option<()> {
         match order {
-            1 => self.solve_by::<1>(samples),
-            2 => self.solve_by::<2>(samples),
-            3 => self.solve_by::<3>(samples),
-            4 => self.solve_by::<4>(samples),
-            _ => self.solve_by::<MAX_ORDER>(samples),
+            1 => self.solve_order::<1>(samples),
+            2 => self.solve_order::<2>(samples),
+            3 => self.solve_order::<3>(samples),
+            4 => self.solve_order::<4>(samples),
+            _ => self.solve_order::<MAX_ORDER>(samples),
         }
     }
 
-    fn solve_by<const ORDER: usize>(&mut self, samples: &[Sample]) -> Option<()> {
-        let rows: Vec<Row<ORDER>> = samples.iter().map(|s| self.row(s)).collect::<Option<_>>()?;
+    /// Solves the normal equations and computes the covariance of the coefficients, including the random walk.
+    fn solve_order<const ORDER: usize>(&mut self, samples: &[Sample]) -> Option<()> {
+        let rows: Vec<Row<ORDER>> = samples.iter().map(|s| self.normal_row(s)).collect::<Option<_>>()?;
         let (mut normal, mut right) = (SMatrix::<f64, ORDER, ORDER>::zeros(), SVector::<f64, ORDER>::zeros());
         for (s, Row { place, lever, weight }) in samples.iter().zip(&rows) {
             normal += *weight * lever * lever.transpose();
-            right += *weight * (s.value - self.known(s.time_frames) - self.components[*place].value) * lever;
+            right += *weight * (s.value - self.known_part(s.time_frames) - self.components[*place].value) * lever;
         }
         // The columns are scaled to a unit diagonal, so that the pivots measure the conditioning.
         let length = SVector::<f64, ORDER>::from_fn(|i, _| normal[(i, i)].sqrt());
@@ -172,13 +178,14 @@ impl Polynomial {
         let coefficients = factor.solve(&right.component_div(&length)).component_div(&length);
         let inverse = factor.inverse();
         let covariance = SMatrix::from_fn(|i, j| inverse[(i, j)] / (length[i] * length[j]));
-        let covariance = covariance + self.walk(samples, &rows, &covariance);
+        let covariance = covariance + self.walk_covariance(samples, &rows, &covariance);
         self.coefficients.fixed_rows_mut::<ORDER>(0).copy_from(&coefficients);
         self.covariance.fixed_view_mut::<ORDER, ORDER>(0, 0).copy_from(&covariance);
         Some(())
     }
 
-    fn row<const ORDER: usize>(&self, s: &Sample) -> Option<Row<ORDER>> {
+    /// Returns the contribution of a sample to the normal equations; `None` if its component is unknown.
+    fn normal_row<const ORDER: usize>(&self, s: &Sample) -> Option<Row<ORDER>> {
         let place = self.components.iter().position(|c| c.id == s.component)?;
         let lever = self.powers(s.time_frames) - self.components[place].powers;
         Some(Row { place, lever: lever.fixed_rows::<ORDER>(0).into_owned(), weight: s.sigma.powi(-2) })
@@ -188,7 +195,7 @@ impl Polynomial {
     ///
     /// A disturbance of one step moves every later pose of its component; the estimate responds with the sum of the
     /// gains of those poses.
-    fn walk<const ORDER: usize>(
+    fn walk_covariance<const ORDER: usize>(
         &self,
         samples: &[Sample],
         rows: &[Row<ORDER>],
@@ -204,6 +211,7 @@ impl Polynomial {
         added
     }
 
+    /// Returns the means of a component of the fit.
     fn component(&self, id: u32) -> Option<&Component> {
         self.components.iter().find(|c| c.id == id)
     }
@@ -218,7 +226,7 @@ impl Polynomial {
             g
         });
         let known = self.acceleration * (time_frames - self.at_frames);
-        Estimate { value: self.coefficients.dot(&gradient) + known, sigma: self.spread(&gradient) }
+        Estimate { value: self.coefficients.dot(&gradient) + known, sigma: self.sigma_of(&gradient) }
     }
 
     /// Returns the second derivative at the centre of the fit, per frame^2, including the known part.
@@ -234,20 +242,20 @@ impl Polynomial {
     pub fn predict(&self, time_frames: f64, component: u32) -> Option<Estimate> {
         let c = self.component(component)?;
         let (value, lever) = self.curve(time_frames, c);
-        Some(Estimate { value, sigma: self.spread(&lever).hypot(c.weight.powf(-0.5)) })
+        Some(Estimate { value, sigma: self.sigma_of(&lever).hypot(c.weight.powf(-0.5)) })
     }
 
-    /// Returns the curve of a component at a time, and the factors of its coefficients.
+    /// Returns the curve of a component at a time, and the factors of its coefficients there.
     fn curve(&self, time_frames: f64, c: &Component) -> (f64, Vector) {
         let lever = self.powers(time_frames) - c.powers;
-        (c.value + self.coefficients.dot(&lever) + self.known(time_frames), lever)
+        (c.value + self.coefficients.dot(&lever) + self.known_part(time_frames), lever)
     }
 
-    /// Returns the displacement of the curve from one time to another, which no offset affects.
+    /// Returns the displacement of the curve from one time to another, which does not depend on the offsets.
     pub fn advance(&self, from_frames: f64, to_frames: f64) -> Estimate {
         let lever = self.powers(to_frames) - self.powers(from_frames);
-        let known = self.known(to_frames) - self.known(from_frames);
-        Estimate { value: self.coefficients.dot(&lever) + known, sigma: self.spread(&lever) }
+        let known = self.known_part(to_frames) - self.known_part(from_frames);
+        Estimate { value: self.coefficients.dot(&lever) + known, sigma: self.sigma_of(&lever) }
     }
 
     /// Returns sample minus curve, with the sample's own sigma, for a component of the fit.
@@ -274,7 +282,8 @@ impl Polynomial {
         if self.freedom > 0 && self.chi2 > limit { (self.chi2 / freedom).sqrt() } else { 1.0 }
     }
 
-    fn spread(&self, gradient: &Vector) -> f64 {
+    /// Returns the standard uncertainty of a linear combination of the coefficients with these factors.
+    fn sigma_of(&self, gradient: &Vector) -> f64 {
         (gradient.transpose() * self.covariance * gradient)[(0, 0)].max(0.0).sqrt()
     }
 }

@@ -28,6 +28,7 @@ impl Stream {
         Self { state: key }
     }
 
+    /// Returns the next 64 random bits.
     fn next(&mut self) -> u64 {
         self.state = self.state.wrapping_add(COUNT);
         scramble(self.state)
@@ -43,7 +44,8 @@ impl Stream {
         low + (high - low) * self.uniform()
     }
 
-    /// Returns a normal number of mean 0 and standard deviation 1 (Box and Muller).
+    /// Returns a normal number of mean 0 and standard deviation 1 (G. E. P. Box, M. E. Muller, Ann. Math. Stat. 29
+    /// (1958) 610, <https://doi.org/10.1214/aoms/1177706645>).
     pub fn normal(&mut self) -> f64 {
         let radius = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
         radius * (std::f64::consts::TAU * self.uniform()).cos()

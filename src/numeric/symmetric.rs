@@ -11,7 +11,7 @@ pub fn invert<const M: usize>(matrix: &[[f64; M]; M], n: usize) -> Option<[[f64;
     if n == M { invert_leading(matrix, M) } else { invert_leading(matrix, n) }
 }
 
-/// Sweeps one pivot after the other in place (J. H. Goodnight, Am. Stat. 33 (1979) 149,
+/// Inverts like [`invert`] by sweeping one pivot after the other (J. H. Goodnight, Am. Stat. 33 (1979) 149,
 /// <https://doi.org/10.1080/00031305.1979.10482685>).
 #[inline(always)]
 fn invert_leading<const M: usize>(matrix: &[[f64; M]; M], n: usize) -> Option<[[f64; M]; M]> {

@@ -13,25 +13,25 @@ pub trait Vector: Copy {
     fn load(values: &[f32]) -> Self;
     /// Stores into the first eight places of a slice.
     fn store(self, values: &mut [f32]);
-    /// Loads from memory.
+    /// Loads eight lanes.
     fn from_lanes(lanes: &Lanes) -> Self;
-    /// Loads from memory.
+    /// Loads eight numbers of an array.
     fn from_eight(values: &[f32; LANES]) -> Self;
     /// Transposes eight vectors.
     fn transpose(rows: [Self; LANES]) -> [Self; LANES];
     /// Returns the sum of each of eight vectors: that of its halves, each of which is the sum of its pairs.
     fn sums(rows: &[Self; LANES]) -> Lanes;
-    /// Stores to memory.
+    /// Converts to lanes.
     fn to_lanes(self) -> Lanes;
-    /// Adds.
+    /// Returns `self` + `other`.
     fn add(self, other: Self) -> Self;
-    /// Subtracts.
+    /// Returns `self` - `other`.
     fn sub(self, other: Self) -> Self;
-    /// Multiplies.
+    /// Returns `self` times `other`.
     fn mul(self, other: Self) -> Self;
     /// Returns `self` + `a` `b`, rounded once.
     fn plus_product(self, a: Self, b: Self) -> Self;
-    /// Returns all bits set where `self >= other`, else none; only for [`Self::select`] and [`Self::and`].
+    /// Returns a mask: all bits set where `self >= other`, else none; for [`Self::select`] and [`Self::and`] only.
     fn at_least(self, other: Self) -> Self;
     /// Returns `self` where the mask is set, else zero.
     fn and(self, mask: Self) -> Self;
@@ -44,6 +44,7 @@ pub trait Vector: Copy {
 pub struct Portable([f32; LANES]);
 
 impl Portable {
+    /// Applies an operation lane by lane.
     #[inline(always)]
     fn each(self, other: Self, operation: impl Fn(f32, f32) -> f32) -> Self {
         let mut out = self.0;

@@ -16,22 +16,23 @@ impl Axis {
         0.5 * (self.sides[0].slope.value + self.sides[1].slope.value)
     }
 
-    fn x(&self, y: f64) -> f64 {
+    /// Returns the column of the axis at a row, px.
+    fn x_at_row(&self, y: f64) -> f64 {
         0.5 * (self.sides[0].at.value + self.sides[1].at.value) + self.tilt() * (y - self.middle)
     }
 
-    /// Returns the row where the axis crosses an edge whose position belongs to a column.
+    /// Returns the row where the axis crosses an edge, px. The position of the edge is that at `column`.
     pub(super) fn crossing(&self, edge: &Edge, column: f64) -> f64 {
         // y = position + slope (x(y) - column), a linear equation in y.
         let (slope, tilt) = (edge.slope.value, self.tilt());
-        (edge.at.value + slope * (self.x(0.0) - column)) / (1.0 - slope * tilt)
+        (edge.at.value + slope * (self.x_at_row(0.0) - column)) / (1.0 - slope * tilt)
     }
 }
 
-/// Composes the measured rod from its sides and edges.
-pub(super) fn compose(axis: &Axis, edges: &[Result<Edge, PointStatus>], y_px: Estimate) -> Rod {
+/// Composes the measured rod from its sides, its edges and the reported row `y_px`.
+pub(super) fn compose_rod(axis: &Axis, edges: &[Result<Edge, PointStatus>], y_px: Estimate) -> Rod {
     let slopes = edges.iter().flatten().map(|edge| Estimate { value: -edge.slope.value, ..edge.slope });
-    let tilt = weighted(slopes.chain(axis.sides.map(|side| side.slope)));
+    let tilt = weighted_mean(slopes.chain(axis.sides.map(|side| side.slope)));
     let [a, b] = axis.sides.map(|side| side.at);
     let half = |value: f64| Estimate { value, sigma: 0.5 * a.sigma.hypot(b.sigma) };
     let tilt_rad = tilt.value.atan();
@@ -40,7 +41,7 @@ pub(super) fn compose(axis: &Axis, edges: &[Result<Edge, PointStatus>], y_px: Es
         Err(status) => RodEdge { y_px: None, status: *status },
     };
     let lever = axis.middle - y_px.value;
-    let x = half(axis.x(y_px.value));
+    let x = half(axis.x_at_row(y_px.value));
     Rod {
         x_px: Estimate { sigma: x.sigma.hypot(lever * tilt.sigma), ..x },
         y_px,
@@ -50,8 +51,11 @@ pub(super) fn compose(axis: &Axis, edges: &[Result<Edge, PointStatus>], y_px: Es
     }
 }
 
-/// Returns the weighted mean; its uncertainty grows if the values scatter more than theirs.
-fn weighted(values: impl Iterator<Item = Estimate> + Clone) -> Estimate {
+/// Returns the mean weighted by the inverse variances (R. T. Birge, Phys. Rev. 40 (1932) 207,
+/// <https://doi.org/10.1103/PhysRev.40.207>).
+///
+/// Its uncertainty grows if the values scatter more than their own uncertainties.
+fn weighted_mean(values: impl Iterator<Item = Estimate> + Clone) -> Estimate {
     let weight = |x: &Estimate| x.sigma.max(1e-6).powi(-2);
     let total: f64 = values.clone().map(|x| weight(&x)).sum();
     let value = values.clone().map(|x| weight(&x) * x.value).sum::<f64>() / total;

@@ -137,31 +137,33 @@ struct EdgeModel {
 }
 
 impl EdgeModel {
-    /// Returns the distance of a level of a profile behind the edge, px.
+    /// Returns the distance of a level of a profile behind the edge, px; negative before it.
     fn behind(&self, profile: &Profile, index: usize) -> f64 {
         profile.first + index as f64 - self.at - self.slope * profile.along
     }
 
+    /// Returns the level behind the edge minus that before it, at its middle, DN.
     fn contrast(&self) -> f64 {
-        self.paints[1].at(0.0) - self.paints[0].at(0.0)
+        self.paints[1].level_at_edge(0.0) - self.paints[0].level_at_edge(0.0)
     }
 
-    /// Returns the noise of a level near the edge: the larger one of both sides.
+    /// Returns the noise of a level near the edge, DN: the larger one of both sides.
     fn noise(&self) -> f64 {
         self.paints[0].noise.max(self.paints[1].noise)
     }
 
-    /// Returns the weight of a side's paint relative to one level near the edge.
+    /// Returns the weight of the paint of a side (0 before, 1 behind) relative to one level near the edge.
     fn paint_weight(&self, side: usize) -> f64 {
         (self.noise() / self.paints[side].sigma).powi(2)
     }
 
-    /// Returns residual and derivatives of the levels of a profile that place the edge.
+    /// Returns residual and derivatives of the levels of a profile that place the edge: those near it.
     ///
-    /// The derivatives are by position, slope, blur and the levels of both sides.
-    fn core<'p>(&'p self, profile: &'p Profile) -> impl Iterator<Item = (f64, Vector)> + 'p {
+    /// The model is a step blurred by a Gaussian. The derivatives are by position, slope, blur and the levels of both
+    /// sides.
+    fn core_residuals<'p>(&'p self, profile: &'p Profile) -> impl Iterator<Item = (f64, Vector)> + 'p {
         let reach = CORE_PX.max(CORE_SIGMAS * self.blur);
-        let [before, after] = self.paints.map(|paint| paint.at(profile.along));
+        let [before, after] = self.paints.map(|paint| paint.level_at_edge(profile.along));
         profile.levels.iter().enumerate().filter_map(move |(index, level)| {
             let behind = self.behind(profile, index);
             let (p, density) = normal_f64(behind / self.blur);
@@ -173,10 +175,10 @@ impl EdgeModel {
         })
     }
 
-    /// Returns the distance of the edge of one profile from the common one, px.
-    fn shift(&self, profile: &Profile) -> f64 {
+    /// Returns the distance of the edge in one profile behind the common one, px, by one Gauss-Newton step.
+    fn profile_shift(&self, profile: &Profile) -> f64 {
         let (mut right, mut normal) = (0.0, 0.0);
-        for (residual, derivatives) in self.core(profile) {
+        for (residual, derivatives) in self.core_residuals(profile) {
             right += residual * derivatives[0];
             normal += derivatives[0] * derivatives[0];
         }
@@ -194,12 +196,12 @@ type Matrix = SMatrix<f64, 5, 5>;
 /// [`PointStatus::OutOfFrame`] if it leaves the allowed range, [`PointStatus::Lost`] if there is none,
 /// [`PointStatus::LowContrast`] if it is too faint or too blurred to be placed, and
 /// [`PointStatus::LowCorrelation`] if its profiles do not agree.
-pub(super) fn fit(image: ImageView<'_>, expected: &ExpectedEdge) -> Result<Edge, PointStatus> {
-    let mut profiles = profiles(image, expected)?;
+pub(super) fn fit_step_edge(image: ImageView<'_>, expected: &ExpectedEdge) -> Result<Edge, PointStatus> {
+    let mut profiles = read_profiles(image, expected)?;
     let paints = [Paint::default(); 2];
     let clean = expected.clean;
     let blur = clean.map_or(START_BLUR_PX, |clean| clean.blur_px);
-    let mut step = EdgeModel {
+    let mut model = EdgeModel {
         at: expected.near,
         slope: expected.slope,
         blur,
@@ -207,32 +209,36 @@ pub(super) fn fit(image: ImageView<'_>, expected: &ExpectedEdge) -> Result<Edge,
         paints,
         moved: [0.0; 2],
     };
-    step.paints = paint(&profiles, &step, expected)?;
-    step.at = best_start(&profiles, &step);
+    model.paints = estimate_paints(&profiles, &model, expected)?;
+    model.at = find_start(&profiles, &model);
     for fraction in OUTLIER_FRACTIONS {
-        step.paints = paint(&profiles, &step, expected)?;
-        reweigh(&mut profiles, &step, fraction);
+        model.paints = estimate_paints(&profiles, &model, expected)?;
+        reweigh(&mut profiles, &model, fraction);
         let kept = profiles.iter().filter(|profile| profile.weight > 0.0).count();
         if kept < MIN_PROFILES || (kept as f64) < MIN_PROFILE_FRACTION * profiles.len() as f64 {
             return Err(PointStatus::LowCorrelation);
         }
-        step = solve(&profiles, step)?;
-        if (step.at - expected.near).abs() > MAX_SHIFT_PX {
+        model = solve_model(&profiles, model)?;
+        if (model.at - expected.near).abs() > MAX_SHIFT_PX {
             return Err(PointStatus::Lost);
         }
     }
-    edge_with_uncertainty(&profiles, &step)
+    edge_with_uncertainty(&profiles, &model)
 }
 
 /// Reads the profiles around the expected edge, without those that leave the allowed range.
-fn profiles(image: ImageView<'_>, expected: &ExpectedEdge) -> Result<Vec<Profile>, PointStatus> {
+///
+/// # Errors
+///
+/// [`PointStatus::OutOfFrame`] if at most half of them, or fewer than five, stay in it.
+fn read_profiles(image: ImageView<'_>, expected: &ExpectedEdge) -> Result<Vec<Profile>, PointStatus> {
     let [before, behind] = expected.depth.map(|depth| depth as f64);
     let [first, last] = expected.room.map(|place| place as f64);
     let level = |along: usize, across: usize| match expected.direction {
         Direction::Rows => image.at(along, across),
         Direction::Columns => image.at(across, along),
     };
-    let one = |along: usize| {
+    let profile_at = |along: usize| {
         let from_middle = along as f64 - expected.middle;
         let center = (expected.near + expected.slope * from_middle).round();
         if !(center - MIN_DEPTH_PX >= first && center + MIN_DEPTH_PX <= last) {
@@ -244,25 +250,34 @@ fn profiles(image: ImageView<'_>, expected: &ExpectedEdge) -> Result<Vec<Profile
         Some(Profile { along: from_middle, first: start as f64, levels: levels.collect::<Option<_>>()?, weight: 1.0 })
     };
     let all = expected.along[1].saturating_sub(expected.along[0]);
-    let profiles: Vec<Profile> = (expected.along[0]..expected.along[1]).filter_map(one).collect();
+    let profiles: Vec<Profile> = (expected.along[0]..expected.along[1]).filter_map(profile_at).collect();
     if 2 * profiles.len() <= all || profiles.len() < MIN_PROFILES {
         return Err(PointStatus::OutOfFrame);
     }
     Ok(profiles)
 }
 
-/// Estimates the paint of both sides.
+/// Estimates the paint of both sides from the levels clear of the edge, before it and behind it.
 ///
 /// Speckles are closer in level to the other side of the edge than the paint around them. The paint of a side is
 /// therefore the outermost level. The side without speckles gives its variation.
-fn paint(profiles: &[Profile], step: &EdgeModel, expected: &ExpectedEdge) -> Result<[Paint; 2], PointStatus> {
+///
+/// # Errors
+///
+/// [`PointStatus::OutOfFrame`] for too few levels, [`PointStatus::Lost`] if the contrast has the wrong sign, and the
+/// errors of [`fit_paint`].
+fn estimate_paints(
+    profiles: &[Profile],
+    model: &EdgeModel,
+    expected: &ExpectedEdge,
+) -> Result<[Paint; 2], PointStatus> {
     let sign = expected.sign;
-    let margin = PAINT_MARGIN_PX.max(PAINT_MARGIN_SIGMAS * step.blur);
+    let margin = PAINT_MARGIN_PX.max(PAINT_MARGIN_SIGMAS * model.blur);
     let side = |of: f64| -> Vec<Level> {
         let levels = |profile: &Profile| {
             let along = profile.along;
             let all = profile.levels.iter().enumerate();
-            let placed = all.map(|(index, level)| Level { along, behind: step.behind(profile, index), level: *level });
+            let placed = all.map(|(index, level)| Level { along, behind: model.behind(profile, index), level: *level });
             placed.filter(|level| of * level.behind >= margin).collect::<Vec<_>>()
         };
         profiles.iter().flat_map(levels).collect()
@@ -292,7 +307,7 @@ fn paint(profiles: &[Profile], step: &EdgeModel, expected: &ExpectedEdge) -> Res
         *paint = fit_paint(&sides[k], start[k], tolerance, outward(k))?;
         if let Some(clean) = expected.clean.filter(|_| paint.is_speckled) {
             let other = clean.paints_dn[usize::from(outward(k) > 0.0)];
-            let further = outward(k) * (other.value - paint.at(0.0)) / contrast;
+            let further = outward(k) * (other.value - paint.level_at_edge(0.0)) / contrast;
             // Speckles pull the observed paint towards the other side. Otherwise it is another paint.
             if SAME_PAINT_RANGE.contains(&further) {
                 let sigma = other.sigma.hypot(SAME_PAINT_SIGMA * contrast);
@@ -306,58 +321,65 @@ fn paint(profiles: &[Profile], step: &EdgeModel, expected: &ExpectedEdge) -> Res
 }
 
 /// Solves for position, slope, blur and the levels of both sides, which their paint constrains, by Gauss-Newton steps.
-fn solve(profiles: &[Profile], start: EdgeModel) -> Result<EdgeModel, PointStatus> {
-    let mut step = start;
-    step.moved = [0.0; 2];
+///
+/// # Errors
+///
+/// [`PointStatus::Lost`] if the normal equations are singular.
+fn solve_model(profiles: &[Profile], start: EdgeModel) -> Result<EdgeModel, PointStatus> {
+    let mut model = start;
+    model.moved = [0.0; 2];
     for _ in 0..MAX_STEPS {
-        let (normal, mut right, _) = equations(profiles, &step);
-        for (k, moved) in step.moved.iter().enumerate() {
+        let (normal, mut right, _) = normal_equations(profiles, &model);
+        for (k, moved) in model.moved.iter().enumerate() {
             // Previous changes already count against the paint.
-            right[3 + k] -= moved * step.paint_weight(k);
+            right[3 + k] -= moved * model.paint_weight(k);
         }
         let change = normal.try_inverse().ok_or(PointStatus::Lost)? * right;
         if !change.iter().all(|x| x.is_finite()) {
             return Err(PointStatus::Lost);
         }
-        step.at += change[0].clamp(-1.0, 1.0);
-        step.slope += change[1].clamp(-0.05, 0.05);
-        step.blur = (step.blur + change[2].clamp(-0.4, 0.4)).clamp(BLUR_RANGE_PX[0], BLUR_RANGE_PX[1]);
+        model.at += change[0].clamp(-1.0, 1.0);
+        model.slope += change[1].clamp(-0.05, 0.05);
+        model.blur = (model.blur + change[2].clamp(-0.4, 0.4)).clamp(BLUR_RANGE_PX[0], BLUR_RANGE_PX[1]);
         for k in 0..2 {
-            step.moved[k] += change[3 + k];
-            step.paints[k].coefficients[0] += change[3 + k];
+            model.moved[k] += change[3 + k];
+            model.paints[k].coefficients[0] += change[3 + k];
         }
         if change[0].abs() < CONVERGED_PX && change[1].abs() < 0.1 * CONVERGED_PX {
             break;
         }
     }
-    Ok(step)
+    Ok(model)
 }
 
-/// Returns the normal equations of one pass, and the sum of squared residuals.
-fn equations(profiles: &[Profile], step: &EdgeModel) -> (Matrix, Vector, f64) {
+/// Returns the normal equations at a model, and the weighted sum of squared residuals, DN^2.
+fn normal_equations(profiles: &[Profile], model: &EdgeModel) -> (Matrix, Vector, f64) {
     let (mut normal, mut right, mut squares) = (Matrix::zeros(), Vector::zeros(), 0.0);
     for profile in profiles.iter().filter(|profile| profile.weight > 0.0) {
-        for (residual, derivatives) in step.core(profile) {
+        for (residual, derivatives) in model.core_residuals(profile) {
             normal += derivatives * derivatives.transpose() * profile.weight;
             right += derivatives * (profile.weight * residual);
             squares += profile.weight * residual * residual;
         }
     }
     for k in 0..2 {
-        normal[(3 + k, 3 + k)] += step.paint_weight(k);
+        normal[(3 + k, 3 + k)] += model.paint_weight(k);
     }
-    if step.is_blur_known {
+    if model.is_blur_known {
         normal[(2, 2)] += FIXED_WEIGHT * normal[(0, 0)];
     }
     (normal, right, squares)
 }
 
-/// Updates the weights of the profiles from their residuals and their distance from the common line.
-fn reweigh(profiles: &mut [Profile], step: &EdgeModel, fraction: f64) {
-    let limit = (fraction * step.contrast().abs()).max(OUTLIER_SIGMAS * step.noise());
-    let is_clean: Vec<bool> =
-        profiles.iter().map(|profile| step.core(profile).all(|(residual, _)| residual.abs() <= limit)).collect();
-    let shifts: Vec<f64> = profiles.iter().map(|profile| step.shift(profile)).collect();
+/// Updates the weights of the profiles: zero for those with a residual above `fraction` of the contrast, and Tukey's
+/// biweight of their distance from the common line for the rest.
+fn reweigh(profiles: &mut [Profile], model: &EdgeModel, fraction: f64) {
+    let limit = (fraction * model.contrast().abs()).max(OUTLIER_SIGMAS * model.noise());
+    let is_clean: Vec<bool> = profiles
+        .iter()
+        .map(|profile| model.core_residuals(profile).all(|(residual, _)| residual.abs() <= limit))
+        .collect();
+    let shifts: Vec<f64> = profiles.iter().map(|profile| model.profile_shift(profile)).collect();
     let of_clean = shifts.iter().zip(&is_clean).filter(|(_, clean)| **clean).map(|(shift, _)| *shift);
     let middle = quantile(&mut of_clean.clone().collect::<Vec<_>>(), 0.5).unwrap_or(0.0);
     let mut deviations: Vec<f64> = of_clean.map(|shift| (shift - middle).abs()).collect();
@@ -369,36 +391,40 @@ fn reweigh(profiles: &mut [Profile], step: &EdgeModel, fraction: f64) {
     }
 }
 
-/// Returns the nearest position with enough plausible profiles, otherwise that with the most.
-fn best_start(profiles: &[Profile], step: &EdgeModel) -> f64 {
+/// Returns the position across, px, that is nearest to the model's and has enough plausible profiles, otherwise that
+/// with the most.
+fn find_start(profiles: &[Profile], model: &EdgeModel) -> f64 {
     const SHIFTS_PX: [f64; 9] = [0.0, -0.5, 0.5, -1.0, 1.0, -1.5, 1.5, -2.0, 2.0];
-    let limit = OUTLIER_FRACTIONS[0] * step.contrast().abs();
+    let limit = OUTLIER_FRACTIONS[0] * model.contrast().abs();
     let likely = |shift: f64| {
-        let moved = EdgeModel { at: step.at + shift, ..*step };
-        profiles.iter().filter(|profile| moved.core(profile).all(|(residual, _)| residual.abs() <= limit)).count()
+        let moved = EdgeModel { at: model.at + shift, ..*model };
+        profiles
+            .iter()
+            .filter(|profile| moved.core_residuals(profile).all(|(residual, _)| residual.abs() <= limit))
+            .count()
     };
     let enough = (GOOD_PROFILE_FRACTION * profiles.len() as f64).max(MIN_PROFILES as f64) as usize;
     let tried = SHIFTS_PX.map(|shift| (likely(shift), shift));
     let best = tried.iter().fold((0, 0.0), |best, next| if next.0 > best.0 { *next } else { best });
-    step.at + tried.iter().find(|(count, _)| *count >= enough).unwrap_or(&best).1
+    model.at + tried.iter().find(|(count, _)| *count >= enough).unwrap_or(&best).1
 }
 
 /// Returns the fitted edge with the uncertainties from the covariance of the fit.
 ///
-/// The covariance is scaled by the reduced chi-square of the profiles where it exceeds 1. The error of the model is added
-/// in quadrature.
+/// The covariance is scaled by the reduced chi-square of the profiles where it exceeds 1. The error of the model is
+/// added in quadrature.
 ///
 /// # Errors
 ///
 /// [`PointStatus::LowContrast`] if the edge is too faint or too blurred, [`PointStatus::Lost`] if the normal equations
 /// are singular.
-fn edge_with_uncertainty(profiles: &[Profile], step: &EdgeModel) -> Result<Edge, PointStatus> {
+fn edge_with_uncertainty(profiles: &[Profile], model: &EdgeModel) -> Result<Edge, PointStatus> {
     let used: Vec<&Profile> = profiles.iter().filter(|profile| profile.weight > 0.0).collect();
-    let (normal, _, squares) = equations(profiles, step);
-    let count: f64 = used.iter().map(|profile| profile.weight * step.core(profile).count() as f64).sum();
+    let (normal, _, squares) = normal_equations(profiles, model);
+    let count: f64 = used.iter().map(|profile| profile.weight * model.core_residuals(profile).count() as f64).sum();
     // Five parameters are fitted.
     let variance = (squares / (count - 5.0).max(1.0)).max(1e-9);
-    if step.contrast().abs() < MIN_CONTRAST_SIGMAS * variance.sqrt() || step.blur >= 0.98 * BLUR_RANGE_PX[1] {
+    if model.contrast().abs() < MIN_CONTRAST_SIGMAS * variance.sqrt() || model.blur >= 0.98 * BLUR_RANGE_PX[1] {
         return Err(PointStatus::LowContrast);
     }
     let inverse = normal.try_inverse().ok_or(PointStatus::Lost)?;
@@ -406,35 +432,35 @@ fn edge_with_uncertainty(profiles: &[Profile], step: &EdgeModel) -> Result<Edge,
     let chi2: f64 = used
         .iter()
         .map(|profile| {
-            let information: f64 = step.core(profile).map(|(_, derivatives)| derivatives[0].powi(2)).sum();
-            profile.weight * step.shift(profile).powi(2) * information
+            let information: f64 = model.core_residuals(profile).map(|(_, derivatives)| derivatives[0].powi(2)).sum();
+            profile.weight * model.profile_shift(profile).powi(2) * information
         })
         .sum();
     let excess = (chi2 / variance / (used.len() as f64 - 2.0).max(1.0)).max(1.0);
-    let levels = step.paints.map(|paint| paint.at(0.0));
+    let levels = model.paints.map(|paint| paint.level_at_edge(0.0));
     let sigma = |k: usize| (variance * excess * inverse[(k, k)]).max(0.0).sqrt();
     let paint = |k: usize| Estimate { value: levels[k], sigma: sigma(3 + k) };
-    let is_speckled = step.paints.iter().any(|paint| paint.is_speckled);
-    let model_px = match is_clipped(profiles, levels[0].max(levels[1]) + step.noise()) {
+    let is_speckled = model.paints.iter().any(|paint| paint.is_speckled);
+    let model_px = match is_clipped(profiles, levels[0].max(levels[1]) + model.noise()) {
         true => CLIPPED_SIGMA_PX,
-        false if is_speckled => SPECKLED_SIGMA_PX.hypot(SHADING_FRACTION * shading_shift(step, &inverse)),
+        false if is_speckled => SPECKLED_SIGMA_PX.hypot(SHADING_FRACTION * shading_shift(model, &inverse)),
         false => MODEL_SIGMA_PX,
     };
     Ok(Edge {
-        at: Estimate { value: step.at, sigma: sigma(0).hypot(model_px) },
-        slope: Estimate { value: step.slope, sigma: sigma(1) },
-        blur_px: step.blur,
-        paints_dn: if step.contrast() > 0.0 { [paint(0), paint(1)] } else { [paint(1), paint(0)] },
+        at: Estimate { value: model.at, sigma: sigma(0).hypot(model_px) },
+        slope: Estimate { value: model.slope, sigma: sigma(1) },
+        blur_px: model.blur,
+        paints_dn: if model.contrast() > 0.0 { [paint(0), paint(1)] } else { [paint(1), paint(0)] },
         is_speckled,
     })
 }
 
 /// Returns the error of an edge that fitted its own paint, if the paint is as first estimated, px.
-fn shading_shift(step: &EdgeModel, inverse: &Matrix) -> f64 {
-    (0..2).map(|k| step.moved[k] * inverse[(0, 3 + k)] / inverse[(3 + k, 3 + k)]).sum()
+fn shading_shift(model: &EdgeModel, inverse: &Matrix) -> f64 {
+    (0..2).map(|k| model.moved[k] * inverse[(0, 3 + k)] / inverse[(3 + k, 3 + k)]).sum()
 }
 
-/// Whether paint of this level plus its noise reaches saturation.
+/// Whether the image is saturated and paint of this level, DN, with its noise, reaches saturation.
 fn is_clipped(profiles: &[Profile], paint_dn: f64) -> bool {
     let highest = profiles.iter().flat_map(|profile| &profile.levels).copied().fold(0.0, f64::max);
     is_saturated(highest as f32) && paint_dn > CLIPPED_FRACTION * highest

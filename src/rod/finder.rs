@@ -1,7 +1,7 @@
 //! The rod finder: searches a rod by projections, then to a fraction of a pixel.
 
-use super::axis::{Axis, compose};
-use super::edge_fit::{CleanPaint, Direction, Edge, ExpectedEdge, fit};
+use super::axis::{Axis, compose_rod};
+use super::edge_fit::{CleanPaint, Direction, Edge, ExpectedEdge, fit_step_edge};
 use super::observation::{INSET_PX, MARGIN_PX, RodObservation};
 use super::paint_shading::clean_paint_at;
 use super::params::{RodError, RodParams};
@@ -65,6 +65,7 @@ struct Prediction {
 }
 
 impl Prediction {
+    /// Returns the column between the sides, px.
     fn middle(&self) -> f64 {
         0.5 * (self.sides_px[0] + self.sides_px[1])
     }
@@ -96,7 +97,7 @@ impl RodFinder {
     pub fn find(&self, image: ImageView<'_>) -> Result<RodObservation, PointStatus> {
         self.check_shape(image);
         let prediction = self.find_by_projections(image)?;
-        let axis = self.axis(image, &prediction)?;
+        let axis = self.fit_axis(image, &prediction)?;
         let edges = self.fit_edges(image, &prediction, &axis);
         let section = self.speckled_section(image, &prediction).ok_or(PointStatus::Lost)?;
         let anchors: [bool; ROD_EDGES] = std::array::from_fn(|index| match section {
@@ -114,7 +115,7 @@ impl RodFinder {
             })
             .collect();
         let anchored = places.iter().zip(anchors).filter(|(_, counts)| *counts).map(|(place, _)| *place);
-        let y = mean(anchored);
+        let y = mean_position(anchored);
         let place = |index: usize| places[index].value;
         let [_, top, _, height] = self.region.map(|number| number as f64);
         let span = match section {
@@ -125,7 +126,7 @@ impl RodFinder {
         let mut offsets_px = [0.0; ROD_EDGES];
         (0..edges.len()).for_each(|index| offsets_px[index] = place(index) - y.value);
         let span_px = span.map(|end| end - y.value);
-        let rod = compose(&axis, &edges, y);
+        let rod = compose_rod(&axis, &edges, y);
         let (signs, side_signs) = (prediction.signs, prediction.side_signs);
         Ok(RodObservation { rod, span_px, offsets_px, anchors, signs, side_signs })
     }
@@ -150,7 +151,7 @@ impl RodFinder {
             at_row: y,
             tilt: near.rod.tilt_deg.value.to_radians().tan(),
         };
-        let axis = self.axis(image, &prediction)?;
+        let axis = self.fit_axis(image, &prediction)?;
         let edges = self.fit_edges(image, &prediction, &axis);
         // Each edge predicts the reported point; edges that contribute to it must agree.
         let predicted = |index: usize| {
@@ -165,14 +166,15 @@ impl RodFinder {
         let anchored: Result<Vec<Estimate>, _> = anchored.map(|(edge, _)| edge.map(|edge| edge.at)).collect();
         let y = anchored.map_or_else(
             |_| {
-                let mean = mean(all.iter().copied());
+                let mean = mean_position(all.iter().copied());
                 Estimate { sigma: mean.sigma.hypot(near.rod.y_px.sigma), ..mean }
             },
-            |anchored| mean(anchored.into_iter()),
+            |anchored| mean_position(anchored.into_iter()),
         );
-        Ok(RodObservation { rod: compose(&axis, &edges, y), ..*near })
+        Ok(RodObservation { rod: compose_rod(&axis, &edges, y), ..*near })
     }
 
+    /// Checks that an image has the planned size.
     fn check_shape(&self, image: ImageView<'_>) {
         assert_eq!((image.width(), image.height()), self.shape, "planned for another size");
     }
@@ -182,16 +184,16 @@ impl RodFinder {
     /// # Errors
     ///
     /// [`PointStatus::LowContrast`] if nothing stands out from the noise, [`PointStatus::Lost`] without two sides, and
-    /// the errors of [`Self::edges`].
+    /// the errors of [`Self::find_edges`].
     fn find_by_projections(&self, image: ImageView<'_>) -> Result<Prediction, PointStatus> {
         let binary = BinaryImage::new(image, self.region).ok_or(PointStatus::LowContrast)?;
         let [black, white] = binary.means_dn;
         if white - black < MIN_CONTRAST_SIGMAS * noise_dn(image, self.region) {
             return Err(PointStatus::LowContrast);
         }
-        let [left, right] = self.sides(&binary).ok_or(PointStatus::Lost)?;
+        let [left, right] = self.find_sides(&binary).ok_or(PointStatus::Lost)?;
         let inside = left.at + 1 + INSET_PX as usize..(right.at + 1).saturating_sub(INSET_PX as usize);
-        let edges = self.edges(&binary, inside, [left.at, right.at])?;
+        let edges = self.find_edges(&binary, inside, [left.at, right.at])?;
         // Entry k of the sums is the line between k and k + 1.
         let line_px = |at: usize, from: usize| (at + from) as f64 + 0.5;
         let mut signs = [0.0; ROD_EDGES];
@@ -206,8 +208,8 @@ impl RodFinder {
         })
     }
 
-    /// Returns the strongest two lines of opposite sign within the allowed width.
-    fn sides(&self, binary: &BinaryImage) -> Option<[Line; 2]> {
+    /// Returns the left and the right side: the strongest two lines of opposite sign within the allowed width.
+    fn find_sides(&self, binary: &BinaryImage) -> Option<[Line; 2]> {
         let mut tried = lines(&binary.column_steps(), MIN_DISTANCE_PX);
         tried.truncate(SIDES_TRIED);
         let mut best: Option<(i32, [Line; 2])> = None;
@@ -225,8 +227,12 @@ impl RodFinder {
         best.map(|(_, pair)| pair)
     }
 
-    /// Returns the followed edges, from the top downwards.
-    fn edges(
+    /// Returns the followed edges, from the top downwards. `inside` are the columns between the `sides`.
+    ///
+    /// # Errors
+    ///
+    /// [`PointStatus::Lost`] for too few edges, [`PointStatus::Ambiguous`] for too many or if they do not alternate.
+    fn find_edges(
         &self,
         binary: &BinaryImage,
         inside: std::ops::Range<usize>,
@@ -269,6 +275,7 @@ impl RodFinder {
         if rival >= RIVAL_RATIO * weakest || !alternates { Err(PointStatus::Ambiguous) } else { Ok(found) }
     }
 
+    /// Fits all edges, first separately. Speckled ones are fitted again with blur and paint of the clean ones.
     fn fit_edges(&self, image: ImageView<'_>, prediction: &Prediction, axis: &Axis) -> Vec<Result<Edge, PointStatus>> {
         let separate: Vec<Result<Edge, PointStatus>> =
             (0..prediction.edges_px.len()).map(|index| self.fit_edge(image, prediction, axis, index, None)).collect();
@@ -281,6 +288,7 @@ impl RodFinder {
         (0..separate.len()).map(refit).collect()
     }
 
+    /// Fits the edge with this index and returns it with its position on the axis.
     fn fit_edge(
         &self,
         image: ImageView<'_>,
@@ -307,11 +315,11 @@ impl RodFinder {
             sign: prediction.signs[index],
             clean,
         };
-        let edge = fit(image, &expected)?;
+        let edge = fit_step_edge(image, &expected)?;
         Ok(Edge { at: Estimate { value: axis.crossing(&edge, middle), ..edge.at }, ..edge })
     }
 
-    /// Returns the section with the most texture along the rows.
+    /// Returns the section with the most texture along the rows: the speckled tape. `None` if none is high enough.
     fn speckled_section(&self, image: ImageView<'_>, prediction: &Prediction) -> Option<Section> {
         let [_, top, _, height] = self.region.map(|number| number as f64);
         let places = &prediction.edges_px;
@@ -338,7 +346,11 @@ impl RodFinder {
     }
 
     /// Fits both sides over the rows with tapes.
-    fn axis(&self, image: ImageView<'_>, prediction: &Prediction) -> Result<Axis, PointStatus> {
+    ///
+    /// # Errors
+    ///
+    /// The error of a side that cannot be fitted.
+    fn fit_axis(&self, image: ImageView<'_>, prediction: &Prediction) -> Result<Axis, PointStatus> {
         let [left, top, width, height] = self.region;
         let places = &prediction.edges_px;
         let (first, last) = match places.len() % 2 {
@@ -360,7 +372,7 @@ impl RodFinder {
                 sign: prediction.side_signs[index],
                 clean: None,
             };
-            fit(image, &expected)
+            fit_step_edge(image, &expected)
         };
         // The background is less uniform than the paint of the rod, and common to all rows.
         let with_side_sigma =
@@ -376,7 +388,8 @@ enum Shade {
     White,
 }
 
-/// Whether the rows on the rod's side of a line are all of its shade.
+/// Whether the rows next to a line, on the side of the bare rod, are all of the rod's shade. `white` is the fraction of
+/// white pixels in each row.
 ///
 /// The bare rod lies next to an edge of a tape, but not next to a line between speckles.
 fn has_bare_side(white: &[f64], line: &Line, rod: Shade) -> bool {
@@ -399,8 +412,8 @@ enum Section {
     Below,
 }
 
-/// Returns the unweighted mean of positions.
-fn mean(places: impl Iterator<Item = Estimate> + Clone) -> Estimate {
+/// Returns the unweighted mean of independent positions.
+fn mean_position(places: impl Iterator<Item = Estimate> + Clone) -> Estimate {
     let count = places.clone().count().max(1) as f64;
     Estimate {
         value: places.clone().map(|place| place.value).sum::<f64>() / count,
@@ -408,7 +421,8 @@ fn mean(places: impl Iterator<Item = Estimate> + Clone) -> Estimate {
     }
 }
 
-/// Estimates the noise of single pixels from the median difference of neighbours.
+/// Estimates the noise of single pixels in a region (x, y, width, height), DN, from the median difference of
+/// neighbours.
 fn noise_dn(image: ImageView<'_>, region: [usize; 4]) -> f32 {
     let [left, top, width, height] = region;
     let rows = (top..top + height).map(|y| &image.row(y)[left..left + width]);

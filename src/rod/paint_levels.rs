@@ -23,16 +23,21 @@ const SEARCH_PASSES: usize = 8;
 pub struct Paint {
     /// The coefficients of 1, along, along squared and behind; behind is zero at the edge.
     pub coefficients: [f64; 4],
-    /// The standard deviation of a level, and of the paint at the edge.
+    /// The standard deviation of a level, DN.
     pub noise: f64,
+    /// The standard deviation of the paint at the edge, DN.
     pub sigma: f64,
+    /// Whether there are speckles on this side.
     pub is_speckled: bool,
 }
 
 /// A grey level clear of the edge.
 pub struct Level {
+    /// The distance along the edge from its middle, px.
     pub along: f64,
+    /// The distance behind the edge, px; negative before it.
     pub behind: f64,
+    /// The grey level, DN.
     pub level: f64,
 }
 
@@ -47,17 +52,19 @@ struct Pass {
 }
 
 impl Paint {
-    pub fn at(&self, along: f64) -> f64 {
-        self.level(along, 0.0)
+    /// Returns the level at the edge, `along` px from its middle, DN.
+    pub fn level_at_edge(&self, along: f64) -> f64 {
+        self.level_at(along, 0.0)
     }
 
-    fn level(&self, along: f64, behind: f64) -> f64 {
+    /// Returns the level `along` px from the middle of the edge and `behind` px behind it, DN.
+    fn level_at(&self, along: f64, behind: f64) -> f64 {
         let [c, b, a, d] = self.coefficients;
         c + along * (b + along * a) + d * behind
     }
 }
 
-/// Fits the paint to the densest levels by a mean shift.
+/// Fits the paint to the densest levels by a mean shift, from the level `start`, DN.
 ///
 /// Levels next to a speckle lie between its level and that of the paint. The noise is therefore estimated on the other
 /// side of the paint (`outward` is 1 for lighter), up to `tolerance`.
@@ -94,11 +101,13 @@ pub fn fit_paint(levels: &[Level], start: f64, tolerance: f64, outward: f64) -> 
     Ok(paint)
 }
 
+/// Sums the normal equations over the levels within `within` of the paint, and the squares of those on its outer side
+/// up to `tolerance`, DN. Positions along the edge are in units of `scale`, px.
 fn sum_levels(levels: &[Level], paint: &Paint, within: f64, scale: f64, outward: f64, tolerance: f64) -> Pass {
     let (normal, right) = (SMatrix::zeros(), SVector::zeros());
     let mut pass = Pass { normal, right, kept: 0, squares: 0.0, outer: 0 };
     for Level { along, behind, level } in levels {
-        let residual = level - paint.level(*along, *behind);
+        let residual = level - paint.level_at(*along, *behind);
         if residual * outward > 0.0 && residual.abs() <= tolerance {
             pass.squares += residual * residual;
             pass.outer += 1;

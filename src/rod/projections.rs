@@ -58,6 +58,7 @@ impl BinaryImage {
         Some(Self { left, top, width, height, threshold_dn, means_dn: [mean(false), mean(true)], white })
     }
 
+    /// Returns the change from one pixel to another by index: 1 from black to white, -1 from white to black, else 0.
     fn step(&self, from: usize, to: usize) -> i32 {
         i32::from(self.white[to]) - i32::from(self.white[from])
     }

@@ -96,12 +96,14 @@ pub(super) fn prepare(directory: &Path, files: &[&str], inputs: &[&Path], overwr
     Ok(())
 }
 
-/// Rounds to the 7 decimals of the tables; adding 0 turns -0 into 0.
+/// Rounds to the 7 decimals of the tables, without a negative zero.
 pub(super) fn rounded(value: f64) -> f64 {
+    // Adding 0 turns -0 into 0.
     (value * 1e7).round() / 1e7 + 0.0
 }
 
-/// Formats a table with a labelled row for each `R` and a labelled column for each `C`.
+/// Formats a table with a labelled row for each `R` and a labelled column for each `C`. `corner` is the label of the
+/// row labels.
 pub(super) fn cross_table<R, C>(
     corner: &str,
     rows: &[(String, R)],

@@ -80,7 +80,7 @@ impl Mask {
         components
     }
 
-    /// Returns left, top, and one past right and bottom of pixels.
+    /// Returns the bounds of some pixels: left, top, and one past right and bottom.
     fn bounds(&self, pixels: &[usize]) -> [usize; 4] {
         let mut bounds = [usize::MAX, usize::MAX, 0, 0];
         for at in pixels {

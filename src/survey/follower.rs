@@ -42,7 +42,7 @@ impl Follower {
         Ok(Self { finder: BallFinder::new(&params, size_px[0], size_px[1])?, track: Vec::new(), misses: 0 })
     }
 
-    /// Takes the next frame and its time since the first one, s.
+    /// Finds the ball in the next frame, at its time since the first one, s.
     pub fn push(&mut self, frame: ExaminedFrame<'_>, t_s: f64) {
         let predicted = self.predicted(t_s).filter(|_| self.misses == 0);
         let followed = predicted.and_then(|near| self.finder.follow(frame.image, &near));
@@ -57,7 +57,7 @@ impl Follower {
         }
     }
 
-    /// Predicts the circle at a time from the last two.
+    /// Predicts the circle at a time, s, by the velocity between the last two; `None` before the first.
     fn predicted(&self, t_s: f64) -> Option<Circle> {
         let last = self.track.last()?;
         let before = self.track.len().checked_sub(2).map(|place| self.track[place]);

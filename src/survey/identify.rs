@@ -11,8 +11,8 @@ use crate::rod::{RodFinder, RodParams};
 const EXAMINED_FRAMES: usize = 16;
 /// The radius of the smallest ball whose outline can be measured, px.
 pub(super) const MIN_RADIUS_PX: f64 = 6.0;
-/// The share of the examined frames that have to show the body. A ball that is as bright as its background is found in few of
-/// them, and then followed in most.
+/// The share of the examined frames that have to show the body. A ball that is as bright as its background is found in
+/// few of them, and then followed in most.
 const MIN_SHARE: f64 = 0.25;
 /// The minimum number of these frames.
 const MIN_FRAMES: usize = 3;
@@ -65,17 +65,18 @@ pub struct ExaminedFrame<'a> {
     pub image: ImageView<'a>,
 }
 
-/// Returns the numbers of the frames in which the movers are examined, rising: those that show most of each, spread over
-/// the film.
+/// Returns the numbers of the frames in which the movers are examined, rising: those that show most of each, spread
+/// over the film.
 pub fn needed_frames(movement: &Movement) -> Vec<u64> {
-    let mut needed: Vec<u64> = movement.movers.iter().flat_map(examined).map(|appearance| appearance.index).collect();
+    let mut needed: Vec<u64> =
+        movement.movers.iter().flat_map(examined_appearances).map(|appearance| appearance.index).collect();
     needed.sort_unstable();
     needed.dedup();
     needed
 }
 
-/// Returns the appearances of a mover that show most of it, in the order of the film.
-fn examined(mover: &Mover) -> Vec<&Appearance> {
+/// Returns about 16 of the appearances of a mover that show most of it, in the order of the film.
+fn examined_appearances(mover: &Mover) -> Vec<&Appearance> {
     let mut areas: Vec<f64> = mover.appearances.iter().map(|appearance| appearance.area_px2).collect();
     areas.sort_by(f64::total_cmp);
     // A quarter of the appearances may show the mover enter or leave.
@@ -98,7 +99,7 @@ pub struct Examination<'m> {
 /// Returns an examination of each mover in frames of this width and height, px.
 pub fn identify(movement: &Movement, size_px: [usize; 2]) -> Vec<Examination<'_>> {
     let examination = |mover| {
-        let examined = examined(mover);
+        let examined = examined_appearances(mover);
         Examination { mover, size_px, examined, circles: Vec::new(), rods: Vec::new() }
     };
     movement.movers.iter().map(examination).collect()
@@ -173,7 +174,7 @@ fn moves(circles: &[(u64, Circle)]) -> bool {
     span(|circle| circle.x_px).hypot(span(|circle| circle.y_px)) > MIN_MOTION_PX
 }
 
-/// Returns a region with a margin, within the image.
+/// Returns a region (x, y, width, height, px) with a margin, clipped to the image.
 pub(super) fn with_margin(region_px: [u32; 4], size_px: [usize; 2]) -> [u32; 4] {
     let [x, y, width, height] = region_px;
     let margin_px = (MARGIN_FRACTION * f64::from(width.max(height))).max(MARGIN_PX) as u32;

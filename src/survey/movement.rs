@@ -1,14 +1,14 @@
 //! Movement in a film: the difference of each sample from the background.
 
 use super::components::{Component, Mask};
-use super::sampler::{ReducedImage, SampledFrame, Sampler, reduced};
+use super::sampler::{ReducedImage, SampledFrame, Sampler, reduce_image};
 use crate::image::ImageView;
 use crate::numeric::median;
 
 /// The number of standard deviations of noise from which a difference is a motion.
 const SIGNIFICANT_SIGMAS: f32 = 6.0;
-/// The minimum difference that is a motion, as a fraction of the range of grey levels in the background. Compressed films
-/// have less noise than this between their key frames, and more at them.
+/// The minimum difference that is a motion, as a fraction of the range of grey levels in the background. Compressed
+/// films have less noise than this between their key frames, and more at them.
 const MIN_CONTRAST: f32 = 0.03;
 /// The area of the smallest thing that counts, reduced pixels.
 const MIN_AREA: usize = 6;
@@ -80,7 +80,7 @@ impl Mover {
 impl Movement {
     /// Returns the reduced pixels of a frame that differ from the background, row-major.
     pub fn moving(&self, image: ImageView<'_>) -> Vec<bool> {
-        let difference = difference(&reduced(image, self.factor), &self.background);
+        let difference = absolute_difference(&reduce_image(image, self.factor), &self.background);
         difference.iter().map(|difference| *difference > self.threshold_dn).collect()
     }
 }
@@ -93,7 +93,7 @@ impl Sampler {
         }
         let background = median_in_time(&self.frames);
         let differences: Vec<Vec<f32>> =
-            self.frames.iter().map(|frame| difference(&frame.image, &background)).collect();
+            self.frames.iter().map(|frame| absolute_difference(&frame.image, &background)).collect();
         let noise_dn = noise_dn(&differences);
         let low = background.levels_dn.iter().copied().fold(f32::INFINITY, f32::min);
         let high = background.levels_dn.iter().copied().fold(0.0, f32::max);
@@ -108,7 +108,7 @@ impl Sampler {
         masks.iter().for_each(|mask| swept.iter_mut().zip(&mask.marked).for_each(|(swept, marked)| *swept |= marked));
         let swept_fraction = swept.iter().filter(|swept| **swept).count() as f64 / swept.len() as f64;
         let swept = Mask { marked: swept, width, height };
-        let regions = movers_of(swept.closed(JOIN_REACH).components(), &masks);
+        let regions = group_regions(swept.closed(JOIN_REACH).components(), &masks);
         let movers = regions.iter().take(MAX_MOVERS).map(|region| self.mover(region, &masks)).collect();
         Some(Movement {
             background,
@@ -122,7 +122,7 @@ impl Sampler {
         })
     }
 
-    /// Collects the frames in which something within a swept region differs from the background.
+    /// Returns the mover within a swept region: the frames in which something there differs from the background.
     fn mover(&self, region: &Component, masks: &[Mask]) -> Mover {
         let mut is_inside = vec![false; masks[0].marked.len()];
         region.pixels.iter().for_each(|at| is_inside[*at] = true);
@@ -130,7 +130,7 @@ impl Sampler {
             let marked = mask.marked.iter().zip(&is_inside).map(|(marked, inside)| *marked && *inside).collect();
             let parts = Mask { marked, ..*mask }.components();
             let largest = parts.first()?;
-            let bounds = parts.iter().map(|part| part.bounds).reduce(joined)?;
+            let bounds = parts.iter().map(|part| part.bounds).reduce(united_bounds)?;
             let area = parts.iter().map(|part| part.pixels.len()).sum::<usize>();
             Some(Appearance {
                 index: frame.index,
@@ -178,15 +178,16 @@ impl Sampler {
     }
 }
 
-fn joined(a: [usize; 4], b: [usize; 4]) -> [usize; 4] {
+/// Returns the bounds of two regions together: left, top, and one past right and bottom.
+fn united_bounds(a: [usize; 4], b: [usize; 4]) -> [usize; 4] {
     [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])]
 }
 
-/// Groups swept regions, the largest first.
+/// Groups swept regions into movers and returns them, the largest first.
 ///
-/// A region that differs in fewer than [`MIN_APPEARANCES`] samples is one station of something fast. All of them belong to
-/// one mover. Without that many samples together they are artefacts of compression.
-fn movers_of(regions: Vec<Component>, masks: &[Mask]) -> Vec<Component> {
+/// A region that differs in fewer than [`MIN_APPEARANCES`] samples is one station of something fast. All of them belong
+/// to one mover. Without that many samples together they are artefacts of compression.
+fn group_regions(regions: Vec<Component>, masks: &[Mask]) -> Vec<Component> {
     let mut region_of = vec![usize::MAX; masks[0].marked.len()];
     for (number, region) in regions.iter().enumerate() {
         region.pixels.iter().for_each(|at| region_of[*at] = number);
@@ -212,7 +213,7 @@ fn movers_of(regions: Vec<Component>, masks: &[Mask]) -> Vec<Component> {
     }
     visited.sort_unstable();
     visited.dedup();
-    let bounds = stations.iter().map(|station| station.bounds).reduce(joined);
+    let bounds = stations.iter().map(|station| station.bounds).reduce(united_bounds);
     if let Some(bounds) = bounds.filter(|_| visited.len() >= MIN_APPEARANCES) {
         let mut pixels: Vec<usize> = stations.into_iter().flat_map(|station| station.pixels).collect();
         pixels.sort_unstable();
@@ -222,7 +223,7 @@ fn movers_of(regions: Vec<Component>, masks: &[Mask]) -> Vec<Component> {
     movers
 }
 
-/// Removes regions that are too small to be a body.
+/// Returns a mask without the regions that are too small to be a body.
 fn without_specks(mask: &Mask) -> Mask {
     let mut marked = vec![false; mask.marked.len()];
     let components = mask.components();
@@ -242,14 +243,15 @@ fn median_in_time(frames: &[SampledFrame]) -> ReducedImage {
     ReducedImage { levels_dn: (0..first.levels_dn.len()).map(median).collect(), ..*first }
 }
 
-/// Returns the absolute difference of each pixel from the background, at the same brightness of the whole image.
-fn difference(image: &ReducedImage, background: &ReducedImage) -> Vec<f32> {
+/// Returns the absolute difference of each pixel from the background, DN, after the median difference is removed.
+fn absolute_difference(image: &ReducedImage, background: &ReducedImage) -> Vec<f32> {
     let pairs = || image.levels_dn.iter().zip(&background.levels_dn);
     let offset_dn = median(&mut pairs().map(|(level, still)| level - still).collect::<Vec<f32>>()).unwrap_or(0.0);
     pairs().map(|(level, still)| (level - still - offset_dn).abs()).collect()
 }
 
-/// Estimates the noise of the differences from their median, which what moves does not reach.
+/// Estimates the noise of the differences, DN, from their median over pixels and samples. Moving bodies do not affect
+/// it.
 fn noise_dn(differences: &[Vec<f32>]) -> f32 {
     // The median of the absolute values of a normal distribution, in standard deviations.
     const MEDIAN_SIGMAS: f32 = 0.6745;

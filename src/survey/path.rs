@@ -62,7 +62,7 @@ pub struct Path {
 }
 
 impl Path {
-    /// Evaluates a track.
+    /// Evaluates a track: its bounce, its acceleration and its maximum speed.
     pub fn of(track: Vec<TrackPoint>) -> Self {
         let side = (track.len() / SIDE_SHARE).clamp(*SIDE_POINTS.start(), *SIDE_POINTS.end());
         let bounce = find_bounce(&track, side);
@@ -74,7 +74,7 @@ impl Path {
                 vec![&track[..at.saturating_sub(side / 2)], &track[(at + side / 2 + 1).min(track.len())..]]
             }
         };
-        let acceleration = acceleration(&flights);
+        let acceleration = mean_acceleration(&flights);
         let speed = |pair: &[TrackPoint]| {
             let frames = (pair[1].index - pair[0].index).max(1) as f64;
             let [from, to] = [&pair[0].circle, &pair[1].circle];
@@ -85,13 +85,15 @@ impl Path {
     }
 }
 
-/// Finds the bounce with the largest change of velocity; `None` if one parabola explains the track.
+/// Finds the bounce with the largest change of velocity between lines through `side` points before and after.
+///
+/// `None` if the track is too short, one parabola explains it, or the ball does not reverse along the change.
 fn find_bounce(track: &[TrackPoint], side: usize) -> Option<Bounce> {
     if track.len() < 2 * side + 1 {
         return None;
     }
     let change = |at: usize| {
-        let (before, after) = (PathFit::of(&track[at - side..at], 1)?, PathFit::of(&track[at..at + side], 1)?);
+        let (before, after) = (PathFit::fit(&track[at - side..at], 1)?, PathFit::fit(&track[at..at + side], 1)?);
         let velocities_px_s = [&before, &after].map(|side| side.velocity(track[at].t_s));
         let [[x0, y0], [x1, y1]] = velocities_px_s;
         let change_px_s = [x1 - x0, y1 - y0];
@@ -102,7 +104,7 @@ fn find_bounce(track: &[TrackPoint], side: usize) -> Option<Bounce> {
     let largest = changes.iter().max_by(|a, b| size_px_s(a).total_cmp(&size_px_s(b)))?;
     let mut noise: Vec<f64> = changes.iter().map(|change| change.rms_px).collect();
     noise.sort_by(f64::total_cmp);
-    let whole = PathFit::of(track, 2)?;
+    let whole = PathFit::fit(track, 2)?;
     if whole.rms_px < MIN_MISFIT * noise[noise.len() / 4].max(0.02) {
         return None;
     }
@@ -126,12 +128,12 @@ fn find_bounce(track: &[TrackPoint], side: usize) -> Option<Bounce> {
     })
 }
 
-/// Returns the mean acceleration of flights, weighted by their certainty.
-fn acceleration(flights: &[&[TrackPoint]]) -> Option<Acceleration> {
+/// Returns the mean acceleration of flights, weighted by their inverse variances; `None` if all are too short.
+fn mean_acceleration(flights: &[&[TrackPoint]]) -> Option<Acceleration> {
     let mut sums = [0.0; 3];
     for flight in flights.iter().filter(|flight| flight.len() >= FLIGHT_POINTS) {
-        let Some(fit) = PathFit::of(flight, 2) else { continue };
-        let ([x, y], noise) = fit.highest();
+        let Some(fit) = PathFit::fit(flight, 2) else { continue };
+        let ([x, y], noise) = fit.highest_coefficients();
         let span_s = flight[flight.len() - 1].t_s - flight[0].t_s;
         // A parabola with a coefficient c rises by c * span^2 / 4 above its chord.
         let sigma = noise.hypot(4.0 * CENTER_ERROR_PX / (span_s * span_s));

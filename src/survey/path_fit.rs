@@ -16,8 +16,8 @@ pub(super) struct PathFit {
 }
 
 impl PathFit {
-    /// Fits a polynomial of this order; `None` unless there are more points than coefficients.
-    pub(super) fn of(points: &[TrackPoint], order: usize) -> Option<Self> {
+    /// Fits a polynomial of this order by least squares; `None` unless there are more points than coefficients.
+    pub(super) fn fit(points: &[TrackPoint], order: usize) -> Option<Self> {
         let count = order + 1;
         if points.len() <= count {
             return None;
@@ -55,8 +55,8 @@ impl PathFit {
         [slope(&self.coefficients[0]), slope(&self.coefficients[1])]
     }
 
-    /// Returns the highest coefficient of each coordinate and its standard uncertainty.
-    pub(super) fn highest(&self) -> ([f64; 2], f64) {
+    /// Returns the coefficients of the highest order along x and along y, and their standard uncertainty.
+    pub(super) fn highest_coefficients(&self) -> ([f64; 2], f64) {
         let last = |of: &Vec<f64>| of.last().copied().unwrap_or(0.0);
         ([last(&self.coefficients[0]), last(&self.coefficients[1])], self.spread * self.rms_px)
     }

@@ -61,7 +61,7 @@ impl Sampler {
     /// If the size of `image` differs from the planned size.
     pub fn push(&mut self, index: u64, image: ImageView<'_>) {
         assert_eq!([image.width(), image.height()], self.size_px, "the sampler was planned for another image size");
-        self.frames.push(SampledFrame { index, image: reduced(image, self.factor) });
+        self.frames.push(SampledFrame { index, image: reduce_image(image, self.factor) });
     }
 
     /// Returns the number of pixels that one of a reduced image averages, along each side.
@@ -69,13 +69,14 @@ impl Sampler {
         self.factor
     }
 
+    /// Returns width and height of the frames, px.
     pub(super) fn size_px(&self) -> [usize; 2] {
         self.size_px
     }
 }
 
-/// Averages squares of `factor` pixels; an incomplete square at the right or lower edge is left out.
-pub(super) fn reduced(image: ImageView<'_>, factor: usize) -> ReducedImage {
+/// Averages squares of `factor` x `factor` pixels; an incomplete square at the right or lower edge is left out.
+pub(super) fn reduce_image(image: ImageView<'_>, factor: usize) -> ReducedImage {
     let (width, height) = ((image.width() / factor).max(1), (image.height() / factor).max(1));
     let mut levels_dn = vec![0.0; width * height];
     let (columns, rows) = (factor.min(image.width()), factor.min(image.height()));
@@ -99,7 +100,7 @@ mod tests {
     #[test]
     fn squares_are_averaged_and_the_rest_is_left_out() {
         let data: Vec<f32> = (0..35).map(|k| k as f32).collect();
-        let image = reduced(ImageView::new(&data, 7, 5).unwrap(), 2);
+        let image = reduce_image(ImageView::new(&data, 7, 5).unwrap(), 2);
         assert_eq!((image.width, image.height), (3, 2));
         assert_eq!(image.levels_dn, [4.0, 6.0, 8.0, 18.0, 20.0, 22.0]);
     }

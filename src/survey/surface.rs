@@ -18,7 +18,7 @@ const MIN_INSIDE: f64 = 0.6;
 const MIN_CONTRAST_RATIO: f64 = 4.0;
 /// The minimum contrast of the edge, standard deviations of noise.
 const MIN_CONTRAST_SIGMAS: f64 = 2.0;
-/// The distance up to which the edge is searched beside the best line, reduced pixels.
+/// The distance up to which the edge is searched on either side of the best line, reduced pixels.
 const REACH: f64 = 2.5;
 /// The minimum number of points of the edge.
 const MIN_POINTS: usize = 8;
@@ -78,52 +78,54 @@ pub fn surface_edge(movement: &Movement, bounce: &Bounce, radius_px: f64) -> Opt
     if contrast < MIN_CONTRAST_RATIO * usual {
         return None;
     }
-    let (line, sigma) = line.refined(movement).unwrap_or((line, TILT_STEP_DEG.to_radians()));
+    let (line, sigma) = line.refine(movement).unwrap_or((line, TILT_STEP_DEG.to_radians()));
     // The image's y points down. The tangent is the normal, turned clockwise by a quarter turn.
     let angle_deg = (-line.normal[1]).atan2(line.normal[0]).to_degrees() - 90.0;
     let full = |at: f64| (at + 0.5) * factor - 0.5;
     Some(SurfaceEdge {
         angle_deg: (angle_deg + 180.0).rem_euclid(360.0) - 180.0,
         sigma_deg: sigma.to_degrees(),
-        ends_px: [-1.0, 1.0].map(|side| line.point(side * line.half_length, 0.0).map(full)),
+        ends_px: [-1.0, 1.0].map(|side| line.point_at(side * line.half_length, 0.0).map(full)),
     })
 }
 
 impl Line {
-    /// Returns a point of it, moved along it and towards the ball.
-    fn point(&self, along: f64, across: f64) -> [f64; 2] {
+    /// Returns the point `along` the line from its foot and `across` towards the ball, reduced pixels.
+    fn point_at(&self, along: f64, across: f64) -> [f64; 2] {
         let [x, y] = self.normal;
         [self.foot[0] - along * y + across * x, self.foot[1] + along * x + across * y]
     }
 
-    /// Fits the line to the points of the edge beside it, each where the grey level changes most. Returns it with the
+    /// Fits the line to the points of the edge near it, each where the grey level changes most. Returns it with the
     /// standard uncertainty of its direction, rad; `None` for too few points.
-    fn refined(self, movement: &Movement) -> Option<(Self, f64)> {
+    fn refine(self, movement: &Movement) -> Option<(Self, f64)> {
         let steps = (2.0 * self.half_length).ceil() as i32;
         let places = (0..=steps).map(|k| self.half_length * (2.0 * f64::from(k) / f64::from(steps) - 1.0));
         let mut points: Vec<[f64; 2]> =
             places.filter_map(|along| Some([along, self.edge_across(movement, along)?])).collect();
         for _ in 0..2 {
-            let fitted = StraightFit::of(&points)?;
-            let mut off: Vec<f64> = points.iter().map(|point| fitted.off(point).abs()).collect();
+            let fitted = StraightFit::fit(&points)?;
+            let mut off: Vec<f64> = points.iter().map(|point| fitted.residual(point).abs()).collect();
             let limit = OUTLIER * median(&mut off)?;
-            points.retain(|point| fitted.off(point).abs() <= limit);
+            points.retain(|point| fitted.residual(point).abs() <= limit);
         }
-        let fitted = StraightFit::of(&points)?;
+        let fitted = StraightFit::fit(&points)?;
         let (sin, cos) = fitted.slope.atan().sin_cos();
         let [x, y] = self.normal;
         let line =
-            Self { foot: self.point(0.0, fitted.offset), normal: [x * cos + y * sin, y * cos - x * sin], ..self };
+            Self { foot: self.point_at(0.0, fitted.offset), normal: [x * cos + y * sin, y * cos - x * sin], ..self };
         Some((line, fitted.slope_sigma(&points)))
     }
 
-    /// Returns the distance towards the ball at which the grey level changes most, `along` the line, as the mean of the
-    /// squared changes; `None` outside of the image or where nothing changes.
+    /// Returns the distance from the line towards the ball at which the grey level changes most, `along` the line,
+    /// reduced pixels.
+    ///
+    /// It is the mean weighted by the squared changes; `None` outside of the image or where nothing changes.
     fn edge_across(&self, movement: &Movement, along: f64) -> Option<f64> {
         let steps = (REACH / 0.25) as i32;
         let (mut weights, mut sum) = (0.0, 0.0);
         for across in (-steps..=steps).map(|k| 0.25 * f64::from(k)) {
-            let level = |across: f64| level(movement, self.point(along, across));
+            let level = |across: f64| interpolated_level(movement, self.point_at(along, across));
             let change = level(across + 0.5)? - level(across - 0.5)?;
             weights += change * change;
             sum += across * change * change;
@@ -138,7 +140,7 @@ impl Line {
         let (mut sum, mut count) = (0.0, 0);
         for k in 0..=steps {
             let along = self.half_length * (2.0 * f64::from(k) / f64::from(steps) - 1.0);
-            let level = |across: f64| level(movement, self.point(along, across));
+            let level = |across: f64| interpolated_level(movement, self.point_at(along, across));
             if let (Some(near), Some(far)) = (level(1.0), level(-1.0)) {
                 sum += near - far;
                 count += 1;
@@ -156,37 +158,38 @@ struct StraightFit {
 }
 
 impl StraightFit {
-    /// Fits the second coordinates over the first; `None` for too few points.
-    fn of(points: &[[f64; 2]]) -> Option<Self> {
+    /// Fits the second coordinate of the points over the first; `None` for too few points.
+    fn fit(points: &[[f64; 2]]) -> Option<Self> {
         if points.len() < MIN_POINTS {
             return None;
         }
         let mean = |axis: usize| points.iter().map(|point| point[axis]).sum::<f64>() / points.len() as f64;
         let (x, y) = (mean(0), mean(1));
         let products: f64 = points.iter().map(|point| (point[0] - x) * (point[1] - y)).sum();
-        let slope = products / spread(points);
+        let slope = products / squares_about_mean(points);
         Some(Self { offset: y - slope * x, slope })
     }
 
-    fn off(&self, point: &[f64; 2]) -> f64 {
+    /// Returns the deviation of a point from the line in the second coordinate.
+    fn residual(&self, point: &[f64; 2]) -> f64 {
         point[1] - self.offset - self.slope * point[0]
     }
 
     /// Returns the standard uncertainty of the slope, from the scatter of the points.
     fn slope_sigma(&self, points: &[[f64; 2]]) -> f64 {
-        let squares: f64 = points.iter().map(|point| self.off(point).powi(2)).sum();
-        (squares / (points.len() as f64 - 2.0) / spread(points)).sqrt()
+        let squares: f64 = points.iter().map(|point| self.residual(point).powi(2)).sum();
+        (squares / (points.len() as f64 - 2.0) / squares_about_mean(points)).sqrt()
     }
 }
 
-/// Returns the sum of the squared distances of the first coordinates from their mean.
-fn spread(points: &[[f64; 2]]) -> f64 {
+/// Returns the sum of squares of the first coordinates about their mean.
+fn squares_about_mean(points: &[[f64; 2]]) -> f64 {
     let mean = points.iter().map(|point| point[0]).sum::<f64>() / points.len() as f64;
     points.iter().map(|point| (point[0] - mean).powi(2)).sum()
 }
 
-/// Interpolates the background linearly; `None` outside.
-fn level(movement: &Movement, point: [f64; 2]) -> Option<f64> {
+/// Interpolates the reduced background bilinearly at a point, DN; `None` outside.
+fn interpolated_level(movement: &Movement, point: [f64; 2]) -> Option<f64> {
     let [x, y] = point;
     let image = &movement.background;
     if !(x >= 0.0 && y >= 0.0 && x < image.width as f64 - 1.0 && y < image.height as f64 - 1.0) {

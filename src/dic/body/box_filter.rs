@@ -10,9 +10,9 @@ pub(in crate::dic) const RESIDUAL_REACH: usize = 3;
 /// The side of that neighbourhood, px.
 const SIDE: usize = 2 * RESIDUAL_REACH + 1;
 
-/// Sums the columns over the rows of one neighbourhood.
+/// Sums each column over the [`SIDE`] rows of one row of neighbourhoods.
 #[inline(always)]
-fn add_columns<V: Vector>(rows: &[f32], stride: usize, columns: &mut [f32]) {
+fn sum_columns<V: Vector>(rows: &[f32], stride: usize, columns: &mut [f32]) {
     for x in (0..stride / LANES * LANES).step_by(LANES) {
         let mut sum = V::load(&rows[x..]);
         for k in 1..SIDE {
@@ -22,9 +22,9 @@ fn add_columns<V: Vector>(rows: &[f32], stride: usize, columns: &mut [f32]) {
     }
 }
 
-/// Sums eight adjacent neighbourhoods over their column sums.
+/// Returns the sums over eight adjacent neighbourhoods from their column sums.
 #[inline(always)]
-fn add_along<V: Vector>(columns: &[f32]) -> V {
+fn sum_neighbourhoods<V: Vector>(columns: &[f32]) -> V {
     let near = &columns[..SIDE - 1 + LANES];
     let mut sum = V::load(near);
     for k in 1..SIDE {
@@ -34,37 +34,48 @@ fn add_along<V: Vector>(columns: &[f32]) -> V {
 }
 
 vectorized! {
-    /// Computes the sum over the neighbourhood of every value whose neighbourhood lies inside.
-    pub(in crate::dic) fn add_around(values: &[f32], stride: usize, columns: &mut [f32], out: &mut [f32]) = add_around_with
+    /// Computes the sum over the neighbourhood of every value whose neighbourhood lies inside. `columns` is scratch
+    /// memory.
+    pub(in crate::dic) fn neighbourhood_sums(values: &[f32], stride: usize, columns: &mut [f32], out: &mut [f32]) =
+        neighbourhood_sums_with
 }
 
+/// Implements [`neighbourhood_sums`] on vectors of type `V`.
 #[inline(always)]
-fn add_around_with<V: Vector>(values: &[f32], stride: usize, columns: &mut [f32], out: &mut [f32]) {
+fn neighbourhood_sums_with<V: Vector>(values: &[f32], stride: usize, columns: &mut [f32], out: &mut [f32]) {
     for row in 0..(values.len() / stride).saturating_sub(SIDE - 1) {
         let rows = &values[row * stride..][..SIDE * stride];
-        add_columns::<V>(rows, stride, columns);
+        sum_columns::<V>(rows, stride, columns);
         let out = &mut out[(row + RESIDUAL_REACH) * stride + RESIDUAL_REACH..];
         for x in (0..(stride - SIDE) / LANES * LANES).step_by(LANES) {
-            add_along::<V>(&columns[x..]).store(&mut out[x..]);
+            sum_neighbourhoods::<V>(&columns[x..]).store(&mut out[x..]);
         }
     }
 }
 
 vectorized! {
-    /// Whether every neighbourhood sum is less than `limit` times the number of its pixels.
-    pub(in crate::dic) fn are_within(values: &[f32], pixels: &[f32], stride: usize, limit: f32, columns: &mut [f32]) -> bool = are_within_with
+    /// Whether every neighbourhood sum is less than `limit` times the number of its pixels. `columns` is scratch
+    /// memory.
+    pub(in crate::dic) fn are_within(
+        values: &[f32],
+        pixels: &[f32],
+        stride: usize,
+        limit: f32,
+        columns: &mut [f32],
+    ) -> bool = are_within_with
 }
 
+/// Implements [`are_within`] on vectors of type `V`.
 #[inline(always)]
 fn are_within_with<V: Vector>(values: &[f32], pixels: &[f32], stride: usize, limit: f32, columns: &mut [f32]) -> bool {
     let (one, limit) = (V::splat(1.0), V::splat(limit));
     let mut over = V::splat(0.0);
     for row in 0..(values.len() / stride).saturating_sub(SIDE - 1) {
         let rows = &values[row * stride..][..SIDE * stride];
-        add_columns::<V>(rows, stride, columns);
+        sum_columns::<V>(rows, stride, columns);
         let pixels = &pixels[(row + RESIDUAL_REACH) * stride + RESIDUAL_REACH..];
         for x in (0..(stride - SIDE) / LANES * LANES).step_by(LANES) {
-            over = over.add(one.and(add_along::<V>(&columns[x..]).at_least(limit.mul(V::load(&pixels[x..])))));
+            over = over.add(one.and(sum_neighbourhoods::<V>(&columns[x..]).at_least(limit.mul(V::load(&pixels[x..])))));
         }
     }
     over.to_lanes().sum() < 0.5
@@ -88,10 +99,16 @@ pub(in crate::dic) fn strip_minima(values: &[f32], stride: usize, minima: &mut V
 vectorized! {
     /// Whether the sums over the union of the neighbourhoods in each strip are less than `limit` times the smallest
     /// pixel count of one of them. This is sufficient for [`are_within`].
-    pub(in crate::dic) fn are_strips_within(values: &[f32], pixels: &[f32], stride: usize, limit: f32, columns: &mut [f32]) -> bool =
-        are_strips_within_with
+    pub(in crate::dic) fn are_strips_within(
+        values: &[f32],
+        pixels: &[f32],
+        stride: usize,
+        limit: f32,
+        columns: &mut [f32],
+    ) -> bool = are_strips_within_with
 }
 
+/// Implements [`are_strips_within`] on vectors of type `V`.
 #[inline(always)]
 fn are_strips_within_with<V: Vector>(
     values: &[f32],
@@ -117,14 +134,15 @@ fn are_strips_within_with<V: Vector>(
         }
         let pixels = &pixels[RESIDUAL_REACH..];
         for x in (0..(stride - SIDE) / LANES * LANES).step_by(LANES) {
-            over = over.add(one.and(add_along::<V>(&columns[x..]).at_least(limit.mul(V::load(&pixels[x..])))));
+            over = over.add(one.and(sum_neighbourhoods::<V>(&columns[x..]).at_least(limit.mul(V::load(&pixels[x..])))));
         }
     }
     over.to_lanes().sum() < 0.5
 }
 
-/// Computes the sum over the square of side 2 `reach` + 1 around every value. Values within `reach` rows of the ends
-/// are undefined.
+/// Computes the sum over the square of side 2 `reach` + 1 around every value of a plane with this row stride.
+///
+/// Sums within `reach` of the edges are undefined. `columns` is scratch memory.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
 pub(in crate::dic) fn box_sums(
     values: &[f32],

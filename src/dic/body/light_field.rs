@@ -1,9 +1,9 @@
 //! Smooth light that stays in the room while a body moves, removed from the match of the whole body.
 //!
 //! The light on a curved body is no plane. It stays in place, so it holds a turning pattern back, the more so the fewer
-//! marks the pattern has. The residual of a match then contains a smooth field. It is estimated together with the motion:
-//! the match uses only what is orthogonal to all polynomials of low order. Gauss-Newton steps are linear in the residual,
-//! so one step after the match suffices.
+//! marks the pattern has. The residual of a match then contains a smooth field. It is estimated together with the
+//! motion: the match uses only what is orthogonal to all polynomials of low order. Gauss-Newton steps are linear in the
+//! residual, so one step after the match suffices.
 
 use crate::dic::geometry::{Shape, SubsetMask, Warp};
 use crate::dic::subset::ReferenceSubset;
@@ -57,23 +57,23 @@ pub(in crate::dic) struct LightCorrection {
 }
 
 impl LightCorrection {
-    /// Returns the rotation of a correction, deg; 0 without one.
+    /// Returns the rotation of a correction, counter-clockwise on the screen, deg; 0 without one.
     pub(in crate::dic) fn rotation_deg(correction: Option<&Self>) -> f64 {
         correction.map_or(0.0, |light| light.step.uy.atan2(1.0 + light.step.ux).to_degrees())
     }
 }
 
 impl LightField {
-    /// Computes the sums of a rigid body; `None` if its pixels do not determine the field or the motion beside it.
-    pub(in crate::dic) fn of(subset: &ReferenceSubset, window: &SubsetMask) -> Option<Self> {
+    /// Computes the sums of a rigid body; `None` if its pixels do not determine both the field and the motion.
+    pub(in crate::dic) fn new(subset: &ReferenceSubset, window: &SubsetMask) -> Option<Self> {
         let unit_px = f64::from(window.half.max(1));
-        let mask = moments(&window.mask, window, unit_px, POWERS);
+        let mask = polynomial_moments(&window.mask, window, unit_px, POWERS);
         let gram: [[f64; TERMS]; TERMS] = std::array::from_fn(|a| {
             std::array::from_fn(|b| mask[EXPONENTS[a][1] + EXPONENTS[b][1]][EXPONENTS[a][0] + EXPONENTS[b][0]])
         });
         let gram_inverse = invert(&gram, TERMS)?;
-        let [along_x, along_y] =
-            [&subset.gradient_x, &subset.gradient_y].map(|gradient| moments(gradient, window, unit_px, ORDER + 2));
+        let [along_x, along_y] = [&subset.gradient_x, &subset.gradient_y]
+            .map(|gradient| polynomial_moments(gradient, window, unit_px, ORDER + 2));
         let confusion: [[f64; TERMS]; 3] = std::array::from_fn(|parameter| {
             EXPONENTS.map(|[i, j]| match parameter {
                 0 => along_x[j][i],
@@ -95,9 +95,9 @@ impl LightField {
         Some(Self { unit_px, gram_inverse, confusion, inverse: invert(&hessian, 3)? })
     }
 
-    /// Returns the correction of a match with this residual; `None` if it contains no more than noise.
+    /// Returns the correction of a match with this residual, DN; `None` if the residual holds no significant light.
     pub(in crate::dic) fn correction(&self, window: &SubsetMask, residual: &[Lanes]) -> Option<LightCorrection> {
-        let sums = moments(residual, window, self.unit_px, ORDER + 1);
+        let sums = polynomial_moments(residual, window, self.unit_px, ORDER + 1);
         let sums: [f64; TERMS] = EXPONENTS.map(|[i, j]| sums[j][i]);
         let field = self.gram_inverse.map(|line| line.iter().zip(&sums).map(|(a, b)| a * b).sum::<f64>());
         let energy: f64 = field.iter().zip(&sums).map(|(a, b)| a * b).sum();
@@ -117,7 +117,7 @@ impl LightField {
     }
 }
 
-/// Returns the sums of products of the derivatives by u, v and the angle.
+/// Returns the sum of J J^T of a rigid match: products of the derivatives by u, v (px) and the angle (rad).
 fn gradient_products(subset: &ReferenceSubset, window: &SubsetMask) -> [[f64; 3]; 3] {
     let mut sums = [[0.0_f64; 3]; 3];
     for block in &window.blocks {
@@ -141,7 +141,7 @@ fn gradient_products(subset: &ReferenceSubset, window: &SubsetMask) -> [[f64; 3]
 }
 
 /// Returns the sums of packed values times x^i y^j, for i + j below `powers`; coordinates in units from the centre.
-fn moments(values: &[Lanes], window: &SubsetMask, unit_px: f64, powers: usize) -> Moments {
+fn polynomial_moments(values: &[Lanes], window: &SubsetMask, unit_px: f64, powers: usize) -> Moments {
     let mut sums = [[0.0; POWERS]; POWERS];
     for block in &window.blocks {
         let mut lanes = [[0.0_f32; LANES]; POWERS];

@@ -2,13 +2,13 @@
 
 use crate::numeric::{LANES, Lanes, Vector, vectorized};
 
-/// The width of the final bracket of [`median_size`] in bits: less than 1 % of a square.
+/// The width of the final bracket of [`median_absolute`], as a difference of bit patterns: less than 1 % of a square.
 const BRACKET_BITS: u32 = 65536;
 
 /// Returns the median absolute residual of `pixels` pixels. Lanes off the window are 0.
 ///
 /// `mean_square` is the mean of their squares.
-pub(in crate::dic) fn median_size(residual: &[Lanes], pixels: usize, mean_square: f64) -> f32 {
+pub(in crate::dic) fn median_absolute(residual: &[Lanes], pixels: usize, mean_square: f64) -> f32 {
     let rank = (residual.len() * LANES - pixels + pixels / 2) as f32;
     let below = |bits: u32| squares_below(residual, f32::from_bits(bits)) > rank;
     // Squares are ordered like their bits, so bisection finds the rank. The median square of noise is 0.455 of the mean
@@ -28,7 +28,7 @@ pub(in crate::dic) fn median_size(residual: &[Lanes], pixels: usize, mean_square
 /// The number of low bits that [`nth_smallest`] does not resolve: a relative error of 1 in 4000.
 const DROPPED_BITS: u32 = 11;
 
-/// Returns the value of a rank among non-negative values, rounded down.
+/// Returns the value that `rank` others are smaller than, rounded down, of non-negative values.
 ///
 /// The search is faster the closer `near` is to the result.
 pub(in crate::dic) fn nth_smallest(values: &[Lanes], rank: usize, near: f32) -> f32 {
@@ -52,6 +52,7 @@ vectorized! {
     fn values_below(values: &[Lanes], limit: f32) -> f32 = values_below_with
 }
 
+/// Implements [`values_below`] on vectors of type `V`.
 #[inline(always)]
 fn values_below_with<V: Vector>(values: &[Lanes], limit: f32) -> f32 {
     count_below::<V, false>(values, limit)
@@ -62,11 +63,13 @@ vectorized! {
     fn squares_below(values: &[Lanes], limit: f32) -> f32 = squares_below_with
 }
 
+/// Implements [`squares_below`] on vectors of type `V`.
 #[inline(always)]
 fn squares_below_with<V: Vector>(values: &[Lanes], limit: f32) -> f32 {
     count_below::<V, true>(values, limit)
 }
 
+/// Returns the number of values, or of their squares, that are smaller than a limit.
 #[inline(always)]
 fn count_below<V: Vector, const SQUARES: bool>(values: &[Lanes], limit: f32) -> f32 {
     let (one, limit) = (V::splat(1.0), V::splat(limit));

@@ -34,7 +34,7 @@ impl BodyMotion {
     }
 }
 
-/// Converts the failure of a match to a status.
+/// Converts the failure of a match to the status of a point.
 pub(super) fn status_of(lost: MatchError) -> PointStatus {
     match lost {
         MatchError::OutOfFrame => PointStatus::OutOfFrame,
@@ -42,8 +42,10 @@ pub(super) fn status_of(lost: MatchError) -> PointStatus {
     }
 }
 
-/// Propagates the inverse Hessian to the variances of u and v at an offset from the centre, and of the angle (rad).
-pub(super) fn spreads(inverse: &[[f64; 6]; 6], angle: f64, offset: Point) -> [f64; 3] {
+/// Propagates the inverse Hessian to an offset (px) from the centre of a body rotated by `angle` (rad).
+///
+/// Returns the variances of u and v there (px^2) and of the angle (rad^2), each per DN^2 of residual variance.
+pub(super) fn variance_factors(inverse: &[[f64; 6]; 6], angle: f64, offset: Point) -> [f64; 3] {
     let Point { x_px: dx, y_px: dy } = offset;
     // Derivatives of u and v at the offset with respect to (u, v, angle) of the centre.
     let (sin, cos) = angle.sin_cos();
@@ -51,13 +53,15 @@ pub(super) fn spreads(inverse: &[[f64; 6]; 6], angle: f64, offset: Point) -> [f6
     rows.map(|a| (0..3).map(|i| (0..3).map(|j| a[i] * inverse[i][j] * a[j]).sum::<f64>()).sum())
 }
 
-/// Returns the inverse Hessian of three parameters in the memory of six.
-fn padded(inverse: &[[f64; 3]; 3]) -> [[f64; 6]; 6] {
+/// Returns an inverse Hessian of three parameters, padded with zeros to six.
+fn pad_to_six(inverse: &[[f64; 3]; 3]) -> [[f64; 6]; 6] {
     std::array::from_fn(|i| std::array::from_fn(|j| if i < 3 && j < 3 { inverse[i][j] } else { 0.0 }))
 }
 
-/// Returns the motion and its uncertainty at an offset from the centre. `pool` holds the texture of the matched pixels,
-/// and `residual` is the residual of the match. `light` removes a smooth light field.
+/// Returns the motion of the point at an offset from the centre, with its uncertainty.
+///
+/// `pool` holds the texture of the matched pixels, and `residual` is the residual of the match. `light` removes a
+/// smooth light field.
 pub(super) fn motion(
     refiner: &Refiner<'_>,
     found: &Match,
@@ -71,12 +75,12 @@ pub(super) fn motion(
     let free = (pixels as f64 - 7.0).max(1.0);
     let variance = 2.0 * subset.energy * (1.0 - found.zncc) / free;
     let warp = light.and_then(|light| found.warp.after_inverse(&light.step)).unwrap_or(found.warp);
-    let inverse = light.map_or(subset.inverse, |light| padded(&light.inverse));
+    let inverse = light.map_or(subset.inverse, |light| pad_to_six(&light.inverse));
     let angle = warp.uy.atan2(1.0 + warp.ux);
     let Point { x_px: dx, y_px: dy } = offset;
     let (x, y) = warp.apply(dx, dy);
-    let [along_u, along_v, along_angle] = spreads(&inverse, angle, offset);
-    let factor = pool.factor().weighted_by_slopes(&GradientNoise::of(subset, window, residual));
+    let [along_u, along_v, along_angle] = variance_factors(&inverse, angle, offset);
+    let factor = pool.factor().weighted_by_slopes(&GradientNoise::of_window(subset, window, residual));
     let (var_u, var_v) = factor.variances(variance, along_u, along_v);
     let mean = 0.5 * (factor.x + factor.y);
     let (var_angle, _) = VarianceFactor { x: mean, y: mean }.variances(variance, along_angle, 0.0);

@@ -3,7 +3,7 @@
 use super::light_field::{LightCorrection, LightField};
 use super::motion::{BodyMotion, motion, status_of};
 use super::occlusion_map::OcclusionMap;
-use super::visibility::{VisibilityMap, even_out, is_noise};
+use super::visibility::{VisibilityMap, flatten_registration_errors, is_noise};
 use crate::dic::geometry::{Point, SubsetMask, Warp};
 use crate::dic::refine::{Match, Refiner};
 use crate::dic::subset::ReferenceSubset;
@@ -62,7 +62,7 @@ enum Mask {
     Residual,
 }
 
-/// Returns the gradients of all pixels of a body.
+/// Returns the gradients along x and y of all pixels of a body, packed.
 fn gradients<'a>(body: &Refiner<'a>) -> [&'a [Lanes]; 2] {
     [&body.subset.gradient_x, &body.subset.gradient_y]
 }
@@ -74,23 +74,29 @@ impl OcclusionSearch {
         self.visible.clear();
     }
 
-    /// Whether a match of all pixels left no residual that indicates occlusion.
-    pub(in crate::dic) fn is_whole(&mut self, body: &Refiner<'_>, found: &Match, residual: &[Lanes]) -> bool {
+    /// Whether a match of all pixels, with this residual, shows no sign of occlusion.
+    pub(in crate::dic) fn is_unoccluded(&mut self, body: &Refiner<'_>, found: &Match, residual: &[Lanes]) -> bool {
         let window = body.window;
         if found.zncc < MIN_WHOLE_ZNCC {
             return false;
         }
-        if self.visibility.is_whole(window, residual, MIN_NOISE_DN) {
+        if self.visibility.is_unoccluded(window, residual, MIN_NOISE_DN) {
             return true;
         }
         // The noise may only be uneven.
-        even_out(gradients(body), residual, &window.mask, MIN_NOISE_DN, &mut self.even);
-        self.visibility.is_whole(window, &self.even, MIN_NOISE_DN)
+        flatten_registration_errors(gradients(body), residual, &window.mask, MIN_NOISE_DN, &mut self.even);
+        self.visibility.is_unoccluded(window, &self.even, MIN_NOISE_DN)
     }
 
     /// Finds the visible pixels and their motion.
     ///
-    /// The start is at most about 1 px and 1 deg off, or a match of all pixels with its residual.
+    /// The start is at most about 1 px and 1 deg off, or a match of all pixels with its ZNCC and residual. Without a
+    /// match the ZNCC is 0 and the residual empty.
+    ///
+    /// # Errors
+    ///
+    /// [`PointStatus::OutOfFrame`], [`PointStatus::Occluded`] if less than 15 % is visible, or
+    /// [`PointStatus::LowCorrelation`] if the visible pixels do not match.
     pub(in crate::dic) fn find(
         &mut self,
         body: &Refiner<'_>,
@@ -98,7 +104,7 @@ impl OcclusionSearch {
         zncc: f64,
         residual: &[Lanes],
     ) -> Result<Match, PointStatus> {
-        if !body.inside(&start) {
+        if !body.is_inside(&start) {
             return Err(PointStatus::OutOfFrame);
         }
         let mut warp = start;
@@ -107,7 +113,7 @@ impl OcclusionSearch {
         let (rim_px, last) = (f64::from(body.window.half), coarse + RESIDUAL_ROUNDS);
         let is_matched = coarse == 0 && !residual.is_empty();
         if is_matched {
-            self.mask(body, residual, Mask::Residual);
+            self.update_mask(body, residual, Mask::Residual);
             self.restrict_to_visible(body)?;
         }
         for round in 0..last {
@@ -119,22 +125,26 @@ impl OcclusionSearch {
                 return Err(PointStatus::LowCorrelation);
             }
             warp = warp.after_inverse(&step).ok_or(PointStatus::LowCorrelation)?;
-            if !body.inside(&warp) {
+            if !body.is_inside(&warp) {
                 return Err(PointStatus::OutOfFrame);
             }
             if (is_matched || round > coarse) && length < CONVERGED_PX {
                 let zncc = (zncc + zncc_gain).min(1.0);
-                return self.check(body, Match { warp, second: [[0.0; 3]; 2], zncc, iterations: round + 1 }, noise);
+                return self.check_match(
+                    body,
+                    Match { warp, second: [[0.0; 3]; 2], zncc, iterations: round + 1 },
+                    noise,
+                );
             }
         }
         let found = self.refiner(body).refine(warp).map_err(status_of)?;
         let noise = self.update_visible(body, &found.warp, Mask::Residual);
-        self.check(body, found, noise)
+        self.check_match(body, found, noise)
     }
 
-    /// Checks a match: its residual must be noise, and its ZNCC high enough. Otherwise a small part of the body may fit
-    /// by chance.
-    fn check(&self, body: &Refiner<'_>, found: Match, noise: f32) -> Result<Match, PointStatus> {
+    /// Checks that the residual of a match is noise and its ZNCC high enough. Otherwise a small part of the body may
+    /// fit by chance. `noise` is the standard deviation of the residual, DN.
+    fn check_match(&self, body: &Refiner<'_>, found: Match, noise: f32) -> Result<Match, PointStatus> {
         let is_most = self.window.pixels as f64 >= MIN_CHANGED_FRACTION * body.window.pixels as f64;
         // Changed shading, or background within a polygon, leave a residual that is no noise.
         let is_changed = is_most && found.zncc >= MIN_WHOLE_ZNCC;
@@ -150,11 +160,11 @@ impl OcclusionSearch {
         let refiner = self.refiner(body);
         // The residual before the last step, which hardly changes it.
         refiner.residual_from(body, &self.samples, &mut residual);
-        even_out(gradients(body), &residual, &self.kept, MIN_NOISE_DN, &mut self.even);
+        flatten_registration_errors(gradients(body), &residual, &self.kept, MIN_NOISE_DN, &mut self.even);
         let noise = self.visibility.noise(&self.even, &self.kept).max(MIN_NOISE_DN);
         let pixels = self.visibility.mark_visible(body.window, &self.even, noise, &self.kept, &mut self.visible);
         residual.iter_mut().zip(&self.window.mask).for_each(|(residual, mask)| *residual = *residual * *mask);
-        let field = LightField::of(&self.subset, &self.window);
+        let field = LightField::new(&self.subset, &self.window);
         let light = field.and_then(|field| field.correction(&self.window, &residual));
         let light_deg = LightCorrection::rotation_deg(light.as_ref());
         let motion = motion(&self.refiner(body), found, offset, &mut pool, &residual, light);
@@ -185,7 +195,7 @@ impl OcclusionSearch {
         self.subset.restrict(body.subset, &self.window, body.shape).map_err(|_| PointStatus::LowContrast)
     }
 
-    /// Starts with all pixels visible.
+    /// Makes all pixels of the body visible.
     fn reset(&mut self, body: &Refiner<'_>) {
         self.window.clone_from(body.window);
         self.subset.clone_from(body.subset);
@@ -201,22 +211,23 @@ impl OcclusionSearch {
     /// the previously visible pixels.
     fn update_visible(&mut self, body: &Refiner<'_>, warp: &Warp, mask: Mask) -> f32 {
         let (mut samples, mut residual) = (std::mem::take(&mut self.samples), std::mem::take(&mut self.residual));
-        match body.sampled(warp, &mut samples) {
+        match body.sample_target(warp, &mut samples) {
             Ok(_) => self.refiner(body).residual_from(body, &samples, &mut residual),
             Err(_) => residual.clear(),
         }
-        let noise = self.mask(body, &residual, mask);
+        let noise = self.update_mask(body, &residual, mask);
         (self.samples, self.residual) = (samples, residual);
         noise
     }
 
-    /// Updates the visible pixels from the residual of the previously visible ones and returns its noise, DN.
-    fn mask(&mut self, body: &Refiner<'_>, residual: &[Lanes], mask: Mask) -> f32 {
-        even_out(gradients(body), residual, &self.kept, MIN_NOISE_DN, &mut self.even);
+    /// Updates the visible pixels by the criterion `mask` from a residual, and returns the noise of the residual on the
+    /// previously visible pixels, DN.
+    fn update_mask(&mut self, body: &Refiner<'_>, residual: &[Lanes], mask: Mask) -> f32 {
+        flatten_registration_errors(gradients(body), residual, &self.kept, MIN_NOISE_DN, &mut self.even);
         let noise = self.visibility.noise(&self.even, &self.kept).max(MIN_NOISE_DN);
         match mask {
-            Mask::Residual => self.visibility.by_residual(body.window, &self.even, noise, &mut self.kept),
-            Mask::Zncc => self.visibility.by_zncc(body.window, &body.subset.levels, residual, &mut self.kept),
+            Mask::Residual => self.visibility.mask_by_residual(body.window, &self.even, noise, &mut self.kept),
+            Mask::Zncc => self.visibility.mask_by_zncc(body.window, &body.subset.levels, residual, &mut self.kept),
         }
         body.window.restrict(&self.kept, &mut self.window);
         noise

@@ -121,12 +121,12 @@ impl PolarCorrelator {
         radii: Radii,
         near: Option<f64>,
     ) -> Result<RingRotation, PointStatus> {
-        let outer_px = radii.outer_px.min(reference.room()).min(target.room());
+        let outer_px = radii.outer_px.min(reference.inscribed_radius()).min(target.inscribed_radius());
         let mut grid = Grid::new(radii.inner_px, outer_px).ok_or(PointStatus::OutOfFrame)?;
         let (forward, backward) = self.plans(grid.columns);
         self.from.sample(reference, grid, forward.as_ref());
         self.to.sample(target, grid, forward.as_ref());
-        self.from.filter(grid, backward.as_ref());
+        self.from.band_pass(grid, backward.as_ref());
         for _ in 0..MAX_ROUNDS {
             let (angle, zncc) = self.peak(grid, near.map(f64::to_radians), backward.as_ref())?;
             let gain = self.align(grid, angle, backward.as_ref());
@@ -147,12 +147,17 @@ impl PolarCorrelator {
         Err(PointStatus::Occluded)
     }
 
+    /// Returns the plans of the forward and the inverse transform of one row.
     fn plans(&mut self, columns: usize) -> (Arc<dyn RealToComplex<f32>>, Arc<dyn ComplexToReal<f32>>) {
         let planner = self.planner.get_or_insert_with(RealFftPlanner::new);
         (planner.plan_fft_forward(columns), planner.plan_fft_inverse(columns))
     }
 
-    /// Returns the rotation of the highest correlation, rad, and its ZNCC.
+    /// Returns the rotation of the highest correlation, counter-clockwise, rad, and its ZNCC.
+    ///
+    /// # Errors
+    ///
+    /// The status of a ring without contrast, without a peak or with two.
     fn peak(
         &self,
         grid: Grid,
@@ -166,7 +171,7 @@ impl PolarCorrelator {
             let (weight, span) = (grid.weight(row), row * harmonics..(row + 1) * harmonics);
             for ((cross, a), b) in cross.iter_mut().zip(&self.from.spectrum[span.clone()]).zip(&self.to.spectrum[span])
             {
-                let (a, b) = (wide(*a), wide(*b));
+                let (a, b) = (to_f64(*a), to_f64(*b));
                 *cross += a.conj() * b * weight;
                 energies[0] += 2.0 * weight * a.norm_sqr();
                 energies[1] += 2.0 * weight * b.norm_sqr();
@@ -183,8 +188,8 @@ impl PolarCorrelator {
         if backward.process(&mut input, &mut correlation).is_err() {
             return Err(PointStatus::LowCorrelation);
         }
-        let start = best(&correlation, near).ok_or(PointStatus::LowCorrelation)??;
-        let angle = maximize(&cross, start).ok_or(PointStatus::LowCorrelation)?;
+        let start = highest_peak(&correlation, near).ok_or(PointStatus::LowCorrelation)??;
+        let angle = refine_peak(&cross, start).ok_or(PointStatus::LowCorrelation)?;
         let product: f64 = cross.iter().enumerate().map(|(k, c)| 2.0 * (c * rotation_factor(k, angle)).re).sum();
         Ok((angle, product / energy))
     }
@@ -198,13 +203,13 @@ impl PolarCorrelator {
         }
         for (k, value) in self.to.spectrum[..grid.rows * harmonics].iter().enumerate() {
             let k = k % harmonics;
-            let back = wide(*value) * rotation_factor(k, angle) / grid.columns as f64;
+            let back = to_f64(*value) * rotation_factor(k, angle) / grid.columns as f64;
             let slope = back * Complex::new(0.0, k as f64);
             self.aligned.spectrum.push(Complex::new(back.re as f32, back.im as f32));
             self.slope.spectrum.push(Complex::new(slope.re as f32, slope.im as f32));
         }
-        self.aligned.invert(grid, backward);
-        self.slope.invert(grid, backward);
+        self.aligned.inverse_transform(grid, backward);
+        self.slope.inverse_transform(grid, backward);
         let (mut product, mut energy) = (0.0, 0.0);
         for row in 0..grid.rows {
             let span = grid.span(row);
@@ -216,13 +221,13 @@ impl PolarCorrelator {
         product / energy
     }
 
-    /// Returns the residual of a sample of the aligned rings.
+    /// Returns the residual of a sample of the aligned rings: target times gain minus reference, DN.
     fn residual(&self, grid: Grid, gain: f64, row: usize, column: usize) -> f64 {
         let place = row * grid.columns + column;
         gain * f64::from(self.aligned.levels[place]) - f64::from(self.from.levels[place])
     }
 
-    /// Returns the number of rows inside the first occluded one.
+    /// Returns the number of rows from the inner radius to the first occluded row.
     fn visible_rows(&self, grid: Grid, gain: f64) -> usize {
         let bands = grid.rows.div_ceil(CELL_ROWS);
         let mut cells = Vec::new();
@@ -231,10 +236,10 @@ impl PolarCorrelator {
             let count = ((TAU * grid.radius(rows.start) / CELL_PX) as usize).clamp(4, grid.columns);
             for cell in 0..count {
                 let columns = cell * grid.columns / count..(cell + 1) * grid.columns / count;
-                let of_row = |row: usize| -> f64 {
+                let sum_of_row = |row: usize| -> f64 {
                     columns.clone().map(|column| self.residual(grid, gain, row, column).powi(2)).sum()
                 };
-                let sum: f64 = rows.clone().map(of_row).sum();
+                let sum: f64 = rows.clone().map(sum_of_row).sum();
                 cells.push((band, sum / (rows.len() * columns.len()) as f64));
             }
         }
@@ -270,9 +275,9 @@ impl PolarCorrelator {
 }
 
 impl PolarImage {
-    /// Samples rows and harmonics from a frame.
+    /// Samples the rings about the body's centre from a frame and computes their harmonics.
     fn sample(&mut self, body: CenteredFrame<'_>, grid: Grid, forward: &dyn RealToComplex<f32>) {
-        let (frame, Point { x_px: x, y_px: y }) = (body.frame, body.local());
+        let (frame, Point { x_px: x, y_px: y }) = (body.frame, body.local_center());
         self.levels.clear();
         self.spectrum.clear();
         let directions: Vec<_> = (0..grid.columns).map(|k| (TAU * k as f64 / grid.columns as f64).sin_cos()).collect();
@@ -281,7 +286,7 @@ impl PolarImage {
         for row in 0..grid.rows {
             let radius = grid.radius(row);
             for (level, (sin, cos)) in line.iter_mut().zip(&directions) {
-                *level = frame.interpolated.at(x + radius * cos, y - radius * sin);
+                *level = frame.interpolated.value_at(x + radius * cos, y - radius * sin);
             }
             // The lengths match the plan, so this cannot fail.
             let _ = forward.process(&mut line, &mut harmonics);
@@ -292,17 +297,17 @@ impl PolarImage {
         }
     }
 
-    /// Computes the rows from the compared harmonics, which are kept.
-    fn filter(&mut self, grid: Grid, backward: &dyn ComplexToReal<f32>) {
+    /// Computes the rows from the compared harmonics only. The spectrum is kept.
+    fn band_pass(&mut self, grid: Grid, backward: &dyn ComplexToReal<f32>) {
         let kept = self.spectrum.clone();
         self.levels.resize(grid.rows * grid.columns, 0.0);
         self.spectrum.iter_mut().for_each(|c| *c /= grid.columns as f32);
-        self.invert(grid, backward);
+        self.inverse_transform(grid, backward);
         self.spectrum = kept;
     }
 
-    /// Computes the rows from the harmonics, which are overwritten.
-    fn invert(&mut self, grid: Grid, backward: &dyn ComplexToReal<f32>) {
+    /// Computes the rows from the harmonics. The spectrum is overwritten.
+    fn inverse_transform(&mut self, grid: Grid, backward: &dyn ComplexToReal<f32>) {
         let harmonics = self.spectrum.chunks_exact_mut(grid.harmonics());
         for (harmonics, row) in harmonics.zip(self.levels.chunks_exact_mut(grid.columns)) {
             let _ = backward.process(harmonics, row);
@@ -311,6 +316,7 @@ impl PolarImage {
 }
 
 impl Grid {
+    /// Plans rows 1 px apart between two radii, with samples 0.5 px apart on the outer one; `None` if there is no room.
     fn new(inner_px: f64, outer_px: f64) -> Option<Self> {
         let sound = inner_px >= 1.0 && outer_px <= 1e4 && outer_px - inner_px >= MIN_ROWS as f64;
         sound.then(|| {
@@ -319,34 +325,37 @@ impl Grid {
         })
     }
 
+    /// Returns the number of harmonics of a row.
     fn harmonics(&self) -> usize {
         self.columns / 2 + 1
     }
 
+    /// Returns the radius of a row, px.
     fn radius(&self, row: usize) -> f64 {
         self.inner_px + row as f64 + 0.5
     }
 
-    /// Returns the pixels per sample of a row.
+    /// Returns the spacing of the samples of a row, px: the weight of each.
     fn weight(&self, row: usize) -> f64 {
         TAU * self.radius(row) / self.columns as f64
     }
 
+    /// Returns the indices of the samples of a row.
     fn span(&self, row: usize) -> std::ops::Range<usize> {
         row * self.columns..(row + 1) * self.columns
     }
 }
 
 impl CenteredFrame<'_> {
-    /// Returns the centre in the prepared part of the frame.
-    fn local(&self) -> Point {
+    /// Returns the centre relative to the corner of the prepared part of the frame.
+    fn local_center(&self) -> Point {
         let Pixel { x, y } = self.frame.local(GridPoint { x: 0, y: 0 });
         Point::new(self.center.x_px + f64::from(x), self.center.y_px + f64::from(y))
     }
 
     /// Returns the radius of the largest circle around the centre inside the prepared part of the frame, px.
-    fn room(&self) -> f64 {
-        let Point { x_px: x, y_px: y } = self.local();
+    fn inscribed_radius(&self) -> f64 {
+        let Point { x_px: x, y_px: y } = self.local_center();
         if x.is_nan() || y.is_nan() {
             return f64::NEG_INFINITY;
         }
@@ -355,11 +364,12 @@ impl CenteredFrame<'_> {
     }
 }
 
-fn wide(c: Complex<f32>) -> Complex<f64> {
+/// Converts a complex number to double precision.
+fn to_f64(c: Complex<f32>) -> Complex<f64> {
     Complex::new(f64::from(c.re), f64::from(c.im))
 }
 
-/// Returns the factor that rotates a harmonic back by an angle.
+/// Returns the factor that rotates a harmonic back by an angle, rad.
 fn rotation_factor(harmonic: usize, angle: f64) -> Complex<f64> {
     let (sin, cos) = (harmonic as f64 * angle).sin_cos();
     Complex::new(cos, sin)
@@ -368,8 +378,10 @@ fn rotation_factor(harmonic: usize, angle: f64) -> Complex<f64> {
 /// The range of accepted rotations around `near`, rad.
 const NEAR_RAD: f64 = PI / 9.0;
 
-/// Returns the angle of the highest sample, rad; ambiguous if another peak is about as high.
-fn best(correlation: &[f32], near: Option<f64>) -> Option<Result<f64, PointStatus>> {
+/// Returns the angle of the highest peak among the samples of a full turn, -pi to pi rad.
+///
+/// `None` without a peak within [`NEAR_RAD`] of `near`, [`PointStatus::Ambiguous`] if another is about as high.
+fn highest_peak(correlation: &[f32], near: Option<f64>) -> Option<Result<f64, PointStatus>> {
     let count = correlation.len();
     let angle = |k: usize| {
         let angle = TAU * k as f64 / count as f64;
@@ -388,8 +400,9 @@ fn best(correlation: &[f32], near: Option<f64>) -> Option<Result<f64, PointStatu
     Some(if is_rival { Err(PointStatus::Ambiguous) } else { Ok(angle(first)) })
 }
 
-/// Returns the maximum of a sum of harmonics near an angle, rad, by Newton's method.
-fn maximize(cross: &[Complex<f64>], start: f64) -> Option<f64> {
+/// Returns the angle of the maximum of a sum of harmonics near `start`, rad, by Newton's method; `None` if it is not
+/// found within three samples.
+fn refine_peak(cross: &[Complex<f64>], start: f64) -> Option<f64> {
     let step = PI / cross.len() as f64;
     let mut angle = start;
     for _ in 0..20 {

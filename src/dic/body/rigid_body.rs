@@ -4,7 +4,7 @@
 //! all pixels is closer to the Cramer-Rao bound, and cheaper.
 
 use super::light_field::{LightCorrection, LightField};
-use super::motion::{BodyMotion, motion, spreads, status_of};
+use super::motion::{BodyMotion, motion, status_of, variance_factors};
 use super::occlusion::OcclusionSearch;
 use super::occlusion_map::OcclusionMap;
 use crate::dic::geometry::{GridPoint, PlanarMotion, Point, Region, Shape, SubsetMask, Warp};
@@ -32,7 +32,7 @@ pub struct RigidBody {
     occlusion: OcclusionSearch,
     /// The gradient gain of the texture: the factor that corrects one Gauss-Newton step.
     gradient_gain: f64,
-    /// Smooth light on it.
+    /// Smooth light on the body, where its pixels separate light from motion.
     light: Option<Box<LightField>>,
 }
 
@@ -75,9 +75,9 @@ impl RigidBody {
         pool.clear();
         pool.add_texture(subset, window);
         occlusion.plan(window);
-        let spans = window.spans(reference.local(at), reference.levels.height());
-        self.light = LightField::of(subset, window).map(Box::new);
-        self.gradient_gain = GradientGain::of(reference, &spans).gain();
+        let spans = window.row_spans(reference.local(at), reference.levels.height());
+        self.light = LightField::new(subset, window).map(Box::new);
+        self.gradient_gain = GradientGain::of_spans(reference, &spans).gain();
         Ok(())
     }
 
@@ -99,7 +99,7 @@ impl RigidBody {
     /// <https://doi.org/10.1364/OE.16.007037>), corrected by the gradient gain. The uncertainty that a match reports is
     /// computed from its residual instead.
     pub fn expected_sigma(&self, point: Point, noise_dn: f64) -> [f64; 3] {
-        let variances = spreads(&self.subset.inverse, 0.0, point.from(self.center()));
+        let variances = variance_factors(&self.subset.inverse, 0.0, point.relative_to(self.center()));
         let [u, v, angle] = variances.map(|spread| (2.0 * spread).sqrt() * noise_dn * self.gradient_gain);
         [u, v, angle.to_degrees()]
     }
@@ -158,7 +158,7 @@ impl RigidBody {
         occlusion.clear_occlusion();
         let plain = self.refiner(target).refine_near(start, self.gradient_gain, &mut residual).map_err(status_of);
         let found = match plain {
-            Ok(found) if occlusion.is_whole(&self.refiner(target), &found, &residual) => {
+            Ok(found) if occlusion.is_unoccluded(&self.refiner(target), &found, &residual) => {
                 Ok(self.body_motion(target, &found, offset, &residual))
             }
             _ => {
@@ -191,7 +191,7 @@ impl RigidBody {
     /// Returns the initial warp for a motion of a point, and the offset of the point from the centre.
     fn start(&self, point: Point, near: PlanarMotion) -> (Warp, Point) {
         let center = self.center();
-        (near.at(center.from(point)).warp(), point.from(center))
+        (near.at_offset(center.relative_to(point)).warp(), point.relative_to(center))
     }
 
     /// Computes the motion and its uncertainty from a match of all pixels and its residual.
@@ -205,11 +205,12 @@ impl RigidBody {
         BodyMotion { motion, zncc: found.zncc, visible_fraction: 1.0, light_deg }
     }
 
-    /// Runs the match from an initial warp.
+    /// Runs the match of all pixels from an initial warp.
     pub(in crate::dic) fn refine(&self, target: &PreparedFrame, start: Warp) -> Result<Match, PointStatus> {
         self.refiner(target).refine(start).map_err(status_of)
     }
 
+    /// Returns the refiner of all pixels in a target.
     fn refiner<'a>(&'a self, target: &'a PreparedFrame) -> Refiner<'a> {
         Refiner {
             subset: &self.subset,

@@ -39,9 +39,9 @@ struct Candidate {
 }
 
 impl Candidate {
-    /// Returns the motion from a centre in the reference.
+    /// Returns the motion that moves `center`, the body's in the subsampled reference, to this position.
     fn motion_of(&self, center: Point) -> PlanarMotion {
-        let offset = self.center.from(center);
+        let offset = self.center.relative_to(center);
         PlanarMotion { u_px: offset.x_px, v_px: offset.y_px, angle_deg: self.angle_rad.to_degrees() }
     }
 }
@@ -71,16 +71,16 @@ pub fn find_at_any_angle(
 ) -> Result<BodyMotion, PointStatus> {
     let mut body = RigidBody::new(reference, region)?;
     let coarse = SubsampledPair::new(reference, target, region, &body)?;
-    let candidates = all_angles(&coarse.body, &coarse.reference, &coarse.target, std::f64::consts::PI);
-    let matches = refined(&coarse.body, &coarse.target, &candidates);
+    let candidates = search_angles(&coarse.body, &coarse.reference, &coarse.target, std::f64::consts::PI);
+    let matches = refine_candidates(&coarse.body, &coarse.target, &candidates);
     let best = matches.first().filter(|found| found.zncc >= MIN_ZNCC).ok_or(PointStatus::LowCorrelation)?;
-    let rival = matches.iter().find(|other| differs(best, other));
+    let rival = matches.iter().find(|other| are_different(best, other));
     if rival.is_some_and(|other| 1.0 - other.zncc < 2.0 * (1.0 - best.zncc) + 0.02) {
         return Err(PointStatus::Ambiguous);
     }
     let center = body.center();
-    let found = body.find(target, center, coarse.full(&best.warp, center))?;
-    body.find(target, point, found.motion.planar().at(point.from(center)))
+    let found = body.find(target, center, coarse.full_motion(&best.warp, center))?;
+    body.find(target, point, found.motion.planar().at_offset(point.relative_to(center)))
 }
 
 /// Finds the motion of a partly occluded body among rotations of at most `max_deg` either way.
@@ -106,10 +106,10 @@ pub fn find_occluded_within_angle(
     let mut coarse = SubsampledPair::new(reference, target, region, &body)?;
     let (center, coarse_center) = (body.center(), coarse.body.center());
     let mut found: Vec<BodyMotion> = Vec::new();
-    for candidate in all_angles(&coarse.body, &coarse.reference, &coarse.target, max_deg.to_radians()) {
+    for candidate in search_angles(&coarse.body, &coarse.reference, &coarse.target, max_deg.to_radians()) {
         let near = candidate.motion_of(coarse_center);
         let Ok(rough) = coarse.body.find_visible(&coarse.target, coarse_center, near) else { continue };
-        let near = coarse.full(&rough.motion.planar().warp(), center).at(point.from(center));
+        let near = coarse.full_motion(&rough.motion.planar().warp(), center).at_offset(point.relative_to(center));
         found.extend(body.find_visible(target, point, near));
     }
     let weight = |motion: &BodyMotion| motion.visible_fraction * motion.zncc;
@@ -132,6 +132,15 @@ struct SubsampledPair {
 }
 
 impl SubsampledPair {
+    /// Subsamples two whole frames and extracts the body in the first.
+    ///
+    /// # Errors
+    ///
+    /// The errors of [`RigidBody::new`].
+    ///
+    /// # Panics
+    ///
+    /// If only a part of either frame was prepared.
     fn new(
         reference: &PreparedFrame,
         target: &PreparedFrame,
@@ -142,16 +151,16 @@ impl SubsampledPair {
         let factor = coarse_factor(reference, body);
         let coarse = |frame: &PreparedFrame| {
             let mut prepared = PreparedFrame::default();
-            prepared.fill(subsampled(&frame.levels, factor).view(), Interpolation::Optimised);
+            prepared.fill(subsample(&frame.levels, factor).view(), Interpolation::Optimised);
             prepared
         };
         let (reference, target) = (coarse(reference), coarse(target));
-        let body = RigidBody::new(&reference, &scaled(region, factor))?;
+        let body = RigidBody::new(&reference, &subsampled_region(region, factor))?;
         Ok(Self { factor, reference, target, body })
     }
 
-    /// Converts a warp of the subsampled body to the motion of the full body's centre.
-    fn full(&self, warp: &Warp, center: Point) -> PlanarMotion {
+    /// Converts a warp of the subsampled body to the motion of the full body's `center`, px.
+    fn full_motion(&self, warp: &Warp, center: Point) -> PlanarMotion {
         let scale = self.factor as f64;
         let full = |coarse: f64| coarse * scale + 0.5 * (scale - 1.0);
         let coarse = self.body.center();
@@ -162,7 +171,7 @@ impl SubsampledPair {
     }
 }
 
-/// Returns the subsampling factor along each axis.
+/// Returns the subsampling factor along each axis: small images are fast, but the body must keep some pixels.
 fn coarse_factor(frame: &PreparedFrame, body: &RigidBody) -> usize {
     let radius = (body.pixels() as f64 / std::f64::consts::PI).sqrt();
     let side = frame.width().max(frame.height());
@@ -171,8 +180,8 @@ fn coarse_factor(frame: &PreparedFrame, body: &RigidBody) -> usize {
     wanted.clamp(1, allowed)
 }
 
-/// Averages squares of `factor` x `factor` pixels.
-fn subsampled(levels: &PaddedImage, factor: usize) -> Image {
+/// Returns the image of the means over squares of `factor` x `factor` pixels.
+fn subsample(levels: &PaddedImage, factor: usize) -> Image {
     let (width, height) = (levels.width() / factor, levels.height() / factor);
     let mut image = Image::new(width, height);
     let scale = 1.0 / (factor * factor) as f32;
@@ -186,8 +195,8 @@ fn subsampled(levels: &PaddedImage, factor: usize) -> Image {
     image
 }
 
-/// Converts a region to subsampled pixels.
-fn scaled(region: &Region, factor: usize) -> Region {
+/// Converts a region in pixels to one in subsampled pixels.
+fn subsampled_region(region: &Region, factor: usize) -> Region {
     let scale = factor as f64;
     let place = |full: f64| (full - 0.5 * (scale - 1.0)) / scale;
     let line = |corners: &[[f64; 2]]| corners.iter().map(|[x, y]| [place(*x), place(*y)]).collect();
@@ -208,13 +217,13 @@ fn scaled(region: &Region, factor: usize) -> Region {
 }
 
 /// Returns the best position at each rotation up to `max_rad` that scores higher than its neighbours, best first.
-fn all_angles(body: &RigidBody, reference: &PreparedFrame, target: &PreparedFrame, max_rad: f64) -> Vec<Candidate> {
+fn search_angles(body: &RigidBody, reference: &PreparedFrame, target: &PreparedFrame, max_rad: f64) -> Vec<Candidate> {
     let radius = f64::from(body.window().half);
     let count = ((std::f64::consts::TAU * radius / RIM_STEP).ceil() as usize).clamp(12, 720);
     let mut search = MaskedSearch::new(target);
     let angle = |k: usize| std::f64::consts::TAU * k as f64 / count as f64;
     let is_tried = |k: &usize| angle(*k).min(std::f64::consts::TAU - angle(*k)) <= max_rad;
-    let search = |k: usize| Some(k).filter(is_tried).and_then(|k| search.best(body, reference, angle(k)));
+    let search = |k: usize| Some(k).filter(is_tried).and_then(|k| search.best_position(body, reference, angle(k)));
     let found: Vec<Option<Candidate>> = (0..count).map(search).collect();
     let score = |k: usize| found[k % count].map_or(f32::NEG_INFINITY, |candidate| candidate.score);
     let peaks = (0..count).filter(|k| score(*k) >= score(k + 1) && score(*k) > score(k + count - 1));
@@ -225,10 +234,10 @@ fn all_angles(body: &RigidBody, reference: &PreparedFrame, target: &PreparedFram
 }
 
 /// Refines the candidates to sub-pixel precision and sorts them, best first.
-fn refined(body: &RigidBody, target: &PreparedFrame, candidates: &[Candidate]) -> Vec<Match> {
+fn refine_candidates(body: &RigidBody, target: &PreparedFrame, candidates: &[Candidate]) -> Vec<Match> {
     let center = body.center();
     let refined = |candidate: &Candidate| {
-        let offset = candidate.center.from(center);
+        let offset = candidate.center.relative_to(center);
         body.refine(target, Warp::rigid(offset.x_px, offset.y_px, candidate.angle_rad)).ok()
     };
     let mut matches: Vec<Match> = candidates.iter().filter_map(refined).collect();
@@ -237,7 +246,7 @@ fn refined(body: &RigidBody, target: &PreparedFrame, candidates: &[Candidate]) -
 }
 
 /// Whether two matches are different motions rather than one motion found twice.
-fn differs(a: &Match, b: &Match) -> bool {
+fn are_different(a: &Match, b: &Match) -> bool {
     let (a, b) = (a.warp, b.warp);
     let turned = (a.ux - b.ux).hypot(a.uy - b.uy);
     (a.u - b.u).hypot(a.v - b.v) > 2.0 || turned > 0.1
@@ -261,6 +270,7 @@ struct MaskedSearch {
 }
 
 impl MaskedSearch {
+    /// Computes the spectra of a target.
     fn new(target: &PreparedFrame) -> Self {
         let (width, height) = (target.width(), target.height());
         let mut fft = Fft2d::new(fast_size(width.max(height)));
@@ -277,9 +287,9 @@ impl MaskedSearch {
         Self { fft, width, height, levels, squares, template, product, sums }
     }
 
-    /// Returns the best position of the body rotated by an angle, or `None` if it fits nowhere.
-    fn best(&mut self, body: &RigidBody, reference: &PreparedFrame, angle_rad: f64) -> Option<Candidate> {
-        let template = Template::turned(body, reference, angle_rad);
+    /// Returns the position of the highest correlation of the body rotated by an angle; `None` if it fits nowhere.
+    fn best_position(&mut self, body: &RigidBody, reference: &PreparedFrame, angle_rad: f64) -> Option<Candidate> {
+        let template = Template::rotated(body, reference, angle_rad);
         let size = self.fft.size();
         if template.reach.0 * 2 >= self.width || template.reach.1 * 2 >= self.height {
             return None;
@@ -336,7 +346,8 @@ struct Template {
 }
 
 impl Template {
-    fn turned(body: &RigidBody, reference: &PreparedFrame, angle_rad: f64) -> Self {
+    /// Samples the body of the reference, rotated counter-clockwise by an angle about its centre.
+    fn rotated(body: &RigidBody, reference: &PreparedFrame, angle_rad: f64) -> Self {
         let window = body.window();
         let reach = (f64::from(window.half) * std::f64::consts::SQRT_2).ceil() as i32;
         let back = Warp::rigid(0.0, 0.0, -angle_rad);
@@ -345,8 +356,8 @@ impl Template {
         for dy in -reach..=reach {
             for dx in -reach..=reach {
                 let (x, y) = back.apply(f64::from(dx), f64::from(dy));
-                if window.holds(x.round() as i32, y.round() as i32) {
-                    pixels.push((dx, dy, reference.interpolated.at(cx + x, cy + y)));
+                if window.contains(x.round() as i32, y.round() as i32) {
+                    pixels.push((dx, dy, reference.interpolated.value_at(cx + x, cy + y)));
                 }
             }
         }

@@ -8,8 +8,8 @@ use crate::dic::geometry::GridPoint;
 use crate::dic::image::PreparedFrame;
 use crate::numeric::quantile;
 
-/// The limits of the test. They separate films of an independent ray tracer: 12 marked balls had contrast in 0.44 to 0.97
-/// of their cells, plain balls with two lamps or a ring light in 0.12 to 0.22.
+/// The limits of the test. They separate films of an independent ray tracer: 12 marked balls had contrast in 0.44 to
+/// 0.97 of their cells, plain balls with two lamps or a ring light in 0.12 to 0.22.
 struct Limits {
     /// The part of the radius that is examined. Towards the rim, shading falls off as fast as texture.
     radius_fraction: f64,
@@ -124,7 +124,7 @@ impl Cell {
     }
 }
 
-/// Returns the standard deviation of the noise in a disc, DN.
+/// Returns the standard deviation of the noise in a disc, DN; `None` without a prepared pixel.
 fn noise_dn(frame: &PreparedFrame, disc: BallDisc) -> Option<f64> {
     let at = |x: i32, y: i32| frame.levels.data()[frame.levels.index(x as isize, y as isize)];
     let second = |(x, y): (i32, i32)| {
@@ -136,11 +136,12 @@ fn noise_dn(frame: &PreparedFrame, disc: BallDisc) -> Option<f64> {
     Some((f64::from(size) / (NORMAL_QUANTILE * SECOND_DIFFERENCE_GAIN)).max(LIMITS.min_noise_dn))
 }
 
+/// Returns the grey levels of the prepared pixels of a disc, DN, minus the frame's offset.
 fn levels(frame: &PreparedFrame, disc: BallDisc) -> impl Iterator<Item = f32> {
     pixels(frame, disc).map(|(x, y)| frame.levels.data()[frame.levels.index(x as isize, y as isize)])
 }
 
-/// Returns the prepared pixels of a disc, relative to the corner of the prepared part.
+/// Returns column and row of the prepared pixels of a disc, relative to the corner of the prepared part.
 fn pixels(frame: &PreparedFrame, disc: BallDisc) -> impl Iterator<Item = (i32, i32)> {
     let origin = frame.local(GridPoint { x: 0, y: 0 });
     let (x, y) = (disc.x_px + f64::from(origin.x), disc.y_px + f64::from(origin.y));
@@ -154,7 +155,8 @@ fn pixels(frame: &PreparedFrame, disc: BallDisc) -> impl Iterator<Item = (i32, i
         .filter(move |(column, row)| (f64::from(*column) - x).hypot(f64::from(*row) - y) < disc.radius_px)
 }
 
-/// Returns the grey level of a pixel of the image; `None` off the disc or off the prepared part.
+/// Returns the grey level of the pixel (x, y) of the image, DN, minus the frame's offset; `None` off the disc or off
+/// the prepared part.
 fn level(frame: &PreparedFrame, disc: BallDisc, x: i32, y: i32) -> Option<f32> {
     let is_inside = (f64::from(x) - disc.x_px).hypot(f64::from(y) - disc.y_px) < disc.radius_px;
     let origin = frame.local(GridPoint { x: 0, y: 0 });

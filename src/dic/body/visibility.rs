@@ -6,8 +6,8 @@
 
 use multiversion::multiversion;
 
-use super::box_filter::{add_around, are_strips_within, are_within, box_sums, strip_minima};
-use super::median_residual::{median_size, nth_smallest};
+use super::box_filter::{are_strips_within, are_within, box_sums, neighbourhood_sums, strip_minima};
+use super::median_residual::{median_absolute, nth_smallest};
 use crate::dic::geometry::{Size, SubsetMask};
 use crate::numeric::{LANES, Lanes, median};
 
@@ -79,7 +79,7 @@ impl VisibilityMap {
             plane.resize(len, 0.0);
         }
         self.columns.resize(len.max(stride), 0.0);
-        add_around(&self.mask, stride, &mut self.columns, &mut self.neighbours);
+        neighbourhood_sums(&self.mask, stride, &mut self.columns, &mut self.neighbours);
         let off = self.neighbours.iter_mut().zip(&self.mask).filter(|(_, mask)| **mask < 0.5);
         off.for_each(|(near, _)| *near = OFF_BODY);
         strip_minima(&self.neighbours, stride, &mut self.strip_neighbours);
@@ -91,35 +91,35 @@ impl VisibilityMap {
     /// Whether the residual of the planned body is noise everywhere, so that no mask would remove a pixel.
     ///
     /// `min_noise` is the lower limit of the noise, DN.
-    pub(in crate::dic) fn is_whole(&mut self, window: &SubsetMask, residual: &[Lanes], min_noise: f32) -> bool {
+    pub(in crate::dic) fn is_unoccluded(&mut self, window: &SubsetMask, residual: &[Lanes], min_noise: f32) -> bool {
         let squares = sum_of_squares(residual);
         let (step, pixels) = self.sampled;
         self.sample.clear();
         self.sample.extend(residual.iter().step_by(step));
-        let median = median_size(&self.sample, pixels, squares / window.pixels as f64);
+        let median = median_absolute(&self.sample, pixels, squares / window.pixels as f64);
         let noise = (1.4826 * median).max(min_noise);
         if squares > window.pixels as f64 * f64::from(MAX_RMS_RATIO * noise).powi(2) {
             return false;
         }
-        self.square(window, residual);
+        self.load_squares(window, residual);
         let limit = (MAX_LOCAL_RESIDUAL * noise).powi(2);
         // The larger neighbourhoods of the strips are mostly sufficient.
         are_strips_within(&self.squares, &self.strip_neighbours, self.stride, limit, &mut self.columns)
             || are_within(&self.squares, &self.neighbours, self.stride, limit, &mut self.columns)
     }
 
-    /// Loads the squares of a residual.
-    fn square(&mut self, window: &SubsetMask, residual: &[Lanes]) {
+    /// Loads the squares of a residual into a plane; zeros for an empty residual.
+    fn load_squares(&mut self, window: &SubsetMask, residual: &[Lanes]) {
         if residual.is_empty() {
             self.squares.fill(0.0);
         }
         // All residuals of one body have the same layout.
-        for (first, row) in places(window, self.stride).zip(residual) {
+        for (first, row) in row_starts(window, self.stride).zip(residual) {
             self.squares[first..first + LANES].copy_from_slice(&(*row * *row).0);
         }
     }
 
-    /// Loads a reference and its residual, both packed like the window's mask.
+    /// Loads the mask of a window, a reference and its residual, both packed like the mask, into planes.
     fn load(&mut self, window: &SubsetMask, reference: &[Lanes], residual: &[Lanes]) {
         let Size { width, height } = window.extent.size();
         // The lanes of whole blocks may extend over the rectangle to both sides.
@@ -130,14 +130,14 @@ impl VisibilityMap {
         {
             plane.clear();
             plane.resize(len, 0.0);
-            for (first, row) in places(window, self.stride).zip(packed) {
+            for (first, row) in row_starts(window, self.stride).zip(packed) {
                 plane[first..first + LANES].copy_from_slice(&row.0);
             }
         }
     }
 
-    /// Sets `kept` to 1 where the local ZNCC is high enough, else to 0.
-    pub(in crate::dic) fn by_zncc(
+    /// Sets `kept` to 1 where the local ZNCC between reference and target is high enough, else to 0.
+    pub(in crate::dic) fn mask_by_zncc(
         &mut self,
         window: &SubsetMask,
         reference: &[Lanes],
@@ -163,23 +163,23 @@ impl VisibilityMap {
                 (fg[at] - f[at] * g[at] / n, ff[at] - f[at] * f[at] / n, gg[at] - g[at] * g[at] / n);
             both > 0.0 && both * both > MIN_LOCAL_ZNCC * MIN_LOCAL_ZNCC * own * other
         };
-        pick(window, stride, alike, kept);
+        build_mask(window, stride, alike, kept);
     }
 
-    /// Sets `kept` to 1 where the local residual is noise, else to 0.
-    pub(in crate::dic) fn by_residual(
+    /// Sets `kept` to 1 where the local residual is noise of the standard deviation `noise`, DN, else to 0.
+    pub(in crate::dic) fn mask_by_residual(
         &mut self,
         window: &SubsetMask,
         residual: &[Lanes],
         noise: f32,
         kept: &mut Vec<Lanes>,
     ) {
-        self.square(window, residual);
+        self.load_squares(window, residual);
         let Self { squares, neighbours, product, columns, stride, .. } = self;
         let limit = (MAX_LOCAL_RESIDUAL * noise).powi(2);
-        add_around(squares, *stride, columns, product);
+        neighbourhood_sums(squares, *stride, columns, product);
         kept.resize(window.mask.len(), Lanes::splat(0.0));
-        for ((first, mask), kept) in places(window, *stride).zip(&window.mask).zip(kept) {
+        for ((first, mask), kept) in row_starts(window, *stride).zip(&window.mask).zip(kept) {
             let (square, pixels) = (&product[first..][..LANES], &neighbours[first..][..LANES]);
             for lane in 0..LANES {
                 kept.0[lane] = if square[lane] < limit * pixels[lane] { mask.0[lane] } else { 0.0 };
@@ -187,7 +187,7 @@ impl VisibilityMap {
         }
     }
 
-    /// Determines the visible pixels and returns their number, including those next to an occluder.
+    /// Sets `visible` to 1 at the visible pixels, including those next to an occluder, and returns their number.
     ///
     /// A pixel within reach of a kept pixel counts if its own residual is noise. Without a residual all such pixels
     /// count.
@@ -201,25 +201,25 @@ impl VisibilityMap {
     ) -> usize {
         let Self { product, columns, sums: [near, ..], stride, .. } = self;
         product.fill(0.0);
-        for (first, row) in places(window, *stride).zip(kept) {
+        for (first, row) in row_starts(window, *stride).zip(kept) {
             product[first..first + LANES].copy_from_slice(&row.0);
         }
-        add_around(product, *stride, columns, near);
+        neighbourhood_sums(product, *stride, columns, near);
         let (limit, nothing) = (MAX_OWN_RESIDUAL * noise, [Lanes::splat(0.0)]);
         let residual = residual.iter().chain(nothing.iter().cycle());
         visible.resize(window.mask.len(), Lanes::splat(0.0));
         let rows = window.mask.iter().zip(kept.iter().zip(residual)).zip(visible.iter_mut());
-        for (first, ((mask, (kept, residual)), visible)) in places(window, *stride).zip(rows) {
+        for (first, ((mask, (kept, residual)), visible)) in row_starts(window, *stride).zip(rows) {
             let near = &near[first..][..LANES];
             for (lane, visible) in visible.0.iter_mut().enumerate() {
                 let is_seen = kept.0[lane] > 0.5 || (near[lane] > 0.5 && residual.0[lane].abs() < limit);
                 *visible = if is_seen { mask.0[lane] } else { 0.0 };
             }
         }
-        count(visible)
+        count_kept(visible)
     }
 
-    /// Returns the standard deviation of the residual where `kept` is 1, estimated robustly from its median.
+    /// Returns the standard deviation of the residual where `kept` is 1, DN, estimated robustly from its median.
     pub(in crate::dic) fn noise(&mut self, residual: &[Lanes], kept: &[Lanes]) -> f32 {
         self.sizes.resize(residual.len(), Lanes::splat(0.0));
         for (size, (residual, kept)) in self.sizes.iter_mut().zip(residual.iter().zip(kept)) {
@@ -227,7 +227,7 @@ impl VisibilityMap {
                 size.0[lane] = if kept.0[lane] > 0.5 { residual.0[lane].abs() } else { f32::INFINITY };
             }
         }
-        let pixels = count(kept);
+        let pixels = count_kept(kept);
         if residual.is_empty() || pixels == 0 {
             return 0.0;
         }
@@ -236,12 +236,12 @@ impl VisibilityMap {
     }
 }
 
-/// Returns the residual of a body with its errors of registration and interpolation scaled down to the noise.
+/// Copies the residual of a body to `out` with its errors of registration and interpolation scaled down to the noise.
 ///
-/// These errors are proportional to the gradient, so a residual is uneven where sharp print stands next to smooth paper.
-/// Their size is estimated from the pixels with the largest gradients among those where `kept` is 1, relative to those
-/// with the smallest. `min_noise` is the lower limit of the noise, DN.
-pub(in crate::dic) fn even_out(
+/// These errors are proportional to the gradient, so a residual is uneven where sharp print stands next to smooth
+/// paper. Their size is estimated from the pixels with the largest gradients among those where `kept` is 1, relative to
+/// those with the smallest. `min_noise` is the lower limit of the noise, DN.
+pub(in crate::dic) fn flatten_registration_errors(
     gradients: [&[Lanes]; 2],
     residual: &[Lanes],
     kept: &[Lanes],
@@ -288,7 +288,7 @@ pub(in crate::dic) fn even_out(
 /// The minimum number of pixels of each kind that are compared.
 const MIN_COMPARED: usize = 20;
 
-/// Whether the residual where `kept` is 1 is consistent with noise of one standard deviation.
+/// Whether the residual where `kept` is 1 is consistent with white noise of the standard deviation `noise`, DN.
 ///
 /// If half of a body is occluded, the median no longer represents the visible pixels and does not reveal the rest.
 pub(in crate::dic) fn is_noise(residual: &[Lanes], noise: f32, kept: &[Lanes]) -> bool {
@@ -301,18 +301,18 @@ pub(in crate::dic) fn is_noise(residual: &[Lanes], noise: f32, kept: &[Lanes]) -
         }
         square += sums.sum();
     }
-    square <= count(kept) as f64 * f64::from(MAX_RMS_RATIO * noise).powi(2)
+    square <= count_kept(kept) as f64 * f64::from(MAX_RMS_RATIO * noise).powi(2)
 }
 
-/// Returns the number of pixels that are 1.
-fn count(kept: &[Lanes]) -> usize {
+/// Returns the number of pixels where `kept` is 1.
+fn count_kept(kept: &[Lanes]) -> usize {
     let mut sums = Lanes::splat(0.0);
     kept.iter().for_each(|row| sums += *row);
     sums.sum() as usize
 }
 
-/// Returns the index of the first pixel of each row of eight.
-fn places(window: &SubsetMask, stride: usize) -> impl Iterator<Item = usize> {
+/// Returns the index in the planes of the first of each eight packed pixels of a window.
+fn row_starts(window: &SubsetMask, stride: usize) -> impl Iterator<Item = usize> {
     let (left, top) = (window.extent.left - (PAD + LANES) as i32, window.extent.top - PAD as i32);
     window.blocks.iter().flat_map(move |block| {
         let (x, y) = ((block.dx - left) as usize, (block.dy - top) as usize);
@@ -320,16 +320,16 @@ fn places(window: &SubsetMask, stride: usize) -> impl Iterator<Item = usize> {
     })
 }
 
-/// Builds the mask of the pixels that pass a test, packed like the window's.
-fn pick(window: &SubsetMask, stride: usize, alike: impl Fn(usize) -> bool, kept: &mut Vec<Lanes>) {
+/// Builds the mask `kept` of the pixels of a window for whose index in the planes `alike` is true, packed.
+fn build_mask(window: &SubsetMask, stride: usize, alike: impl Fn(usize) -> bool, kept: &mut Vec<Lanes>) {
     kept.clear();
-    kept.extend(places(window, stride).zip(&window.mask).map(|(first, mask)| {
+    kept.extend(row_starts(window, stride).zip(&window.mask).map(|(first, mask)| {
         let lane = |lane: usize| if mask.0[lane] > 0.5 && alike(first + lane) { 1.0 } else { 0.0 };
         Lanes(std::array::from_fn(lane))
     }));
 }
 
-/// Returns the sum of squares.
+/// Returns the sum of squares of a residual.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
 fn sum_of_squares(residual: &[Lanes]) -> f64 {
     let mut total = 0.0;
@@ -360,7 +360,7 @@ mod tests {
             let dy = block.dy + row as i32;
             Lanes(std::array::from_fn(|lane| {
                 let dx = block.dx + lane as i32;
-                if window.holds(dx, dy) { value(dx, dy) } else { 0.0 }
+                if window.contains(dx, dy) { value(dx, dy) } else { 0.0 }
             }))
         };
         window.blocks.iter().flat_map(|block| (0..block.rows).map(move |index| row(block, index))).collect()
@@ -386,11 +386,11 @@ mod tests {
                 visibility.product.fill(f32::NAN);
                 visibility.columns.fill(f32::NAN);
             }
-            visibility.by_residual(&window, &residual, 4.0, &mut kept);
+            visibility.mask_by_residual(&window, &residual, 4.0, &mut kept);
             let expected = packed(&window, |dx, dy| {
                 let (mut square, mut count) = (0.0, 0.0);
                 for (x, y) in (-3..=3).flat_map(|y| (-3..=3).map(move |x| (dx + x, dy + y))) {
-                    if window.holds(x, y) {
+                    if window.contains(x, y) {
                         square += (0.05 * speckle(x, y) + if x > 6 { 20.0 } else { 0.0 }).powi(2);
                         count += 1.0;
                     }
@@ -410,16 +410,16 @@ mod tests {
             let third = size as i32 / 3;
             let is_spot = |dx: i32, dy: i32| dx > third && dy > third - 8;
             let residual = packed(&window, |dx, dy| 0.02 * speckle(dx, dy) + if is_spot(dx, dy) { spot } else { 0.0 });
-            assert_eq!(visibility.is_whole(&window, &residual, 0.45), expected);
+            assert_eq!(visibility.is_unoccluded(&window, &residual, 0.45), expected);
             let mut kept = Vec::new();
             let mut slow = planned(&window);
             let noise = slow.noise(&residual, &window.mask);
             let squares = sum_of_squares(&residual) / window.pixels as f64;
-            let of_all = 1.4826 * median_size(&residual, window.pixels, squares);
+            let of_all = 1.4826 * median_absolute(&residual, window.pixels, squares);
             assert!((of_all / noise - 1.0).abs() < 0.01);
-            let of_sample = 1.4826 * median_size(&visibility.sample, visibility.sampled.1, squares);
+            let of_sample = 1.4826 * median_absolute(&visibility.sample, visibility.sampled.1, squares);
             assert!((of_sample / noise - 1.0).abs() < 0.05, "{of_sample} of {noise}");
-            slow.by_residual(&window, &residual, noise, &mut kept);
+            slow.mask_by_residual(&window, &residual, noise, &mut kept);
             assert_eq!(kept == window.mask, expected);
         }
     }
@@ -437,7 +437,7 @@ mod tests {
             let is_spot = |dx: i32, dy: i32| (x..x + size).contains(&dx) && (y..y + size).contains(&dy);
             let residual =
                 packed(&window, |dx, dy| 0.05 * speckle(dx, dy + case) + if is_spot(dx, dy) { spot } else { 0.0 });
-            visibility.is_whole(&window, &residual, 0.45);
+            visibility.is_unoccluded(&window, &residual, 0.45);
             let VisibilityMap { squares, neighbours, strip_neighbours, columns, .. } = &mut visibility;
             let limit = 2.5_f32.powi(2) * 0.05_f32.powi(2) * 128.0_f32.powi(2) / 3.0;
             let strips = are_strips_within(squares, strip_neighbours, stride, limit, columns);
@@ -455,7 +455,7 @@ mod tests {
         let target = |dx: i32, dy: i32| if dx > 8 { speckle(dx + 900, dy) } else { 1.3 * speckle(dx, dy) + 20.0 };
         let residual = packed(&window, |dx, dy| speckle(dx, dy) - target(dx, dy));
         let (mut visibility, mut kept) = (planned(&window), Vec::new());
-        visibility.by_zncc(&window, &packed(&window, speckle), &residual, &mut kept);
+        visibility.mask_by_zncc(&window, &packed(&window, speckle), &residual, &mut kept);
         let wrong = kept.iter().zip(packed(&window, |dx, _| if dx > 8 { 0.0 } else { 1.0 }));
         let wrong: usize =
             wrong.map(|(a, b)| a.0.iter().zip(&b.0).filter(|(a, b)| (*a - *b).abs() > 0.5).count()).sum();

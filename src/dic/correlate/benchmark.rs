@@ -44,6 +44,7 @@ vectorized! {
     fn multiply_add(start: f32) -> f32 = multiply_add_with
 }
 
+/// Implements [`multiply_add`] on vectors of type `V`.
 #[inline(always)]
 fn multiply_add_with<V: Vector>(start: f32) -> f32 {
     let (shrink, mut sums) = (V::splat(0.999), [V::splat(start); SUMS]);
@@ -83,14 +84,15 @@ impl KernelBenchmark {
         parts.prepare(first);
         std::mem::swap(&mut parts.frames.0, &mut parts.frames.1);
         parts.prepare(second);
-        let at = parts.middle();
+        let at = parts.image_center();
         parts.extract(at);
         let Self { body, disc, frames, .. } = &mut parts;
         let _ = body.fill_body(&frames.0, disc, at);
         parts
     }
 
-    fn middle(&self) -> GridPoint {
+    /// Returns the pixel at the centre of the frames.
+    fn image_center(&self) -> GridPoint {
         GridPoint { x: self.frames.0.width() as u32 / 2, y: self.frames.0.height() as u32 / 2 }
     }
 
@@ -105,21 +107,22 @@ impl KernelBenchmark {
     }
 
     /// Runs the FFT correlation of the last subset with the same 32 x 32 pixels of the target, and the sub-pixel peak
-    /// fit.
+    /// fit. Returns whether it found a peak.
     pub fn peak(&mut self, at: GridPoint) -> bool {
         self.search.find_near(&self.subset, &self.window, &self.frames.1.levels, self.frames.1.local(at)).is_some()
     }
 
-    /// Runs one exact affine iteration of the last subset.
+    /// Runs one exact affine iteration of the last subset. Returns whether it succeeded.
     pub fn iterate(&mut self, at: GridPoint) -> bool {
         self.refiner(Pixels::Subset, at).step(&self.warp).is_ok()
     }
 
-    /// Runs one rigid iteration of the disc.
+    /// Runs one rigid iteration of the disc. Returns whether it succeeded.
     pub fn iterate_disc(&mut self) -> bool {
-        self.refiner(Pixels::Disc, self.middle()).step(&self.warp).is_ok()
+        self.refiner(Pixels::Disc, self.image_center()).step(&self.warp).is_ok()
     }
 
+    /// Returns the refiner of the subset or the disc, centred at `at`.
     fn refiner(&self, pixels: Pixels, at: GridPoint) -> Refiner<'_> {
         let (subset, window, shape) = match pixels {
             Pixels::Subset => (&self.subset, &self.window, Shape::Affine),

@@ -91,6 +91,7 @@ struct ExtractedSubset {
 }
 
 impl ExtractedSubset {
+    /// Returns the mask of the subset: its clipped part, or the `whole` window.
     fn window<'a>(&'a self, whole: &'a SubsetMask) -> &'a SubsetMask {
         if self.is_clipped { &self.clipped } else { whole }
     }
@@ -105,10 +106,12 @@ struct FramePair<'a> {
 }
 
 impl<'a> FramePair<'a> {
+    /// Pairs a kept reference with a target.
     fn kept(kept: &'a KeptReference, target: &'a PreparedFrame) -> Self {
         Self { reference: &kept.frame, target, points: &kept.points, kept: Some(kept) }
     }
 
+    /// Returns the matcher of the subset with this index.
     fn matcher(
         &self,
         params: &'a CorrelationParams,
@@ -315,7 +318,9 @@ impl Correlator {
         self.solutions.iter().map(move |solution| Some(solution).filter(valid)?.found.map(|found| found.warp))
     }
 
-    /// Matches every subset and writes the field.
+    /// Matches every subset, starting from `guess`, and writes the field.
+    ///
+    /// The noise of the images is estimated from a few subsets spread over the field.
     fn measure(&mut self, pair: &FramePair<'_>, guess: impl Fn(&Self, usize) -> Guess, field: &mut Vec<FieldPoint>) {
         self.check_size(pair.reference);
         self.check_size(pair.target);
@@ -337,22 +342,26 @@ impl Correlator {
             };
             self.solutions.push(solution);
         }
-        let pooled = self.choose_pooled();
+        let pooled = self.select_pooled();
         for index in pooled.iter().copied() {
-            if predicted.found(index) {
+            if predicted.is_found(index) {
                 let matcher = pair.matcher(&self.params, &self.window, &memory.subset, index);
-                predicted.pool(&matcher, index, &self.pairs, &mut self.pool);
+                predicted.add_to_pool(&matcher, index, &self.pairs, &mut self.pool);
             } else if let Ok(extracted) = self.subset_at(pair, index, &mut memory) {
                 let window = extracted.window(&self.window);
                 let matcher = pair.matcher(&self.params, window, &extracted.subset, index);
-                matcher.pool(&self.solutions[index], &mut self.residual, &mut self.pool);
+                matcher.add_to_pool(&self.solutions[index], &mut self.residual, &mut self.pool);
             }
         }
         (self.predicted, self.extracted, self.pooled) = (predicted, memory, pooled);
-        self.fill(pair.points, field);
+        self.write_field(pair.points, field);
     }
 
     /// Returns the subset of a kept reference, or extracts it into `memory`.
+    ///
+    /// # Errors
+    ///
+    /// The status of a subset that cannot be matched.
     fn subset_at<'a>(
         &self,
         pair: &FramePair<'a>,
@@ -366,15 +375,22 @@ impl Correlator {
         Ok(memory)
     }
 
-    /// Returns the initial warp of a known motion, for an unclipped subset whose shape can rotate.
+    /// Returns the initial warp of a subset if its motion is predicted and one update may find it.
+    ///
+    /// `None` for clipped subsets, and for shape functions that one update does not cover.
     fn predicted_start(&self, point: GridPoint, start: Start) -> Option<Warp> {
         let shape = self.params.refined_shape();
-        let is_free =
-            self.is_inside(point) && self.region.as_ref().is_none_or(|region| region.holds(self.window.around(point)));
+        let is_free = self.is_inside(point)
+            && self.region.as_ref().is_none_or(|region| region.contains_rectangle(self.window.bounds_about(point)));
         let turns = self.params.method == Method::IcGn && matches!(shape, Shape::Affine | Shape::Rigid);
         start.warp(point, shape).filter(|_| is_free && turns)
     }
 
+    /// Checks that a frame has the planned size.
+    ///
+    /// # Panics
+    ///
+    /// If it has another one.
     fn check_size(&self, frame: &PreparedFrame) {
         assert_eq!(
             (frame.width(), frame.height()),
@@ -389,7 +405,11 @@ impl Correlator {
         self.window.extent.fits(at, Size { width: self.width_px, height: self.height_px })
     }
 
-    /// Extracts the subset at a point of the reference, clipped by the region and the edge.
+    /// Extracts the subset at a point of the reference, clipped by the region and the edge of the image.
+    ///
+    /// # Errors
+    ///
+    /// The status of a subset that is clipped too much or cannot be matched.
     fn extract(
         &self,
         reference: &PreparedFrame,
@@ -403,7 +423,8 @@ impl Correlator {
             (whole || (inner(x, self.width_px) && inner(y, self.height_px)))
                 && self.region.as_ref().is_none_or(|region| region.contains(x, y))
         };
-        let is_inside = whole && self.region.as_ref().is_none_or(|region| region.holds(self.window.around(point)));
+        let is_inside = whole
+            && self.region.as_ref().is_none_or(|region| region.contains_rectangle(self.window.bounds_about(point)));
         out.is_clipped = !is_inside && self.window.clip(belongs, &mut out.clipped);
         let fraction = out.clipped.pixels as f64 / self.window.pixels as f64;
         if out.is_clipped && (fraction < MIN_INSIDE_FRACTION || self.params.method != Method::IcGn) {
@@ -413,7 +434,9 @@ impl Correlator {
         out.subset.fill(reference, window, self.params.refined_shape(), point).map_err(Unusable::status)
     }
 
-    /// Returns the initial warp and the minimum ZNCC of its result.
+    /// Returns the initial guess of the subset with this index.
+    ///
+    /// With [`Start::Neighbor`] it is the last solution of the same row, extrapolated with its gradients.
     fn guess(&self, points: &[GridPoint], index: usize, start: Start) -> Guess {
         if start != Start::Neighbor {
             return Guess { warp: start.warp(points[index], self.params.refined_shape()), min_zncc: 0.0 };
@@ -428,8 +451,10 @@ impl Correlator {
         Guess { warp, min_zncc: TRUSTED_ZNCC }
     }
 
-    /// Selects valid matches spread over the field, in memory that goes back to `pooled`.
-    fn choose_pooled(&mut self) -> Vec<usize> {
+    /// Clears the noise pool and returns the indices of at most [`POOLED`] valid matches, spread over the field.
+    ///
+    /// The list reuses the memory of `pooled`, which gets it back afterwards.
+    fn select_pooled(&mut self) -> Vec<usize> {
         let mut pooled = std::mem::take(&mut self.pooled);
         let valid = |index: &usize| self.solutions[*index].status == PointStatus::Valid;
         let count = (0..self.solutions.len()).filter(valid).count();
@@ -439,8 +464,8 @@ impl Correlator {
         pooled
     }
 
-    /// Writes the solutions as field points.
-    fn fill(&mut self, points: &[GridPoint], field: &mut Vec<FieldPoint>) {
+    /// Writes the solutions to `field` with uncertainties from the noise pool.
+    fn write_field(&mut self, points: &[GridPoint], field: &mut Vec<FieldPoint>) {
         let (factor, gain) = (self.pool.factor(), self.pool.gradient_gain());
         field.clear();
         field.extend(points.iter().zip(&self.solutions).map(|(point, solution)| {
@@ -464,12 +489,12 @@ impl Correlator {
 }
 
 impl Start {
-    /// Returns the initial warp if one is known.
+    /// Returns the initial warp of the subset at a point if the start is a known motion.
     fn warp(&self, point: GridPoint, shape: Shape) -> Option<Warp> {
         let Self::Motion { x_px, y_px, u_px, v_px, angle_deg } = *self else { return None };
         let motion = PlanarMotion { u_px, v_px, angle_deg };
         let offset = Point::new(f64::from(point.x) - x_px, f64::from(point.y) - y_px);
-        let warp = motion.at(offset).warp();
+        let warp = motion.at_offset(offset).warp();
         Some(if shape == Shape::Translation { Warp::shift(warp.u, warp.v) } else { warp })
     }
 }

@@ -58,8 +58,8 @@ impl PredictedUpdate {
         self.starts.extend(points.iter().zip(starts).map(|(point, warp)| {
             let (at, to) = (reference.local(*point), target.local(*point));
             let is_sane =
-                |warp: &Warp| warp.is_within(MAX_GRADIENT) && window.stays(warp, to, target.interpolated.size());
-            let is_usable = || window.extent.fits(at, size) && !saturated(reference, window, at);
+                |warp: &Warp| warp.is_within(MAX_GRADIENT) && window.fits_warped(warp, to, target.interpolated.size());
+            let is_usable = || window.extent.fits(at, size) && !is_half_saturated(reference, window, at);
             warp.filter(|warp| is_sane(warp) && is_usable())
         }));
         self.centers.clear();
@@ -80,8 +80,8 @@ impl PredictedUpdate {
         } else {
             resample_rows(&target.interpolated, strips, &motion, &mut self.plane);
         }
-        span(strips, size, &mut self.spans);
-        self.gradient_gain = GradientGain::of(reference, &self.spans).gain();
+        row_spans(strips, size, &mut self.spans);
+        self.gradient_gain = GradientGain::of_spans(reference, &self.spans).gain();
     }
 
     /// Returns the match of a subset after one update, or `None` if it is not close enough to the predicted motion.
@@ -93,11 +93,11 @@ impl PredictedUpdate {
         let moments = if window.is_square() {
             self.columns.moments(layers, window, at)
         } else {
-            Moments::of(layers, window, at, &mut self.sums)
+            Moments::sum(layers, window, at, &mut self.sums)
         };
         self.subset.fill_from_moments(&moments, window.pixels, matcher.params.refined_shape()).ok()?;
         let matcher = SubsetMatcher { subset: &self.subset, ..*matcher };
-        let (step, zncc, zncc_gain) = matcher.refiner().step_of(moments.sums(window.pixels)).ok()?;
+        let (step, zncc, zncc_gain) = matcher.refiner().solve_step(moments.target_sums(window.pixels)).ok()?;
         let is_near = step.length(f64::from(window.half)) <= MAX_UPDATE_PX;
         let found = Match {
             warp: warp.after_inverse(&step.scaled(self.gradient_gain))?,
@@ -115,19 +115,21 @@ impl PredictedUpdate {
         Some(matcher.accept(found, None))
     }
 
-    /// Clears the prediction.
+    /// Clears the prediction, so that no subset is found by one update.
     pub(in crate::dic) fn clear(&mut self) {
         self.starts.clear();
         self.fits.clear();
     }
 
     /// Whether the subset was found by one update.
-    pub(in crate::dic) fn found(&self, index: usize) -> bool {
+    pub(in crate::dic) fn is_found(&self, index: usize) -> bool {
         self.fits.get(index).is_some_and(Option::is_some)
     }
 
-    /// Adds the autocorrelation of the residual of a subset found by one update, and its gradient gain.
-    pub(in crate::dic) fn pool(
+    /// Adds the texture, the residual and the gradient gain of a subset found by one update to the noise pool.
+    ///
+    /// `pairs` are those of [`count_pairs`](crate::dic::uncertainty::count_pairs) for the whole window.
+    pub(in crate::dic) fn add_to_pool(
         &mut self,
         matcher: &SubsetMatcher<'_>,
         index: usize,
@@ -147,9 +149,10 @@ fn layers<'a>(reference: &'a PreparedFrame, target: &'a PaddedImage) -> Layers<'
     Layers { reference: levels, gradient_x, gradient_y, target }
 }
 
-/// Computes the first and last column of the strips in each row of an image of the given size; the first is larger
-/// where there are none.
-fn span(strips: &[Strip], size: Size, spans: &mut Vec<(i32, i32)>) {
+/// Computes the first and last column of the strips in each row of an image of the given size.
+///
+/// In rows without a strip the first column is larger than the last.
+fn row_spans(strips: &[Strip], size: Size, spans: &mut Vec<(i32, i32)>) {
     spans.clear();
     spans.resize(size.height, (i32::MAX, i32::MIN));
     for strip in strips {
@@ -160,8 +163,10 @@ fn span(strips: &[Strip], size: Size, spans: &mut Vec<(i32, i32)>) {
     }
 }
 
-/// Whether more than half of a subset's rectangle may be saturated. Extracting the subset decides.
-fn saturated(reference: &PreparedFrame, window: &SubsetMask, at: Pixel) -> bool {
+/// Whether the rectangle of a subset holds more saturated pixels than half of the subset's.
+///
+/// Such a subset is extracted, which decides.
+fn is_half_saturated(reference: &PreparedFrame, window: &SubsetMask, at: Pixel) -> bool {
     if !reference.saturation.is_finite() {
         return false;
     }
@@ -182,11 +187,12 @@ struct UniformWarp {
 }
 
 vectorized! {
-    /// Resamples the strips at the places where a warp takes them.
+    /// Resamples the target at the warped positions of the strips' pixels, row by row, into `out`.
     fn resample_rows(target: &InterpolatedImage, strips: &[Strip], motion: &UniformWarp, out: &mut PaddedImage) =
         resample_rows_with
 }
 
+/// Implements [`resample_rows`] on vectors of type `V`.
 #[inline(always)]
 fn resample_rows_with<V: Vector>(
     target: &InterpolatedImage,
@@ -219,6 +225,7 @@ vectorized! {
     ) = resample_tiles_with
 }
 
+/// Implements [`resample_tiles`] on vectors of type `V`.
 #[inline(always)]
 fn resample_tiles_with<V: Vector>(
     reference: &PreparedFrame,
@@ -238,6 +245,7 @@ fn resample_tiles_with<V: Vector>(
     }
 }
 
+/// Resamples one tile of at most eight rows for [`resample_tiles`]. For a kernel of `N` taps.
 #[inline(always)]
 fn resample_tile<V: Vector, const N: usize>(
     reference: &PreparedFrame,
@@ -246,7 +254,7 @@ fn resample_tile<V: Vector, const N: usize>(
     motion: &UniformWarp,
     out: &mut PaddedImage,
 ) {
-    let (warp, gain, rows) = (motion.warp, reference.gain_of(target), (tile.end - tile.top) as usize);
+    let (warp, gain, rows) = (motion.warp, reference.gain_to(target), (tile.end - tile.top) as usize);
     let middle = (0.5 * (LANES as f64 - 1.0), 0.5 * (rows as f64 - 1.0));
     let (dx, dy) = warp.apply(f64::from(tile.left) + middle.0, f64::from(tile.top) + middle.1);
     // The position of the first pixel includes the shift of the warp.

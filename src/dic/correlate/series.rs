@@ -111,7 +111,7 @@ impl Series {
         warps.clear();
         warps.extend(correlator.warps());
         field.clear();
-        field.extend((0..self.grid.len()).map(|index| self.total(index)));
+        field.extend((0..self.grid.len()).map(|index| self.total_displacement(index)));
         self.median_test.mark(&self.grid, self.correlator.params().step_px, field);
         let followed = self.material.iter().flatten().count() as f64;
         let found = field.iter().filter(|point| point.displacement.is_some()).count() as f64;
@@ -125,8 +125,11 @@ impl Series {
         }
     }
 
-    /// Returns the total displacement of one point since the first image.
-    fn total(&self, index: usize) -> FieldPoint {
+    /// Returns the total displacement since the first image of the grid point with this index.
+    ///
+    /// It is the displacement up to the reference, plus that of the newest match at the material's position. The status
+    /// is [`PointStatus::Lost`] without a subset in the reference.
+    fn total_displacement(&self, index: usize) -> FieldPoint {
         let (x_px, y_px) = (self.grid[index].x as f32, self.grid[index].y as f32);
         let (Some(material), Some(place)) = (self.material[index], self.places[index]) else {
             return FieldPoint {
@@ -152,7 +155,7 @@ impl Series {
         FieldPoint { x_px, y_px, displacement, ..*found }
     }
 
-    /// Whether the reference must be renewed.
+    /// Whether the reference must be renewed: the median rotation or the median ZNCC is beyond its limit.
     fn needs_renewal(&self) -> bool {
         let turn = |warp: &Warp| (0.5 * (warp.uy - warp.vx)).atan().abs().to_degrees();
         let mut turns: Vec<f64> = self.warps.iter().flatten().map(turn).collect();
@@ -168,7 +171,7 @@ impl Series {
             self.material[index] = point.displacement.and_then(|step| {
                 let (u, v) = (f64::from(step.u_px), f64::from(step.v_px));
                 let (x, y) = (f64::from(self.grid[index].x) + u, f64::from(self.grid[index].y) + v);
-                let at = GridPoint { x: whole(x)?, y: whole(y)? };
+                let at = GridPoint { x: nearest_pixel(x)?, y: nearest_pixel(y)? };
                 points.push(at);
                 let before = self.material[index].map_or((0.0, 0.0), |material| material.variance);
                 let added = |before: f64, sigma: f32| before + RENEWAL_FRACTION * (f64::from(sigma).powi(2) - before);
@@ -184,8 +187,8 @@ impl Series {
     }
 }
 
-/// Returns the nearest whole pixel, if there is one.
-fn whole(place: f64) -> Option<u32> {
+/// Returns the pixel nearest to a coordinate, px; `None` for a negative one or one without a pixel.
+fn nearest_pixel(place: f64) -> Option<u32> {
     (place >= 0.0 && place < f64::from(u32::MAX)).then(|| place.round() as u32)
 }
 

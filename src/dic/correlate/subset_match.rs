@@ -49,14 +49,17 @@ pub(in crate::dic) struct SubsetMatch {
 }
 
 impl SubsetMatch {
+    /// Returns the result of a subset without a match.
     pub(in crate::dic) fn failed(status: PointStatus) -> Self {
         Self { status, found: None, peak_ratio: None, residual: 0.0, inverse: (0.0, 0.0), peak_variance: (0.0, 0.0) }
     }
 
+    /// Returns the result with this status, without its match.
     fn without_answer(self, status: PointStatus) -> Self {
         Self { found: None, status, ..self }
     }
 
+    /// Returns the result with this status; its match is kept.
     fn with_status(self, status: PointStatus) -> Self {
         Self { status, ..self }
     }
@@ -93,7 +96,7 @@ pub(in crate::dic) struct SubsetMatcher<'a> {
 }
 
 impl SubsetMatcher<'_> {
-    /// Finds the subset, starting from the guess.
+    /// Finds the subset in the target by the configured method, starting from the guess.
     pub(in crate::dic) fn solve(&self, searches: &mut Searches, guess: Guess) -> SubsetMatch {
         if self.params.method != Method::IcGn {
             return self.solve_peak(searches, guess.warp.as_ref());
@@ -107,15 +110,15 @@ impl SubsetMatcher<'_> {
 
     /// Runs the first-order match from the guess, or after a search.
     fn solve_first_order(&self, search: &mut IntegerSearch, guess: Guess) -> SubsetMatch {
-        let solution = self.search(search, guess);
+        let solution = self.match_from_guess(search, guess);
         // The guess leads out of the image and nothing else matches: the subset has left.
         let left = solution.status == PointStatus::LowCorrelation
-            && guess.warp.is_some_and(|warp| !self.refiner().inside(&warp));
+            && guess.warp.is_some_and(|warp| !self.refiner().is_inside(&warp));
         if left { solution.without_answer(PointStatus::OutOfFrame) } else { solution }
     }
 
     /// Tries the guess, then the quick search, then the full search.
-    fn search(&self, search: &mut IntegerSearch, guess: Guess) -> SubsetMatch {
+    fn match_from_guess(&self, search: &mut IntegerSearch, guess: Guess) -> SubsetMatch {
         let guessed = guess.warp.and_then(|warp| self.refiner().refine(warp).ok());
         if let Some(found) = guessed.filter(|found| found.zncc >= guess.min_zncc.max(self.params.min_zncc)) {
             return self.accept(found, None);
@@ -129,7 +132,7 @@ impl SubsetMatcher<'_> {
             && (found.zncc >= MIN_QUICK_ZNCC || guessed.is_some_and(|guessed| guessed.is_near(&found)))
             && found.zncc >= self.params.min_zncc
         {
-            return self.accept(found, peaks.ratio());
+            return self.accept(found, peaks.peak_ratio());
         }
         let Some(peaks) =
             search.find(self.subset, self.window, &self.target.levels, self.target.local(self.at), around)
@@ -143,7 +146,7 @@ impl SubsetMatcher<'_> {
         solution
     }
 
-    /// Whether the subset has a double in the reference itself.
+    /// Whether the subset occurs twice in the reference itself.
     ///
     /// Near the edge of the image the true match may have left. A repetition of a regular pattern would then be
     /// accepted instead.
@@ -153,7 +156,7 @@ impl SubsetMatcher<'_> {
         own.is_some_and(|own| own.second.is_some_and(|second| second.height > EQUAL_PEAK * own.best.height))
     }
 
-    /// Finds one subset by its correlation peak alone.
+    /// Finds the subset by its correlation peak alone: the methods `spline-fft`, `peak-gaussian` and `peak-spline`.
     fn solve_peak(&self, searches: &mut Searches, guess: Option<&Warp>) -> SubsetMatch {
         let Searches { pixel: search, fine, peak_fit } = searches;
         let whole = |warp: &Warp| Pixel { x: warp.u.round() as i32, y: warp.v.round() as i32 };
@@ -167,17 +170,17 @@ impl SubsetMatcher<'_> {
             (Method::SplineFft, Some(fine)) => {
                 let [from, to] = [self.reference, self.target]
                     .map(|frame| Subset { image: &frame.interpolated, at: frame.local(self.at) });
-                fine.find(from, to, self.window, peaks.whole(), *peak_fit)
+                fine.find(from, to, self.window, peaks.integer_displacement(), *peak_fit)
             }
-            (Method::PeakSpline, _) => Some(peaks.displacement(&search.last_surface().spline(&peaks.best))),
-            _ => Some(peaks.displacement(&search.last_surface().gaussian(&peaks.best))),
+            (Method::PeakSpline, _) => Some(peaks.displacement(&search.last_surface().fit_spline(&peaks.best))),
+            _ => Some(peaks.displacement(&search.last_surface().fit_gaussian(&peaks.best))),
         };
         let Some((u, v)) = displacement else { return SubsetMatch::failed(PointStatus::LowContrast) };
-        let ratio = peaks.ratio();
+        let ratio = peaks.peak_ratio();
         let warp = Warp::shift(u, v);
         // The first Gauss-Newton step, which is not applied, estimates the error of the peak.
         match self.refiner().step(&warp) {
-            Err(lost) => self.conclude(Err(lost), &peaks, ratio),
+            Err(lost) => self.judge_refinement(Err(lost), &peaks, ratio),
             Ok((_, zncc)) if zncc < self.params.min_zncc => {
                 let found = Match { warp, second: [[0.0; 3]; 2], zncc, iterations: 0 };
                 SubsetMatch { found: Some(found), peak_ratio: ratio, ..SubsetMatch::failed(self.failure_status()) }
@@ -193,7 +196,7 @@ impl SubsetMatcher<'_> {
         }
     }
 
-    /// Refines a valid first-order result to second order.
+    /// Refines a valid first-order result with the second-order shape function.
     fn refine_second_order(&self, solution: SubsetMatch) -> SubsetMatch {
         let Some(found) = solution.found else { return solution };
         match self.refiner().refine_quadratic(&found) {
@@ -222,7 +225,7 @@ impl SubsetMatcher<'_> {
         Refiner { subset, window, shape, target: &self.target.interpolated, at: self.target.local(self.at) }
     }
 
-    /// Refines one peak.
+    /// Refines the displacement of one correlation peak to a match.
     fn refine_peak(&self, peaks: &SearchResult, peak: &Peak) -> Result<Match, MatchError> {
         let (u, v) = peaks.displacement(peak);
         self.refiner().refine(Warp::shift(u, v))
@@ -232,15 +235,15 @@ impl SubsetMatcher<'_> {
     fn refine_peaks(&self, peaks: &SearchResult) -> SubsetMatch {
         let refine = |peak: &Peak| self.refine_peak(peaks, peak);
         let first = refine(&peaks.best);
-        let ratio = peaks.ratio();
+        let ratio = peaks.peak_ratio();
         let sound = first.is_ok_and(|found| found.zncc >= self.params.min_zncc);
         let rival = peaks.second.filter(|second| !sound || second.height > RIVAL_PEAK * peaks.best.height);
         let Some(second) = rival else {
-            return self.conclude(first, peaks, ratio);
+            return self.judge_refinement(first, peaks, ratio);
         };
         let other = refine(&second);
         let (Ok(a), Ok(b)) = (first, other) else {
-            let concluded = self.conclude(first.or(other).or(first), peaks, ratio);
+            let concluded = self.judge_refinement(first.or(other).or(first), peaks, ratio);
             // A rival that cannot be refined because it leaves the image is judged by its peak.
             let alike = first.is_ok()
                 && other == Err(MatchError::OutOfFrame)
@@ -249,7 +252,7 @@ impl SubsetMatcher<'_> {
             return if alike { concluded.with_status(PointStatus::Ambiguous) } else { concluded };
         };
         if (a.warp.u - b.warp.u).hypot(a.warp.v - b.warp.v) < 1.0 {
-            return self.conclude(first, peaks, ratio);
+            return self.judge_refinement(first, peaks, ratio);
         }
         let (best, other) = if a.zncc >= b.zncc { (a, b) } else { (b, a) };
         let ratio = (other.zncc > 0.0).then(|| best.zncc / other.zncc);
@@ -257,11 +260,19 @@ impl SubsetMatcher<'_> {
         if alike && other.zncc >= self.params.min_zncc {
             return self.accept(best, ratio).with_status(PointStatus::Ambiguous);
         }
-        self.conclude(Ok(best), peaks, ratio)
+        self.judge_refinement(Ok(best), peaks, ratio)
     }
 
-    /// Converts one refinement to a solution.
-    fn conclude(&self, found: Result<Match, MatchError>, peaks: &SearchResult, peak_ratio: Option<f64>) -> SubsetMatch {
+    /// Converts a refinement to the result of the subset.
+    ///
+    /// A refinement that left the image is out of frame if the peak was high enough for a match. Other failures have
+    /// the status of [`Self::failure_status`].
+    fn judge_refinement(
+        &self,
+        found: Result<Match, MatchError>,
+        peaks: &SearchResult,
+        peak_ratio: Option<f64>,
+    ) -> SubsetMatch {
         match found {
             Ok(found) if found.zncc >= self.params.min_zncc => self.accept(found, peak_ratio),
             Ok(found) => SubsetMatch { found: Some(found), peak_ratio, ..SubsetMatch::failed(self.failure_status()) },
@@ -277,10 +288,12 @@ impl SubsetMatcher<'_> {
         if self.subset.roughness > MAX_ROUGHNESS { PointStatus::LowContrast } else { PointStatus::LowCorrelation }
     }
 
-    /// Accepts a good match: computes its residual and checks for texture in both directions.
+    /// Returns the result of a match with a sufficient ZNCC: computes the variance of its residual.
+    ///
+    /// A subset with texture along one direction only has low contrast.
     pub(in crate::dic) fn accept(&self, found: Match, peak_ratio: Option<f64>) -> SubsetMatch {
         let subset = self.subset;
-        let (pixels, parameters) = (self.window.pixels as f64, self.params.refined_shape().parameters());
+        let (pixels, parameters) = (self.window.pixels as f64, self.params.refined_shape().parameter_count());
         let free = (pixels - parameters as f64 - 2.0).max(1.0);
         let residual = 2.0 * subset.energy * (1.0 - found.zncc) / free;
         let noise = NOISE_GRADIENT * 0.5 * residual.max(ROUNDING);
@@ -296,15 +309,15 @@ impl SubsetMatcher<'_> {
         }
     }
 
-    /// Adds the autocorrelation of the residual of this match, with `residual` as scratch memory.
-    pub(in crate::dic) fn pool(&self, solution: &SubsetMatch, residual: &mut Vec<Lanes>, pool: &mut NoisePool) {
+    /// Adds the texture and the residual of a match to the noise pool. `residual` is scratch memory.
+    pub(in crate::dic) fn add_to_pool(&self, solution: &SubsetMatch, residual: &mut Vec<Lanes>, pool: &mut NoisePool) {
         let Some(found) = solution.found else { return };
         match self.params.refined_shape() {
             Shape::Quadratic => self.refiner().quadratic_residual(&found, residual),
             _ => self.refiner().residual(&found.warp, residual),
         }
         if !residual.is_empty() {
-            pool.add(self.subset, self.window, residual);
+            pool.add_window(self.subset, self.window, residual);
             pool.add_gradient_gain(GradientGain::of_subset(self.reference, self.window, self.at));
         }
     }

@@ -47,13 +47,13 @@ impl CenterVector {
     }
 
     /// Returns the position after the motion, relative to the moved centre.
-    fn arrived(&self, center: [f64; 2]) -> [f64; 2] {
+    fn final_position(&self, center: [f64; 2]) -> [f64; 2] {
         [self.x_px + self.u_px - center[0], self.y_px + self.v_px - center[1]]
     }
 
     /// Returns the rotation about the moved centre, counter-clockwise on the screen, rad.
     fn angle_rad(&self, center: [f64; 2]) -> f64 {
-        let [x, y] = self.arrived(center);
+        let [x, y] = self.final_position(center);
         // y is down.
         (self.y_px * x - self.x_px * y).atan2(self.x_px * x + self.y_px * y)
     }
@@ -65,7 +65,7 @@ impl CenterVector {
 /// `subset_size_px`. Returns `None` for fewer than three vectors, or if there are none around the origin.
 pub fn center_fit(vectors: &[CenterVector], step_px: u32, subset_size_px: u32) -> Option<RigidMotion> {
     let step_px = f64::from(step_px);
-    let weights = weights(vectors, step_px).filter(|_| vectors.len() >= MIN_VECTORS)?;
+    let weights = origin_weights(vectors, step_px).filter(|_| vectors.len() >= MIN_VECTORS)?;
     let mean = |part: fn(&CenterVector) -> f64| vectors.iter().zip(&weights).map(|(v, w)| w * part(v)).sum::<f64>();
     let center = [mean(|v| v.u_px), mean(|v| v.v_px)];
     let rotates = |vector: &CenterVector| vector.x_px.hypot(vector.y_px) > MIN_DISTANCE_STEPS * step_px;
@@ -78,7 +78,7 @@ pub fn center_fit(vectors: &[CenterVector], step_px: u32, subset_size_px: u32) -
     let slopes: Vec<[f64; 2]> = vectors
         .iter()
         .map(|vector| {
-            let [x, y] = vector.arrived(center);
+            let [x, y] = vector.final_position(center);
             let reach = rotating * (x * x + y * y);
             if rotates(vector) { [y / reach, -x / reach] } else { [0.0; 2] }
         })
@@ -105,7 +105,7 @@ pub fn center_fit(vectors: &[CenterVector], step_px: u32, subset_size_px: u32) -
 fn excess(vectors: &[CenterVector], center: [f64; 2], angle_rad: f64) -> f64 {
     let (sin, cos) = angle_rad.sin_cos();
     let square = |vector: &CenterVector| {
-        let [x, y] = vector.arrived(center);
+        let [x, y] = vector.final_position(center);
         let (dx, dy) = (x - cos * vector.x_px - sin * vector.y_px, y - cos * vector.y_px + sin * vector.x_px);
         // A vector without a stated uncertainty does not count.
         if vector.sigma_px > 0.0 { (dx * dx + dy * dy) / (vector.sigma_px * vector.sigma_px) } else { 0.0 }
@@ -114,9 +114,11 @@ fn excess(vectors: &[CenterVector], center: [f64; 2], angle_rad: f64) -> f64 {
     (vectors.iter().map(square).sum::<f64>() / freedom).max(1.0).sqrt()
 }
 
-/// Returns the weight of each vector in the field at the origin: bilinear between the four around it, or a plane fit to
-/// the neighbours.
-fn weights(vectors: &[CenterVector], step_px: f64) -> Option<Vec<f64>> {
+/// Returns the weight of each vector in the displacement interpolated at the origin.
+///
+/// The interpolation is bilinear between the four vectors around it. If one of these is missing, it is a plane fitted
+/// to the neighbours; `None` if they do not span one.
+fn origin_weights(vectors: &[CenterVector], step_px: f64) -> Option<Vec<f64>> {
     let share = |v: &CenterVector| (1.0 - v.x_px.abs() / step_px).max(0.0) * (1.0 - v.y_px.abs() / step_px).max(0.0);
     let shares: Vec<f64> = vectors.iter().map(share).collect();
     let total: f64 = shares.iter().sum();
@@ -124,11 +126,13 @@ fn weights(vectors: &[CenterVector], step_px: f64) -> Option<Vec<f64>> {
     if total > 0.999 {
         return Some(shares.iter().map(|share| share / total).collect());
     }
-    plane(vectors, |vector| vector.x_px.abs().max(vector.y_px.abs()) < NEIGHBOUR_RADIUS_STEPS * step_px)
+    plane_weights(vectors, |vector| vector.x_px.abs().max(vector.y_px.abs()) < NEIGHBOUR_RADIUS_STEPS * step_px)
 }
 
-/// Returns the weights of a least-squares plane at the origin; `None` if the vectors do not span a plane.
-fn plane(vectors: &[CenterVector], is_near: impl Fn(&CenterVector) -> bool) -> Option<Vec<f64>> {
+/// Returns the weight of each vector in the value at the origin of a plane fitted to those for which `is_near`.
+///
+/// `None` if they do not span a plane.
+fn plane_weights(vectors: &[CenterVector], is_near: impl Fn(&CenterVector) -> bool) -> Option<Vec<f64>> {
     let near = || vectors.iter().filter(|vector| is_near(vector));
     let sum = |part: fn(&CenterVector) -> f64| near().map(part).sum::<f64>();
     let (count, x, y) = (near().count(), sum(|v| v.x_px), sum(|v| v.y_px));

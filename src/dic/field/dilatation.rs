@@ -9,7 +9,7 @@ const MIN_POINTS: usize = 8;
 const MIN_SPREAD_PX: f64 = 1.0;
 /// The number of parameters of a flat body: displacement, rotation and dilatation.
 const FLAT_PARAMETERS: usize = 4;
-/// The front displacement above which depths are taken half center between the images, px.
+/// The front displacement above which depths are taken half-way between the images, px.
 const BENDING_FRONT_PX: f64 = 0.1;
 
 /// The change of a body's image that is not in-plane rigid motion.
@@ -59,10 +59,10 @@ impl Sphere {
 /// fit is by least squares, each subset weighted by its own uncertainty. Returns `None` if there are too few subsets,
 /// or all in one place.
 pub fn fit_dilatation(field: &[FieldPoint], ball: Option<Sphere>) -> Option<Dilatation> {
-    let fit = Fit::of(field, ball, None)?;
+    let fit = Fit::new(field, ball, None)?;
     let turns = fit.found[4].hypot(fit.found[5]) > BENDING_FRONT_PX;
-    // Taken half center, the depth is symmetric in the rotation and the bending cancels.
-    let fit = if turns { Fit::of(field, ball, Some([fit.found[0], fit.found[1]]))? } else { fit };
+    // Taken half-way, the depth is symmetric in the rotation and the bending cancels.
+    let fit = if turns { Fit::new(field, ball, Some([fit.found[0], fit.found[1]]))? } else { fit };
     let [t, s, along, across, ..] = fit.found;
     let dilatation = along + across * across / (1.0 + along + (1.0 + along).hypot(across));
     let is_finite = [dilatation, t, s].iter().all(|number| number.is_finite());
@@ -78,14 +78,16 @@ struct Fit {
 }
 
 impl Fit {
-    /// Fits with the depth of each subset in the first image, or half center to the second if the motion of the centre is
-    /// given.
-    fn of(field: &[FieldPoint], ball: Option<Sphere>, moved: Option<[f64; 2]>) -> Option<Self> {
-        let middle = middle(field)?;
+    /// Fits with the depth of each subset in the first image. If the motion of the centre `moved` is given, px, the
+    /// depth is that half-way between the images.
+    ///
+    /// `None` if there are too few subsets or all are in one place.
+    fn new(field: &[FieldPoint], ball: Option<Sphere>, moved: Option<[f64; 2]>) -> Option<Self> {
+        let middle = mean_position(field)?;
         let from = ball.map_or(middle, |ball| ball.center_px);
         let (mut normal, mut right, mut square, mut total) = ([[0.0; 6]; 6], [0.0; 6], 0.0, 0.0);
         let (mut count, mut moved_square) = (0.0, 0.0);
-        for (weight, place, [u, v]) in vectors(field) {
+        for (weight, place, [u, v]) in valid_vectors(field) {
             let half_way = moved.map_or(place, |[t, s]| [place[0] + 0.5 * (u - t), place[1] + 0.5 * (v - s)]);
             let (x, y, d) = (place[0] - from[0], place[1] - from[1], ball.map_or(0.0, |ball| ball.depth(half_way)));
             for (numbers, row, value) in [([0, 2, 3, 4], [1.0, x, y, d], u), ([1, 2, 3, 5], [1.0, y, -x, d], v)] {
@@ -122,10 +124,10 @@ impl Fit {
     }
 }
 
-/// Returns the weighted mean position of the valid subsets, or `None` for too few.
-fn middle(field: &[FieldPoint]) -> Option<[f64; 2]> {
+/// Returns the weighted mean position of the valid subsets, px; `None` for too few.
+fn mean_position(field: &[FieldPoint]) -> Option<[f64; 2]> {
     let (mut count, mut total, mut sum) = (0, 0.0, [0.0; 2]);
-    for (weight, place, _) in vectors(field) {
+    for (weight, place, _) in valid_vectors(field) {
         count += 1;
         total += weight;
         sum = [sum[0] + weight * place[0], sum[1] + weight * place[1]];
@@ -133,8 +135,8 @@ fn middle(field: &[FieldPoint]) -> Option<[f64; 2]> {
     (count >= MIN_POINTS).then(|| sum.map(|sum| sum / total))
 }
 
-/// Returns weight, position and displacement of the valid subsets.
-fn vectors(field: &[FieldPoint]) -> impl Iterator<Item = (f64, [f64; 2], [f64; 2])> + '_ {
+/// Returns weight (1/px^2), position (px) and displacement (px) of the valid subsets.
+fn valid_vectors(field: &[FieldPoint]) -> impl Iterator<Item = (f64, [f64; 2], [f64; 2])> + '_ {
     field.iter().filter(|point| point.status == PointStatus::Valid).filter_map(|point| {
         let found = point.displacement?;
         let variance = f64::from(found.sigma_u_px).powi(2) + f64::from(found.sigma_v_px).powi(2);

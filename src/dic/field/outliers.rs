@@ -38,12 +38,13 @@ pub(in crate::dic) struct MedianTest {
     outliers: Vec<usize>,
 }
 
-const NONE: u32 = u32::MAX;
+/// The index of an empty cell.
+const NO_POINT: u32 = u32::MAX;
 
 impl MedianTest {
-    /// Marks outliers among the valid points and removes their displacement.
+    /// Marks outliers among the valid points of a field and removes their displacement.
     pub(in crate::dic) fn mark(&mut self, points: &[GridPoint], step_px: u32, field: &mut [FieldPoint]) {
-        self.map(points, step_px);
+        self.build_lattice(points, step_px);
         self.outliers.clear();
         for index in 0..points.len() {
             if field[index].displacement.is_some() && self.is_inconsistent(index, field) {
@@ -57,7 +58,7 @@ impl MedianTest {
     }
 
     /// Maps the points to a lattice of cells one step wide. Points off the lattice have no neighbours.
-    fn map(&mut self, points: &[GridPoint], step_px: u32) {
+    fn build_lattice(&mut self, points: &[GridPoint], step_px: u32) {
         self.lattice.clear();
         self.cells.clear();
         let Some(first) = points.first() else { return };
@@ -70,7 +71,7 @@ impl MedianTest {
         let extent = |high: u32, origin: u32| (high.saturating_sub(origin) / step + 1) as usize + 2 * BORDER;
         let (columns, rows) = (extent(right, origin.0), extent(bottom, origin.1));
         self.columns = columns;
-        self.lattice.resize(columns * rows, NONE);
+        self.lattice.resize(columns * rows, NO_POINT);
         self.cells.extend(points.iter().map(|point| {
             let (x, y) = (point.x.checked_sub(origin.0)?, point.y.checked_sub(origin.1)?);
             let (column, row) = ((x / step) as usize + BORDER, (y / step) as usize + BORDER);
@@ -123,7 +124,7 @@ impl MedianTest {
     }
 }
 
-/// Whether `own` is further from the median of the predictions than their scatter explains.
+/// Whether `own` is further from the median of the predictions, px, than their scatter explains. Overwrites them.
 fn exceeds_scatter(own: f32, predictions: &mut [f32]) -> bool {
     // The median is no further off than the farthest prediction. Most vectors need no sorting.
     if predictions.iter().all(|prediction| (own - prediction).abs() <= THRESHOLD * FLOOR_PX) {

@@ -88,18 +88,20 @@ struct RigidTransform {
 }
 
 impl RigidTransform {
+    /// Creates a displacement of the origin, px, with a rotation, counter-clockwise on the screen, rad.
     fn new(u: f64, v: f64, angle: f64) -> Self {
         let (sin, cos) = angle.sin_cos();
         Self { u, v, angle, sin, cos }
     }
 
-    /// Returns the measured minus the predicted displacement.
+    /// Returns the measured minus the predicted displacement of a vector, px.
     fn residual(&self, vector: &Vector) -> (f64, f64) {
         let u = self.u + (self.cos - 1.0) * vector.x + self.sin * vector.y;
         let v = self.v - self.sin * vector.x + (self.cos - 1.0) * vector.y;
         (vector.u - u, vector.v - v)
     }
 
+    /// Returns the squared length of the residual of a vector, px^2.
     fn squared_distance(&self, vector: &Vector) -> f64 {
         let (u, v) = self.residual(vector);
         u * u + v * v
@@ -109,11 +111,13 @@ impl RigidTransform {
 /// Fits one rigid motion to all valid vectors of a field.
 ///
 /// The displacement returned is that of the reference point (`x_px`, `y_px`). The rotation is exact, not the
-/// small-angle form. The initial guess is the motion of the pair of points that limit others agree with, so almost half
-/// of the vectors may belong to something else. Least squares follow, weighted by the uncertainty of each vector and by
-/// Tukey's biweight. Vectors that do not follow the body are marked as outliers and lose their displacement.
+/// small-angle form. The initial guess is the motion of the pair of points that most others agree with, so almost half
+/// of the vectors may belong to something else (least median of squares, P. J. Rousseeuw, J. Am. Stat. Assoc. 79 (1984)
+/// 871, <https://doi.org/10.1080/01621459.1984.10477105>). Least squares follow, weighted by the uncertainty of each
+/// vector and by Tukey's biweight. Vectors that do not follow the body are marked as outliers and lose their
+/// displacement.
 ///
-/// The uncertainties account for overlapping subsets: two that factor a part of their pixels factor that part of their
+/// The uncertainties account for overlapping subsets: two that share a part of their pixels share that part of their
 /// noise. `subset_size_px` is the full width of the subsets.
 ///
 /// Returns `None` if fewer than three vectors are left.
@@ -125,34 +129,39 @@ pub fn rigid_fit(field: &mut [FieldPoint], x_px: f64, y_px: f64, subset_size_px:
     rigid_fit_near(field, Point { x_px, y_px }, subset_size_px, None)
 }
 
-/// Fits like [`rigid_fit`], with a motion as the initial guess if limit vectors follow it.
+/// Fits like [`rigid_fit`], with the motion `near` as the initial guess if three quarters of the vectors follow it.
 pub fn rigid_fit_near(
     field: &mut [FieldPoint],
     point: Point,
     subset_size_px: u32,
     near: Option<PlanarMotion>,
 ) -> Option<RigidMotion> {
-    let mut vectors = collect(field, point);
+    let mut vectors = collect_vectors(field, point);
     if vectors.len() < 3 {
         return None;
     }
     let predicted = near.map(|near| RigidTransform::new(near.u_px, near.v_px, near.angle_deg.to_radians()));
-    let mut turn = predicted.filter(|turn| is_followed(turn, &vectors)).or_else(|| first_guess(&vectors))?;
+    let mut transform =
+        predicted.filter(|transform| is_followed(transform, &vectors)).or_else(|| first_guess(&vectors))?;
     let mut scatter = MIN_SCATTER_PX;
     for _ in 0..MAX_ROUNDS {
-        scatter = robust_scatter(&turn, &vectors);
+        scatter = robust_scatter(&transform, &vectors);
         for vector in &mut vectors {
-            let ratio = turn.squared_distance(vector) / (TUKEY * TUKEY * spread(vector, scatter));
+            let ratio = transform.squared_distance(vector) / (TUKEY * TUKEY * expected_variance(vector, scatter));
             let biweight = if ratio < 1.0 { (1.0 - ratio).powi(2) } else { 0.0 };
             vector.weight = biweight / vector.variance;
         }
-        let before = std::mem::replace(&mut turn, weighted_fit(&vectors)?);
-        if [turn.u - before.u, turn.v - before.v, turn.angle - before.angle].iter().all(|step| step.abs() < CONVERGED) {
+        let before = std::mem::replace(&mut transform, weighted_fit(&vectors)?);
+        if [transform.u - before.u, transform.v - before.v, transform.angle - before.angle]
+            .iter()
+            .all(|step| step.abs() < CONVERGED)
+        {
             break;
         }
     }
     let follows = |vector: &Vector| {
-        turn.squared_distance(vector) <= MAX_RESIDUAL_SIGMAS * MAX_RESIDUAL_SIGMAS * spread(vector, scatter)
+        transform.squared_distance(vector)
+            <= MAX_RESIDUAL_SIGMAS * MAX_RESIDUAL_SIGMAS * expected_variance(vector, scatter)
     };
     for vector in vectors.iter().filter(|vector| !follows(vector)) {
         field[vector.index].displacement = None;
@@ -162,25 +171,25 @@ pub fn rigid_fit_near(
     if vectors.len() < 3 {
         return None;
     }
-    with_uncertainty(&turn, &vectors, f64::from(subset_size_px))
+    with_uncertainty(&transform, &vectors, f64::from(subset_size_px))
 }
 
-/// Whether at smallest three quarters of the vectors follow a motion.
-fn is_followed(turn: &RigidTransform, vectors: &[Vector]) -> bool {
+/// Whether at least three quarters of the vectors follow a motion.
+fn is_followed(transform: &RigidTransform, vectors: &[Vector]) -> bool {
     let near = |vector: &&Vector| {
         let limit = (FOLLOWING_SIGMAS * FOLLOWING_SIGMAS * vector.variance).max(FOLLOWING_PX * FOLLOWING_PX);
-        turn.squared_distance(vector) <= limit
+        transform.squared_distance(vector) <= limit
     };
     4 * vectors.iter().filter(near).count() >= 3 * vectors.len()
 }
 
-/// Returns the expected variance of a vector: its own, or the field's if that is larger.
-fn spread(vector: &Vector, scatter: f64) -> f64 {
+/// Returns the expected variance of a vector, px^2: its own, or that of the field's scatter (px) if larger.
+fn expected_variance(vector: &Vector, scatter: f64) -> f64 {
     (scatter * scatter).max(vector.variance)
 }
 
-/// Collects the valid vectors, relative to a point.
-fn collect(field: &[FieldPoint], origin: Point) -> Vec<Vector> {
+/// Returns the valid vectors of a field, with positions relative to `origin`.
+fn collect_vectors(field: &[FieldPoint], origin: Point) -> Vec<Vector> {
     let vector = |(index, point): (usize, &FieldPoint)| {
         let displacement = point.displacement.filter(|_| point.status == PointStatus::Valid)?;
         let (sigma_u, sigma_v) = (f64::from(displacement.sigma_u_px), f64::from(displacement.sigma_v_px));
@@ -199,7 +208,8 @@ fn collect(field: &[FieldPoint], origin: Point) -> Vec<Vector> {
     field.iter().enumerate().filter_map(vector).collect()
 }
 
-/// Returns the motion of the pair of points with the smallest median residual of all vectors.
+/// Returns the motion of the pair of vectors with the smallest median residual of all vectors; `None` if no pair is
+/// more than 1 px apart.
 fn first_guess(vectors: &[Vector]) -> Option<RigidTransform> {
     let count = vectors.len();
     let mut best: Option<(f64, RigidTransform)> = None;
@@ -220,30 +230,33 @@ fn first_guess(vectors: &[Vector]) -> Option<RigidTransform> {
         }
         let (ex, ey) = (dx + b.u - a.u, dy + b.v - a.v);
         let angle = (dy * ex - dx * ey).atan2(dx * ex + dy * ey);
-        let mut turn = RigidTransform::new(0.0, 0.0, angle);
-        let (ra, rb) = (turn.residual(&a), turn.residual(&b));
-        (turn.u, turn.v) = (0.5 * (ra.0 + rb.0), 0.5 * (ra.1 + rb.1));
+        let mut transform = RigidTransform::new(0.0, 0.0, angle);
+        let (ra, rb) = (transform.residual(&a), transform.residual(&b));
+        (transform.u, transform.v) = (0.5 * (ra.0 + rb.0), 0.5 * (ra.1 + rb.1));
         distances.clear();
-        distances.extend(vectors.iter().map(|vector| turn.squared_distance(vector)));
+        distances.extend(vectors.iter().map(|vector| transform.squared_distance(vector)));
         let (middle, smallest) = (count / 2, best.as_ref().map_or(f64::INFINITY, |(smallest, _)| *smallest));
-        // If at limit half are nearer than the best median, this median is not smaller.
+        // If at most half are nearer than the best median, this median is not smaller.
         if distances.iter().filter(|distance| **distance < smallest).count() <= middle {
             continue;
         }
-        best = quantile(&mut distances, 0.5).map(|median| (median, turn));
+        best = quantile(&mut distances, 0.5).map(|median| (median, transform));
     }
-    best.map(|(_, turn)| turn)
+    best.map(|(_, transform)| transform)
 }
 
-/// Returns the standard deviation of one residual component, from the median distance.
-fn robust_scatter(turn: &RigidTransform, vectors: &[Vector]) -> f64 {
-    let mut distances: Vec<f64> = vectors.iter().map(|vector| turn.squared_distance(vector)).collect();
+/// Returns the standard deviation of one residual component, px, from the median distance.
+fn robust_scatter(transform: &RigidTransform, vectors: &[Vector]) -> f64 {
+    let mut distances: Vec<f64> = vectors.iter().map(|vector| transform.squared_distance(vector)).collect();
     let median = quantile(&mut distances, 0.5).unwrap_or(0.0);
     // The median length of a Gaussian vector is 1.1774 standard deviations of a component.
     (median.sqrt() / 1.1774).max(MIN_SCATTER_PX)
 }
 
-/// Fits the exact rigid motion by weighted smallest squares (closed form in two dimensions).
+/// Fits the exact rigid motion by weighted least squares, in closed form; `None` if all weights are zero.
+///
+/// S. Umeyama, IEEE Trans. Pattern Anal. Mach. Intell. 13 (1991) 376, <https://doi.org/10.1109/34.88573>, without
+/// scale.
 fn weighted_fit(vectors: &[Vector]) -> Option<RigidTransform> {
     let total: f64 = vectors.iter().map(|v| v.weight).sum();
     if total.is_nan() || total <= 0.0 {
@@ -264,10 +277,12 @@ fn weighted_fit(vectors: &[Vector]) -> Option<RigidTransform> {
     Some(RigidTransform { u: tx - (cos * x + sin * y), v: ty - (cos * y - sin * x), angle, sin, cos })
 }
 
-/// Returns the motion with its uncertainty: the influence of each vector on the weighted fit, propagated through the
-/// covariance of all vectors.
-fn with_uncertainty(turn: &RigidTransform, vectors: &[Vector], size: f64) -> Option<RigidMotion> {
-    let RigidTransform { sin, cos, .. } = *turn;
+/// Returns the motion with its uncertainty; `None` if the normal equations are singular.
+///
+/// The influence of each vector on the weighted fit is propagated through the covariance of all vectors. `size` is the
+/// full width of the subsets, px.
+fn with_uncertainty(transform: &RigidTransform, vectors: &[Vector], size: f64) -> Option<RigidMotion> {
+    let RigidTransform { sin, cos, .. } = *transform;
     // The derivative of (x', y') by the angle.
     let lever = |v: &Vector| (-sin * v.x + cos * v.y, -cos * v.x - sin * v.y);
     let mut normal = [[0.0; 3]; 3];
@@ -293,13 +308,13 @@ fn with_uncertainty(turn: &RigidTransform, vectors: &[Vector], size: f64) -> Opt
     let places: Vec<[f64; 4]> = vectors.iter().map(|v| [v.x, v.y, v.sigmas[0], v.sigmas[1]]).collect();
     let variance = variances(&places, &influences, size);
     // The excess of the residuals over the uncertainties of the vectors.
-    let squares: f64 = vectors.iter().map(|v| turn.squared_distance(v) / v.variance).sum();
+    let squares: f64 = vectors.iter().map(|v| transform.squared_distance(v) / v.variance).sum();
     let freedom = (2 * vectors.len() - 3) as f64;
     let excess = (squares / freedom).max(1.0).sqrt();
     Some(RigidMotion {
-        u_px: turn.u,
-        v_px: turn.v,
-        angle_deg: turn.angle.to_degrees(),
+        u_px: transform.u,
+        v_px: transform.v,
+        angle_deg: transform.angle.to_degrees(),
         sigma_u_px: variance[0].sqrt() * excess,
         sigma_v_px: variance[1].sqrt() * excess,
         sigma_angle_deg: variance[2].sqrt().to_degrees() * excess,
@@ -310,8 +325,8 @@ fn with_uncertainty(turn: &RigidTransform, vectors: &[Vector], size: f64) -> Opt
 /// Returns the variances of three weighted sums over vectors of overlapping subsets.
 ///
 /// `places` holds position and standard deviations of u and v of each vector, row by row on a grid. `influences` holds
-/// the weights of its u and v in each sum. Two subsets that factor a part of their pixels factor that part of their
-/// noise.
+/// the weights of its u and v in each sum. `size` is the full width of the subsets, px. Two subsets that share a part
+/// of their pixels share that part of their noise.
 pub(in crate::dic) fn variances(places: &[[f64; 4]], influences: &[[[f64; 3]; 2]], size: f64) -> [f64; 3] {
     let counted = places.iter().zip(influences).map(|([_, _, u, v], [by_u, by_v])| {
         let ([a, b, c], [d, e, f]) = (by_u.map(|influence| u * influence), by_v.map(|influence| v * influence));
@@ -349,7 +364,7 @@ mod tests {
     use crate::dic::{CorrelationParams, Correlator, Start};
     use crate::results::Displacement;
 
-    fn body(turn: RigidTransform, noise: f64, seed: u64) -> Vec<FieldPoint> {
+    fn body(transform: RigidTransform, noise: f64, seed: u64) -> Vec<FieldPoint> {
         let mut sequence = Sequence::new(seed);
         let mut field = Vec::new();
         for k in 0..49 {
@@ -364,7 +379,7 @@ mod tests {
                 variance: 1.0,
                 weight: 1.0,
             };
-            let (u, v) = turn.residual(&zero);
+            let (u, v) = transform.residual(&zero);
             let displacement = Displacement {
                 u_px: (noise * sequence.normal() - u) as f32,
                 v_px: (noise * sequence.normal() - v) as f32,
@@ -386,21 +401,21 @@ mod tests {
     #[test]
     fn any_angle_is_exact_and_counter_clockwise() {
         for angle_deg in [-170.0, -90.0, -3.0, 0.01, 45.0, 179.0] {
-            let turn = RigidTransform::new(3.0, -2.0, f64::to_radians(angle_deg));
-            let motion = rigid_fit(&mut body(turn, 1e-6, 1), 100.0, 90.0, 31).unwrap();
+            let transform = RigidTransform::new(3.0, -2.0, f64::to_radians(angle_deg));
+            let motion = rigid_fit(&mut body(transform, 1e-6, 1), 100.0, 90.0, 31).unwrap();
             assert!((motion.angle_deg - angle_deg).abs() < 1e-4, "{motion:?}");
             assert!((motion.u_px - 3.0).abs() < 1e-4 && (motion.v_px + 2.0).abs() < 1e-4, "{motion:?}");
         }
         // A point to the right of the centre rises on the screen: its v is negative.
-        let turn = RigidTransform::new(0.0, 0.0, 0.1);
-        let right = body(turn, 1e-9, 1)[26].displacement.unwrap();
+        let transform = RigidTransform::new(0.0, 0.0, 0.1);
+        let right = body(transform, 1e-9, 1)[26].displacement.unwrap();
         assert!(right.v_px < 0.0, "{right:?}");
     }
 
     #[test]
     fn a_third_of_the_vectors_may_follow_something_else() {
-        let turn = RigidTransform::new(1.0, 0.5, 0.01);
-        let mut field = body(turn, 0.005, 3);
+        let transform = RigidTransform::new(1.0, 0.5, 0.01);
+        let mut field = body(transform, 0.005, 3);
         for point in field.iter_mut().filter(|point| point.y_px < 70.0) {
             point.displacement = Some(Displacement { u_px: 0.2, v_px: 0.1, sigma_u_px: 0.005, sigma_v_px: 0.005 });
         }
@@ -412,8 +427,8 @@ mod tests {
 
     #[test]
     fn a_predicted_motion_is_used_only_if_the_vectors_follow_it() {
-        let turn = RigidTransform::new(1.0, 0.5, 0.01);
-        let fit = |near| rigid_fit_near(&mut body(turn, 0.005, 3), Point::new(100.0, 90.0), 31, near).unwrap();
+        let transform = RigidTransform::new(1.0, 0.5, 0.01);
+        let fit = |near| rigid_fit_near(&mut body(transform, 0.005, 3), Point::new(100.0, 90.0), 31, near).unwrap();
         let (free, near) =
             (fit(None), fit(Some(PlanarMotion { u_px: 1.003, v_px: 0.498, angle_deg: 0.01_f64.to_degrees() })));
         assert!((free.u_px - near.u_px).abs() < 1e-5 && (free.angle_deg - near.angle_deg).abs() < 1e-5);

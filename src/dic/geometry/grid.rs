@@ -25,7 +25,8 @@ pub fn rectangle(roi: [u32; 4], step_px: u32, subset_size_px: u32) -> Vec<GridPo
     along(roi[1], roi[3]).flat_map(|y| along(roi[0], roi[2]).map(move |x| GridPoint { x, y })).collect()
 }
 
-/// Returns the grid of [`rectangle`], continued to the centres whose subsets extend over its edge.
+/// Returns the grid of [`rectangle`], continued to all centres inside the rectangle, although subsets near its edge
+/// extend beyond it.
 pub fn partial(roi: [u32; 4], step_px: u32, subset_size_px: u32) -> Vec<GridPoint> {
     let step = step_px.max(1);
     let along = |start: u32, extent: u32| (start + subset_size_px / 2 % step..start + extent).step_by(step as usize);

@@ -35,7 +35,7 @@ impl Extent {
         Size { width: length(self.left, self.right), height: length(self.top, self.bottom) }
     }
 
-    /// Whether it lies wholly in an image when the centre is at `at`.
+    /// Whether the box lies wholly in an image of this size when the subset's centre is at `at`.
     pub(in crate::dic) fn fits(&self, at: Pixel, image: Size) -> bool {
         let (x, y) = (at.x as isize, at.y as isize);
         x + self.left as isize >= 0
@@ -79,7 +79,7 @@ impl SubsetMask {
         })
     }
 
-    /// Creates a window from the pixels within `half` of the centre for which `belongs(dx, dy)`.
+    /// Creates a subset from the pixels at offsets of at most `half` px along x and y for which `belongs(dx, dy)`.
     pub(in crate::dic) fn from_test(half: u32, belongs: impl Fn(i32, i32) -> bool) -> Self {
         let reach = half as i32;
         let mut window =
@@ -93,7 +93,7 @@ impl SubsetMask {
                 let lane = |x: i32| if x <= reach && belongs(x, dy) { 1.0 } else { 0.0 };
                 let row = Lanes(std::array::from_fn(|k| lane(dx + k as i32)));
                 let pixels = row.0.iter().sum::<f32>() as usize;
-                if let Some((first, last)) = ends(&row) {
+                if let Some((first, last)) = first_and_last_lane(&row) {
                     let farthest = (dx + first).abs().max((dx + last).abs());
                     square = square.max(farthest * farthest + dy * dy);
                 }
@@ -116,16 +116,16 @@ impl SubsetMask {
             }
         }
         window.radius = f64::from(square).sqrt();
-        window.measure();
+        window.update_extent();
         window
     }
 
-    /// Computes the bounding box of the pixels.
-    fn measure(&mut self) {
+    /// Updates the bounding box from the mask; all zero if no pixel belongs.
+    fn update_extent(&mut self) {
         let mut extent = Extent { left: i32::MAX, top: i32::MAX, right: i32::MIN, bottom: i32::MIN };
         for block in &self.blocks {
             for (dy, row) in (block.dy..).zip(&self.mask[block.start..block.start + block.rows]) {
-                let Some((first, last)) = ends(row) else { continue };
+                let Some((first, last)) = first_and_last_lane(row) else { continue };
                 extent.left = extent.left.min(block.dx + first);
                 extent.right = extent.right.max(block.dx + last);
                 extent.top = extent.top.min(dy);
@@ -135,14 +135,16 @@ impl SubsetMask {
         self.extent = if self.pixels > 0 { extent } else { Extent::default() };
     }
 
-    /// Returns the first and last column in each row of an image when the centre is at `at`; the first is larger in
-    /// empty rows.
-    pub(in crate::dic) fn spans(&self, at: Pixel, rows: usize) -> Vec<(i32, i32)> {
+    /// Returns the first and last column of the subset in each of the `rows` rows of an image when its centre is at
+    /// `at`.
+    ///
+    /// In rows without a pixel the first column is larger than the last.
+    pub(in crate::dic) fn row_spans(&self, at: Pixel, rows: usize) -> Vec<(i32, i32)> {
         let mut spans = vec![(i32::MAX, i32::MIN); rows];
         for block in &self.blocks {
             let mask = &self.mask[block.start..block.start + block.rows];
             for (dy, mask) in (block.dy..).zip(mask) {
-                let Some((first, last)) = ends(mask) else { continue };
+                let Some((first, last)) = first_and_last_lane(mask) else { continue };
                 let (left, right) = &mut spans[(at.y + dy) as usize];
                 let x = at.x + block.dx;
                 (*left, *right) = ((*left).min(x + first), (*right).max(x + last));
@@ -151,7 +153,8 @@ impl SubsetMask {
         spans
     }
 
-    /// Copies the window to `out` without the pixels that do not belong; returns whether any were removed.
+    /// Copies the subset to `out` without the pixels at offsets (dx, dy) for which `belongs` is false, and returns
+    /// whether any were removed.
     ///
     /// Empty rows at the ends of a block are dropped, so that nothing far outside is read.
     pub(in crate::dic) fn clip(&self, belongs: impl Fn(i32, i32) -> bool, out: &mut Self) -> bool {
@@ -182,12 +185,12 @@ impl SubsetMask {
                 out.blocks.push(Block { dx: block.dx, dy, rows: end - start, start });
             }
         }
-        out.measure();
+        out.update_extent();
         out.pixels < self.pixels
     }
 
-    /// Copies the window to `out` without the pixels where `kept`, packed like its mask, is 0. The blocks stay the
-    /// same.
+    /// Copies the subset to `out` without the pixels where `kept`, packed like [`Self::mask`], is 0. The blocks and the
+    /// bounding box stay the same.
     ///
     /// All rows of the blocks are read, so the whole rectangle must stay in the image.
     pub(in crate::dic) fn restrict(&self, kept: &[Lanes], out: &mut Self) {
@@ -199,20 +202,20 @@ impl SubsetMask {
         out.extent = self.extent;
     }
 
-    /// Whether it is a whole square.
+    /// Whether all pixels of the square of side 2 `half` + 1 belong.
     pub(in crate::dic) fn is_square(&self) -> bool {
         self.pixels == (2 * self.half as usize + 1).pow(2)
     }
 
-    /// Returns the bounding box when the centre is at a point: left, top, right and bottom, px.
-    pub(in crate::dic) fn around(&self, point: GridPoint) -> [f64; 4] {
+    /// Returns the bounding box of the subset centred at a point: left, top, right and bottom, px in the image.
+    pub(in crate::dic) fn bounds_about(&self, point: GridPoint) -> [f64; 4] {
         let Extent { left, top, right, bottom } = self.extent;
         let (x, y) = (f64::from(point.x), f64::from(point.y));
         [x + f64::from(left), y + f64::from(top), x + f64::from(right), y + f64::from(bottom)]
     }
 
-    /// Whether the pixel at an offset from the centre belongs.
-    pub(in crate::dic) fn holds(&self, dx: i32, dy: i32) -> bool {
+    /// Whether the pixel at the offset (dx, dy) from the centre belongs to the subset.
+    pub(in crate::dic) fn contains(&self, dx: i32, dy: i32) -> bool {
         let block = self.blocks.iter().find(|block| (block.dx..block.dx + LANES as i32).contains(&dx));
         block.is_some_and(|block| {
             let row = dy - block.dy;
@@ -221,18 +224,20 @@ impl SubsetMask {
         })
     }
 
-    /// Whether it lies wholly in an image of this size after a warp about `at`.
-    pub(in crate::dic) fn stays(&self, warp: &Warp, at: Pixel, image: Size) -> bool {
-        let [left, top, right, bottom] = self.reach(warp);
+    /// Whether the warped subset centred at `at` lies wholly in an image of this size.
+    pub(in crate::dic) fn fits_warped(&self, warp: &Warp, at: Pixel, image: Size) -> bool {
+        let [left, top, right, bottom] = self.warped_bounds(warp);
         let (x, y) = (f64::from(at.x), f64::from(at.y));
         let (width, height) = (image.width as f64, image.height as f64);
         // Written so that NaN is outside.
         x + left >= 0.0 && x + right <= width - 1.0 && y + top >= 0.0 && y + bottom <= height - 1.0
     }
 
-    /// Returns the bounding box of the warped subset relative to the old position of its centre: left, top, right,
-    /// bottom, px.
-    pub(in crate::dic) fn reach(&self, warp: &Warp) -> [f64; 4] {
+    /// Returns a bounding box of the warped subset relative to the centre before the warp: left, top, right, bottom,
+    /// px.
+    ///
+    /// It is the smaller, along each side, of the warped rectangle's box and that of the warped circumscribed circle.
+    pub(in crate::dic) fn warped_bounds(&self, warp: &Warp) -> [f64; 4] {
         let Extent { left, top, right, bottom } = self.extent;
         let along = |shift: f64, a: f64, b: f64| {
             let (across, down) =
@@ -247,8 +252,8 @@ impl SubsetMask {
     }
 }
 
-/// Returns the first and last lane that belong.
-fn ends(mask: &Lanes) -> Option<(i32, i32)> {
+/// Returns the first and last lane that belong; `None` if no lane does.
+fn first_and_last_lane(mask: &Lanes) -> Option<(i32, i32)> {
     let first = mask.0.iter().position(|value| *value > 0.5)?;
     let last = mask.0.iter().rposition(|value| *value > 0.5)?;
     Some((first as i32, last as i32))
@@ -284,7 +289,7 @@ mod tests {
                 let low = |pick: fn(&(f64, f64)) -> f64| at.iter().map(pick).fold(f64::INFINITY, f64::min);
                 let high = |pick: fn(&(f64, f64)) -> f64| at.iter().map(pick).fold(f64::NEG_INFINITY, f64::max);
                 let expected = [low(|p| p.0), low(|p| p.1), high(|p| p.0), high(|p| p.1)];
-                for (found, expected) in cut.reach(warp).iter().zip(expected) {
+                for (found, expected) in cut.warped_bounds(warp).iter().zip(expected) {
                     assert!((found - expected).abs() < 1e-9, "{:?} {warp:?}: {found} {expected}", cut.extent);
                 }
             }
@@ -294,9 +299,9 @@ mod tests {
     #[test]
     fn the_span_of_a_row_goes_from_its_first_to_its_last_pixel() {
         let window = SubsetMask::from_test(12, |dx, dy| dx * dx + 2 * dy * dy <= 100 && dx != 3);
-        let spans = window.spans(Pixel { x: 20, y: 9 }, 30);
+        let spans = window.row_spans(Pixel { x: 20, y: 9 }, 30);
         for (y, span) in (0..).zip(spans) {
-            let belongs = |x: &i32| window.holds(x - 20, y - 9);
+            let belongs = |x: &i32| window.contains(x - 20, y - 9);
             let (first, last) = ((0..40).find(belongs), (0..40).rfind(belongs));
             assert_eq!(span, (first.unwrap_or(i32::MAX), last.unwrap_or(i32::MIN)), "row {y}");
         }

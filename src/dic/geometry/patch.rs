@@ -21,17 +21,19 @@ impl Patch {
 
     /// Returns the area, px^2, and the centroid, px, without the holes.
     pub fn area_and_centroid(&self) -> (f64, [f64; 2]) {
-        let (area, [x, y]) = moments(&self.outline_px);
+        let (area, [x, y]) = polygon_area_and_centroid(&self.outline_px);
         let (mut area, mut sums) = (area, [area * x, area * y]);
-        for (hole, [x, y]) in self.holes_px.iter().map(|hole| moments(hole)) {
+        for (hole, [x, y]) in self.holes_px.iter().map(|hole| polygon_area_and_centroid(hole)) {
             (area, sums) = (area - hole, [sums[0] - hole * x, sums[1] - hole * y]);
         }
         (area, sums.map(|sum| sum / area))
     }
 }
 
-/// Returns area and centroid of a polygon by the shoelace formula.
-fn moments(corners: &[[f64; 2]]) -> (f64, [f64; 2]) {
+/// Returns the area (px^2, positive in either direction) and the centroid (px) of a polygon by the shoelace formula.
+///
+/// The centroid of a degenerate polygon is its first corner. The sums are taken about that corner to limit rounding.
+fn polygon_area_and_centroid(corners: &[[f64; 2]]) -> (f64, [f64; 2]) {
     let Some(origin) = corners.first() else { return (0.0, [0.0; 2]) };
     let (mut twice, mut sums) = (0.0, [0.0; 2]);
     for (k, a) in corners.iter().enumerate() {

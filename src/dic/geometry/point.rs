@@ -15,8 +15,8 @@ impl Point {
         Self { x_px, y_px }
     }
 
-    /// Returns the offset of this point from `origin`.
-    pub(in crate::dic) fn from(self, origin: Self) -> Self {
+    /// Returns the offset of this point from `origin`, px.
+    pub(in crate::dic) fn relative_to(self, origin: Self) -> Self {
         Self::new(self.x_px - origin.x_px, self.y_px - origin.y_px)
     }
 }

@@ -38,10 +38,10 @@ impl Region {
     pub fn contains(&self, x: f64, y: f64) -> bool {
         match self {
             Self::Disc { x_px, y_px, radius_px } => {
-                *radius_px >= 0.0 && square(x - x_px, y - y_px) <= radius_px * radius_px
+                *radius_px >= 0.0 && squared_length(x - x_px, y - y_px) <= radius_px * radius_px
             }
             Self::Ring { x_px, y_px, inner_px, outer_px } => {
-                let reach = square(x - x_px, y - y_px);
+                let reach = squared_length(x - x_px, y - y_px);
                 *outer_px >= 0.0 && reach <= outer_px * outer_px && !(*inner_px > 0.0 && reach < inner_px * inner_px)
             }
             Self::Polygon { outline_px, holes_px } => {
@@ -50,15 +50,16 @@ impl Region {
         }
     }
 
-    /// Whether every point of the rectangle left, top, right, bottom, in px, belongs. May return false for shapes other
-    /// than a disc.
-    pub fn holds(&self, [left, top, right, bottom]: [f64; 4]) -> bool {
+    /// Whether every point of the rectangle left, top, right, bottom, in px, is known to belong.
+    ///
+    /// Always false for shapes other than a disc: callers then test each pixel.
+    pub fn contains_rectangle(&self, [left, top, right, bottom]: [f64; 4]) -> bool {
         // A disc is convex. For other shapes the corners are not sufficient.
         let corners = [(left, top), (right, top), (left, bottom), (right, bottom)];
         matches!(self, Self::Disc { .. }) && corners.into_iter().all(|(x, y)| self.contains(x, y))
     }
 
-    /// Returns left, top, right and bottom, px; `None` for an empty region.
+    /// Returns the bounding box: left, top, right and bottom, px; `None` for an empty region.
     pub fn bounds_px(&self) -> Option<[f64; 4]> {
         let bounds = match self {
             Self::Disc { x_px, y_px, radius_px: r } | Self::Ring { x_px, y_px, outer_px: r, .. } => {
@@ -74,11 +75,12 @@ impl Region {
     }
 }
 
-fn square(x: f64, y: f64) -> f64 {
+/// Returns the squared length of a vector.
+fn squared_length(x: f64, y: f64) -> f64 {
     x * x + y * y
 }
 
-/// Whether a ray to the right of (x, y) crosses the closed line an odd number of times.
+/// Whether a closed polygon encloses the point (x, y): a ray to the right crosses it an odd number of times.
 fn encloses(corners: &[[f64; 2]], x: f64, y: f64) -> bool {
     let mut inside = false;
     let Some(mut before) = corners.last() else { return false };
@@ -109,9 +111,9 @@ mod tests {
     #[test]
     fn a_disc_holds_what_its_corners_lie_in() {
         let disc = Region::Disc { x_px: 5.0, y_px: 5.0, radius_px: 5.0 };
-        assert!(disc.holds([2.0, 1.0, 8.0, 9.0]) && !disc.holds([2.0, 0.9, 8.0, 9.0]));
+        assert!(disc.contains_rectangle([2.0, 1.0, 8.0, 9.0]) && !disc.contains_rectangle([2.0, 0.9, 8.0, 9.0]));
         let ring = Region::Ring { x_px: 5.0, y_px: 5.0, inner_px: 1.0, outer_px: 5.0 };
-        assert!(!ring.holds([2.0, 1.0, 8.0, 9.0]));
+        assert!(!ring.contains_rectangle([2.0, 1.0, 8.0, 9.0]));
     }
 
     #[test]

@@ -34,7 +34,7 @@ impl Shape {
     ];
 
     /// Returns the number of parameters.
-    pub(in crate::dic) fn parameters(self) -> usize {
+    pub(in crate::dic) fn parameter_count(self) -> usize {
         match self {
             Self::Translation => 2,
             Self::Rigid => 3,

@@ -27,14 +27,14 @@ pub struct PlanarMotion {
 }
 
 impl PlanarMotion {
-    /// Returns the motion of the point at an offset.
-    pub(in crate::dic) fn at(self, offset: Point) -> Self {
+    /// Returns the motion of the point at an offset from the one that this motion refers to. The rotation is the same.
+    pub(in crate::dic) fn at_offset(self, offset: Point) -> Self {
         let (dx, dy) = (offset.x_px, offset.y_px);
         let (x, y) = self.warp().apply(dx, dy);
         Self { u_px: x - dx, v_px: y - dy, ..self }
     }
 
-    /// Converts the motion to a warp about the point.
+    /// Converts the motion to the warp of a subset centred at the point that it refers to.
     pub(in crate::dic) fn warp(self) -> Warp {
         Warp::rigid(self.u_px, self.v_px, self.angle_deg.to_radians())
     }
@@ -44,18 +44,20 @@ impl PlanarMotion {
 pub(in crate::dic) type Second = [[f64; 3]; 2];
 
 impl Warp {
-    /// Returns a translation.
+    /// Returns a translation by (u, v), px.
     pub(in crate::dic) fn shift(u: f64, v: f64) -> Self {
         Self { u, v, ..Self::default() }
     }
 
-    /// Returns a translation with a rotation, counter-clockwise on the screen.
+    /// Returns a translation by (u, v), px, with a rotation about the centre, counter-clockwise on the screen, rad.
     pub(in crate::dic) fn rigid(u: f64, v: f64, angle_rad: f64) -> Self {
         let (sin, cos) = angle_rad.sin_cos();
         Self { u, v, ux: cos - 1.0, uy: sin, vx: -sin, vy: cos - 1.0 }
     }
 
-    /// Converts the step of a solver: (u, v), (u, v, angle) or (u, ux, uy, v, vx, vy).
+    /// Converts the parameters of a shape function, in px, rad and px/px, to a warp.
+    ///
+    /// They are (u, v) for a translation, (u, v, angle) for a rigid motion, else (u, ux, uy, v, vx, vy).
     pub(in crate::dic) fn from_step(shape: Shape, step: &[f64; 6]) -> Self {
         match shape {
             Shape::Translation => Self::shift(step[0], step[1]),
@@ -71,7 +73,10 @@ impl Warp {
         (self.u + dx + self.ux * dx + self.uy * dy, self.v + dy + self.vx * dx + self.vy * dy)
     }
 
-    /// Composes this warp with the inverse of `step`; `None` if `step` cannot be inverted.
+    /// Composes this warp with the inverse of `step`: the inverse compositional update of S. Baker, I. Matthews, Int.
+    /// J. Comput. Vis. 56 (2004) 221, <https://doi.org/10.1023/B:VISI.0000011205.11775.fd>.
+    ///
+    /// `None` if `step` cannot be inverted, that is if its determinant is below 0.1.
     pub(in crate::dic) fn after_inverse(&self, step: &Self) -> Option<Self> {
         let determinant = (1.0 + step.ux) * (1.0 + step.vy) - step.uy * step.vx;
         if !determinant.is_finite() || determinant < 0.1 {
@@ -92,13 +97,16 @@ impl Warp {
         })
     }
 
-    /// Whether no gradient is larger than `limit`.
+    /// Whether no displacement gradient is larger than `limit` in size.
     pub(in crate::dic) fn is_within(&self, limit: f64) -> bool {
         [self.ux, self.uy, self.vx, self.vy].into_iter().all(|gradient| gradient.abs() <= limit)
     }
 
-    /// Returns the projection of this step on the step `before`, with the gradients taken at `half` px.
-    pub(in crate::dic) fn ratio(&self, before: &Self, half: f64) -> f64 {
+    /// Returns the component of this step along the step `before`, in units of its length. Negative if they are
+    /// opposite.
+    ///
+    /// The scalar product weights displacement gradients with `half`, the distance from the centre in px.
+    pub(in crate::dic) fn projection_ratio(&self, before: &Self, half: f64) -> f64 {
         let product = |a: &Self, b: &Self| {
             let gradients = a.ux * b.ux + a.uy * b.uy + a.vx * b.vx + a.vy * b.vy;
             a.u * b.u + a.v * b.v + half * half * gradients
@@ -112,7 +120,8 @@ impl Warp {
         Self { u: u * factor, ux: ux * factor, uy: uy * factor, v: v * factor, vx: vx * factor, vy: vy * factor }
     }
 
-    /// Returns the length of a step: its offset, or the displacement by its gradients at `half` px from the centre.
+    /// Returns the length of a step, px: the largest of |u|, |v| and the displacements that the gradients cause at
+    /// `half` px from the centre.
     pub(in crate::dic) fn length(&self, half: f64) -> f64 {
         let gradients = [self.ux, self.uy, self.vx, self.vy].into_iter().fold(0.0, |high: f64, g| high.max(g.abs()));
         self.u.abs().max(self.v.abs()).max(half * gradients)

@@ -6,7 +6,7 @@
 //! one. It has a quarter of the quintic B-spline's bias at the same cost. The prefilter follows M. Unser, A. Aldroubi,
 //! M. Eden, IEEE Trans. Signal Process. 41 (1993) 834, <https://doi.org/10.1109/78.193221>.
 
-use super::padded_image::{MARGIN, PaddedImage, mirror, mirror_row};
+use super::padded_image::{MARGIN, PaddedImage, mirror_row, reflect_index};
 use crate::dic::geometry::Size;
 use crate::numeric::{LANES, Vector, vectorized};
 
@@ -89,9 +89,16 @@ impl Kernel {
     fn lane_weights<V: Vector>(&self, t: V) -> [V; 6] {
         let s = t.sub(V::splat(0.5));
         let square = s.mul(s);
-        let even =
-            [quadratic(&self.even[0], square), quadratic(&self.even[1], square), quadratic(&self.even[2], square)];
-        let odd = [quadratic(&self.odd[0], square), quadratic(&self.odd[1], square), quadratic(&self.odd[2], square)];
+        let even = [
+            evaluate_quadratic(&self.even[0], square),
+            evaluate_quadratic(&self.even[1], square),
+            evaluate_quadratic(&self.even[2], square),
+        ];
+        let odd = [
+            evaluate_quadratic(&self.odd[0], square),
+            evaluate_quadratic(&self.odd[1], square),
+            evaluate_quadratic(&self.odd[2], square),
+        ];
         let odd = [s.mul(odd[0]), s.mul(odd[1]), s.mul(odd[2])];
         [
             even[2].sub(odd[2]),
@@ -106,7 +113,7 @@ impl Kernel {
 
 /// Evaluates c0 + c1 x + c2 x^2.
 #[inline(always)]
-fn quadratic<V: Vector>(c: &[f32; 3], x: V) -> V {
+fn evaluate_quadratic<V: Vector>(c: &[f32; 3], x: V) -> V {
     V::splat(c[0]).plus_product(x, V::splat(c[1]).plus_product(x, V::splat(c[2])))
 }
 
@@ -127,7 +134,7 @@ impl Default for InterpolatedImage {
 }
 
 impl InterpolatedImage {
-    /// Interpolates the grey levels, whose margin must be mirrored.
+    /// Computes the interpolation coefficients of `levels`, reusing memory. The margin of `levels` must be mirrored.
     pub(in crate::dic) fn fill(&mut self, levels: &PaddedImage, interpolation: Interpolation) {
         match interpolation {
             Interpolation::Optimised => {
@@ -142,7 +149,7 @@ impl InterpolatedImage {
         }
     }
 
-    /// Interpolates the grey levels in new memory.
+    /// Computes the interpolation coefficients of `levels`. See [`Self::fill`].
     pub(in crate::dic) fn new(levels: &PaddedImage, interpolation: Interpolation) -> Self {
         let mut interpolated = Self::default();
         interpolated.fill(levels, interpolation);
@@ -169,13 +176,13 @@ impl InterpolatedImage {
         self.kernel.taps
     }
 
-    /// Returns the values from the first of `N` taps of the cell at (x, y) on, and the row stride.
+    /// Returns the coefficients from the first of `N` x `N` taps of the cell at (x, y) on, and the row stride.
     #[inline(always)]
     pub(in crate::dic) fn taps<const N: usize>(&self, x: isize, y: isize) -> (&[f32], usize) {
         self.taps_from(self.first_tap::<N>(x, y))
     }
 
-    /// Returns the index of the first of `N` taps of the cell at (x, y).
+    /// Returns the index of the first of `N` x `N` taps of the cell whose upper left pixel is (x, y).
     #[inline(always)]
     pub(in crate::dic) fn first_tap<const N: usize>(&self, x: isize, y: isize) -> usize {
         let before = (N / 2 - 1) as isize;
@@ -188,7 +195,7 @@ impl InterpolatedImage {
         self.plane.stride()
     }
 
-    /// Returns the values from the tap of this index on, and the row stride.
+    /// Returns the coefficients from the tap of this index on, and the row stride.
     #[inline(always)]
     pub(in crate::dic) fn taps_from(&self, first: usize) -> (&[f32], usize) {
         (&self.plane.data()[first..], self.plane.stride())
@@ -209,9 +216,9 @@ impl InterpolatedImage {
         inner
     }
 
-    /// Returns the value at (x, y) px, inside the image or a few pixels outside.
+    /// Returns the interpolated level at (x, y) px, DN; inside the image or a few pixels outside.
     #[inline(always)]
-    pub(in crate::dic) fn at(&self, x: f64, y: f64) -> f32 {
+    pub(in crate::dic) fn value_at(&self, x: f64, y: f64) -> f32 {
         let (cell_x, cell_y) = (x.floor(), y.floor());
         let (weights_x, weights_y) = (self.weights((x - cell_x) as f32), self.weights((y - cell_y) as f32));
         let (taps, stride) = self.taps::<6>(cell_x as isize, cell_y as isize);
@@ -247,6 +254,7 @@ struct Cascade {
 }
 
 impl Cascade {
+    /// Multiplies the factors of both [`POLES`] to three filters and includes the prefilter's gain in the first.
     fn new() -> Self {
         let [a, b] = POLES;
         let mut gain = 120.0 * a * b;
@@ -258,9 +266,9 @@ impl Cascade {
         };
         let [a1, a2, a4, a8] = [1, 2, 4, 8].map(|distance| outer(a, distance));
         let [b1, b2] = [1, 2].map(|distance| outer(b, distance));
-        let near = symmetric_product([1.0, a1, 0.0], [1.0, b1, 0.0]);
-        let middle = symmetric_product([1.0, a2, 0.0], [1.0, b2, 0.0]);
-        let far = symmetric_product([1.0, a4, 0.0, 0.0], [1.0, 0.0, a8, 0.0]);
+        let near = convolve_symmetric([1.0, a1, 0.0], [1.0, b1, 0.0]);
+        let middle = convolve_symmetric([1.0, a2, 0.0], [1.0, b2, 0.0]);
+        let far = convolve_symmetric([1.0, a4, 0.0, 0.0], [1.0, 0.0, a8, 0.0]);
         Self {
             near: near.map(|weight| (gain * weight) as f32),
             middle: middle.map(|weight| weight as f32),
@@ -269,8 +277,8 @@ impl Cascade {
     }
 }
 
-/// Returns the product of two symmetric filters, given by the weights at distances 0, 1, 2 and so on.
-fn symmetric_product<const N: usize>(one: [f64; N], other: [f64; N]) -> [f64; N] {
+/// Convolves two symmetric filters, given by their weights at distances 0, 1, 2 and so on; drops distances beyond `N`.
+fn convolve_symmetric<const N: usize>(one: [f64; N], other: [f64; N]) -> [f64; N] {
     let at = |filter: &[f64; N], distance: isize| filter.get(distance.unsigned_abs()).copied().unwrap_or(0.0);
     let reach = N as isize;
     std::array::from_fn(|d| (-reach..=reach).map(|k| at(&one, k) * at(&other, d as isize - k)).sum())
@@ -281,6 +289,7 @@ vectorized! {
     fn filter_rows(levels: &PaddedImage, out: &mut PaddedImage) = filter_rows_with
 }
 
+/// Implements [`filter_rows`] on vectors of type `V`.
 #[inline(always)]
 fn filter_rows_with<V: Vector>(levels: &PaddedImage, out: &mut PaddedImage) {
     let (width, cascade) = (levels.width(), Cascade::new());
@@ -289,19 +298,19 @@ fn filter_rows_with<V: Vector>(levels: &PaddedImage, out: &mut PaddedImage) {
     let (mut first, mut second) = (vec![0.0; levels.stride() + LANES], vec![0.0; levels.stride() + LANES]);
     for y in 0..levels.height() {
         let row = &levels.data()[levels.index(-(MARGIN as isize), y as isize)..];
-        symmetric::<V, 3, 1>(row, &near, &mut first, MARGIN - LANES, width + 2 * LANES);
-        symmetric::<V, 3, 2>(&first, &middle, &mut second, MARGIN, width);
+        filter_symmetric::<V, 3, 1>(row, &near, &mut first, MARGIN - LANES, width + 2 * LANES);
+        filter_symmetric::<V, 3, 2>(&first, &middle, &mut second, MARGIN, width);
         // A mirrored row stays mirrored under a symmetric filter.
         mirror_row(&mut second[..levels.stride()], width);
         // Writes into the margin, which is filled later.
-        symmetric::<V, 4, 4>(&second, &far, out.padded_row_mut(y), MARGIN, width);
+        filter_symmetric::<V, 4, 4>(&second, &far, out.padded_row_mut(y), MARGIN, width);
     }
 }
 
 /// Applies a filter with `N` weights at distances 0, `STEP`, 2 `STEP` and so on to both sides, to `count` values from
 /// `first` on.
 #[inline(always)]
-fn symmetric<V: Vector, const N: usize, const STEP: usize>(
+fn filter_symmetric<V: Vector, const N: usize, const STEP: usize>(
     from: &[f32],
     weights: &[V; N],
     to: &mut [f32],
@@ -324,12 +333,13 @@ vectorized! {
     fn filter_columns(plane: &mut PaddedImage) = filter_columns_with
 }
 
+/// Implements [`filter_columns`] on vectors of type `V`.
 #[inline(always)]
 fn filter_columns_with<V: Vector>(plane: &mut PaddedImage) {
     let (width, height, stride) = (plane.width(), plane.height(), plane.stride());
     let first = plane.index(0, 0);
-    let tail: [Vec<(usize, f32)>; 2] =
-        POLES.map(|pole| (0..=REACH).map(|k| (mirror(k as isize, height), pole.powi(k as i32) as f32)).collect());
+    let tail: [Vec<(usize, f32)>; 2] = POLES
+        .map(|pole| (0..=REACH).map(|k| (reflect_index(k as isize, height), pole.powi(k as i32) as f32)).collect());
     let mut x = 0;
     while x < width {
         let rows = &mut plane.data_mut()[first + x..];
@@ -343,7 +353,10 @@ fn filter_columns_with<V: Vector>(plane: &mut PaddedImage) {
     }
 }
 
-/// Applies both poles, down and up, to `8 N` columns.
+/// Applies the recursive filters of both [`POLES`], down and up, to `8 N` columns.
+///
+/// `rows` starts at the first pixel of the strip. `tail` holds, for each pole, the rows and factors whose sum starts
+/// the downward recursion of a mirrored column.
 #[inline(always)]
 fn filter_strip<V: Vector, const N: usize>(
     rows: &mut [f32],
@@ -438,7 +451,7 @@ mod tests {
         let levels = noise_plane(9, 8);
         let interpolated = InterpolatedImage::new(&levels, Interpolation::Bicubic);
         for (x, y) in (0..72).map(|k| (k % 9, k / 9)) {
-            assert!((interpolated.at(x as f64, y as f64) - levels.row(y)[x]).abs() < 1e-4, "{x}, {y}");
+            assert!((interpolated.value_at(x as f64, y as f64) - levels.row(y)[x]).abs() < 1e-4, "{x}, {y}");
         }
     }
 

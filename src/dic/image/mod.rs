@@ -9,5 +9,5 @@ pub(in crate::dic) use interpolation::InterpolatedImage;
 pub use interpolation::Interpolation;
 pub(in crate::dic) use padded_image::{MARGIN, PaddedImage};
 pub use prepared_frame::PreparedFrame;
-pub(in crate::dic) use prepared_frame::gain;
+pub(in crate::dic) use prepared_frame::relative_gain;
 pub(in crate::dic) use sampler::{ShiftedRows, Taps, lane_positions, sample_lanes, widened_weights};

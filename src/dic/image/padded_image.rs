@@ -84,20 +84,20 @@ impl PaddedImage {
             mirror_row(self.padded_row_mut(y), width);
         }
         for k in 1..=MARGIN {
-            let above = (MARGIN + mirror(-(k as isize), height)) * stride;
+            let above = (MARGIN + reflect_index(-(k as isize), height)) * stride;
             self.data.copy_within(above..above + stride, (MARGIN - k) * stride);
-            let below = (MARGIN + mirror((height - 1 + k) as isize, height)) * stride;
+            let below = (MARGIN + reflect_index((height - 1 + k) as isize, height)) * stride;
             self.data.copy_within(below..below + stride, (MARGIN + height - 1 + k) * stride);
         }
     }
 }
 
-/// Fills the margin on both sides of one row.
+/// Fills the margin on both sides of one padded row with its mirrored `width` inner values.
 pub(in crate::dic) fn mirror_row(row: &mut [f32], width: usize) {
     if width <= MARGIN {
         for k in 0..MARGIN {
-            row[k] = row[MARGIN + mirror(k as isize - MARGIN as isize, width)];
-            row[MARGIN + width + k] = row[MARGIN + mirror((width + k) as isize, width)];
+            row[k] = row[MARGIN + reflect_index(k as isize - MARGIN as isize, width)];
+            row[MARGIN + width + k] = row[MARGIN + reflect_index((width + k) as isize, width)];
         }
         return;
     }
@@ -107,7 +107,7 @@ pub(in crate::dic) fn mirror_row(row: &mut [f32], width: usize) {
     copy_mirrored(&inner[width - 1 - MARGIN..], after);
 }
 
-/// Copies the first [`MARGIN`] values in reverse order.
+/// Copies the first [`MARGIN`] values of `from` to the start of `to` in reverse order.
 fn copy_mirrored(from: &[f32], to: &mut [f32]) {
     let mut mirrored = [0.0; MARGIN];
     mirrored.copy_from_slice(&from[..MARGIN]);
@@ -116,7 +116,7 @@ fn copy_mirrored(from: &[f32], to: &mut [f32]) {
 }
 
 /// Reflects an index about the first and the last sample until it lies in `0..size`.
-pub(in crate::dic) fn mirror(index: isize, size: usize) -> usize {
+pub(in crate::dic) fn reflect_index(index: isize, size: usize) -> usize {
     let period = 2 * (size as isize - 1);
     if period <= 0 {
         return 0;
@@ -131,9 +131,9 @@ mod tests {
 
     #[test]
     fn mirrored_indices_reflect_about_the_outer_samples() {
-        let found: Vec<usize> = (-4..9).map(|i| mirror(i, 4)).collect();
+        let found: Vec<usize> = (-4..9).map(|i| reflect_index(i, 4)).collect();
         assert_eq!(found, [2, 3, 2, 1, 0, 1, 2, 3, 2, 1, 0, 1, 2]);
-        assert_eq!(mirror(-7, 1), 0);
+        assert_eq!(reflect_index(-7, 1), 0);
     }
 
     #[test]

@@ -10,8 +10,8 @@ use crate::numeric::LANES;
 
 /// A prepared frame: grey levels and gradients for use as reference, interpolated image for use as target.
 ///
-/// Created by [`Correlator::prepare`](crate::dic::Correlator::prepare). A frame that is first a target and later a reference
-/// needs to be prepared only once.
+/// Created by [`Correlator::prepare`](crate::dic::Correlator::prepare). A frame that is first a target and later a
+/// reference needs to be prepared only once.
 #[derive(Debug, Clone, Default)]
 pub struct PreparedFrame {
     pub(in crate::dic) levels: PaddedImage,
@@ -46,14 +46,15 @@ impl PreparedFrame {
         self.size == (self.levels.width(), self.levels.height())
     }
 
-    /// Converts a frame position to the prepared part.
+    /// Converts a position in the frame to one relative to the corner of the prepared part, px; negative left of it or
+    /// above it.
     pub(in crate::dic) fn local(&self, point: GridPoint) -> Pixel {
         Pixel { x: point.x as i32 - self.origin.x as i32, y: point.y as i32 - self.origin.y as i32 }
     }
 
-    /// Returns the approximate gain of `target` relative to this frame.
-    pub(in crate::dic) fn gain_of(&self, target: &Self) -> f32 {
-        gain(self.contrast, target.contrast)
+    /// Returns the approximate gain from this frame to `target`: the ratio of their contrasts.
+    pub(in crate::dic) fn gain_to(&self, target: &Self) -> f32 {
+        relative_gain(self.contrast, target.contrast)
     }
 
     /// Prepares `image`, reusing memory.
@@ -77,7 +78,7 @@ impl PreparedFrame {
         if width == 0 || height == 0 {
             return;
         }
-        let squares: f64 = (0..height).map(|y| subtract(row(y), self.offset, self.levels.row_mut(y))).sum();
+        let squares: f64 = (0..height).map(|y| subtract_offset(row(y), self.offset, self.levels.row_mut(y))).sum();
         self.contrast = (squares / (width * height) as f64).sqrt() as f32;
         self.levels.mirror_margin();
         self.fill_gradients();
@@ -85,12 +86,14 @@ impl PreparedFrame {
         self.interpolated.contrast = self.contrast;
     }
 
-    /// Computes fourth-order central differences; second order one pixel from the edge, one-sided on it.
+    /// Computes the gradients of the levels by fourth-order central differences, DN/px.
+    ///
+    /// They are of second order one pixel from the edge, and one-sided on it.
     fn fill_gradients(&mut self) {
         let (width, height) = (self.levels.width(), self.levels.height());
         for y in 0..height {
             let row = self.levels.row(y);
-            gradient_along(row, self.gradient_x.row_mut(y));
+            gradient_along_row(row, self.gradient_x.row_mut(y));
             let distance = y.min(height - 1 - y);
             let start = self.levels.index(0, y as isize) as isize;
             let stride = self.levels.stride() as isize;
@@ -101,7 +104,7 @@ impl PreparedFrame {
             };
             let target = self.gradient_y.row_mut(y);
             if distance >= 2 {
-                difference([shifted(-2), shifted(-1), shifted(1), shifted(2)], target);
+                fourth_order_difference([shifted(-2), shifted(-1), shifted(1), shifted(2)], target);
             } else {
                 let (up, down) = (isize::from(y > 0), isize::from(y + 1 < height));
                 let scale = 1.0 / (up + down).max(1) as f32;
@@ -113,9 +116,11 @@ impl PreparedFrame {
     }
 }
 
-/// Subtracts an offset from the pixels and returns the sum of their squares.
+/// Subtracts an offset from the pixels and returns the sum of squares of the differences, DN^2.
+///
+/// Pixels after the last whole group of eight are not summed: the sum gives an approximate contrast only.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
-fn subtract(pixels: &[f32], offset: f32, out: &mut [f32]) -> f64 {
+fn subtract_offset(pixels: &[f32], offset: f32, out: &mut [f32]) -> f64 {
     let mut sums = [0.0_f32; LANES];
     let (chunks, rest) = pixels.as_chunks::<LANES>();
     let (out, out_rest) = out[..pixels.len()].as_chunks_mut::<LANES>();
@@ -129,14 +134,14 @@ fn subtract(pixels: &[f32], offset: f32, out: &mut [f32]) -> f64 {
     sums.iter().map(|sum| f64::from(*sum)).sum()
 }
 
-/// Returns the approximate gain between two contrasts; 1 if it is undefined.
-pub(in crate::dic) fn gain(contrast: f32, of_target: f32) -> f32 {
-    let gain = of_target / contrast;
+/// Returns the approximate gain from a reference to a target of these contrasts, DN; 1 if it is undefined.
+pub(in crate::dic) fn relative_gain(contrast: f32, target_contrast: f32) -> f32 {
+    let gain = target_contrast / contrast;
     if gain.is_finite() { gain } else { 1.0 }
 }
 
-/// Computes the gradient along one row.
-fn gradient_along(row: &[f32], gradient: &mut [f32]) {
+/// Computes the gradient along one row, DN/px: fourth-order central differences, of lower order at both ends.
+fn gradient_along_row(row: &[f32], gradient: &mut [f32]) {
     let width = row.len();
     for x in (0..width.min(2)).chain(width.saturating_sub(2)..width) {
         let (left, right) = (x.saturating_sub(1), (x + 1).min(width - 1));
@@ -146,26 +151,27 @@ fn gradient_along(row: &[f32], gradient: &mut [f32]) {
         return;
     }
     let inner = &mut gradient[2..width - 2];
-    difference([row, &row[1..], &row[3..], &row[4..]], inner);
+    fourth_order_difference([row, &row[1..], &row[3..], &row[4..]], inner);
 }
 
-/// Computes the fourth-order central difference of samples at -2, -1, 1 and 2.
+/// Computes the fourth-order central differences of rows of samples at -2, -1, 1 and 2 px.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
-fn difference(samples: [&[f32]; 4], out: &mut [f32]) {
+fn fourth_order_difference(samples: [&[f32]; 4], out: &mut [f32]) {
     let [a, b, c, d] = samples.map(|part| &part[..out.len()]);
     for (out, ((a, d), (b, c))) in out.iter_mut().zip(a.iter().zip(d).zip(b.iter().zip(c))) {
         *out = ((a - d) + 8.0 * (c - b)) * (1.0 / 12.0);
     }
 }
 
-/// Returns the highest grey level and the sum of all.
+/// Returns the highest grey level of all rows and the sum of all levels, DN.
 fn highest_and_sum<'a>(rows: impl Iterator<Item = &'a [f32]>) -> (f32, f64) {
-    rows.map(highest_and_sum_of).fold((f32::NEG_INFINITY, 0.0), |(highest, sum), row| (highest.max(row.0), sum + row.1))
+    rows.map(highest_and_sum_of_row)
+        .fold((f32::NEG_INFINITY, 0.0), |(highest, sum), row| (highest.max(row.0), sum + row.1))
 }
 
-/// Returns the highest grey level and the sum of one row.
+/// Returns the highest grey level and the sum of one row, DN.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
-fn highest_and_sum_of(row: &[f32]) -> (f32, f64) {
+fn highest_and_sum_of_row(row: &[f32]) -> (f32, f64) {
     let (mut highest, mut sums) = ([f32::NEG_INFINITY; LANES], [0.0_f32; LANES]);
     let (chunks, rest) = row.as_chunks::<LANES>();
     for chunk in chunks {

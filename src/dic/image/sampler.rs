@@ -30,22 +30,27 @@ pub(in crate::dic) fn sample_lanes<V: Vector, const N: usize, const M: usize>(
     // Slightly early: a lane that rounds up to 1 must find its second cell.
     let (wide_x, wide_y) = (x.max(end_x) - cell_x >= 0.999_999, y.max(end_y) - cell_y >= 0.999_999);
     match (wide_x, wide_y) {
-        (false, false) => taps.sum(&target.lane_weights::<V, N>(along_x), &target.lane_weights::<V, N>(along_y)),
-        (false, true) => taps.sum(&target.lane_weights::<V, N>(along_x), &widened_weights::<V, N, M>(target, along_y)),
-        (true, false) => taps.sum(&widened_weights::<V, N, M>(target, along_x), &target.lane_weights::<V, N>(along_y)),
-        (true, true) => {
-            taps.sum(&widened_weights::<V, N, M>(target, along_x), &widened_weights::<V, N, M>(target, along_y))
+        (false, false) => {
+            taps.weighted_sum(&target.lane_weights::<V, N>(along_x), &target.lane_weights::<V, N>(along_y))
         }
+        (false, true) => {
+            taps.weighted_sum(&target.lane_weights::<V, N>(along_x), &widened_weights::<V, N, M>(target, along_y))
+        }
+        (true, false) => {
+            taps.weighted_sum(&widened_weights::<V, N, M>(target, along_x), &target.lane_weights::<V, N>(along_y))
+        }
+        (true, true) => taps
+            .weighted_sum(&widened_weights::<V, N, M>(target, along_x), &widened_weights::<V, N, M>(target, along_y)),
     }
 }
 
-/// Returns `start` + lane `drift`.
+/// Returns the positions `start` + lane x `drift` of the eight lanes.
 #[inline(always)]
 pub(in crate::dic) fn lane_positions<V: Vector>(start: f64, drift: f64) -> V {
     V::splat(start as f32).add(V::from_lanes(&Lanes::INDEX).mul(V::splat(drift as f32)))
 }
 
-/// Samples lane by lane, for any deformation.
+/// Samples at the positions of [`sample_lanes`] lane by lane, for any deformation.
 ///
 /// Lanes off the mask may lie outside the image; their values are not used.
 #[inline(never)]
@@ -54,7 +59,7 @@ fn sample_scattered(target: &InterpolatedImage, x: f64, y: f64, ux: f64, vx: f64
     let mut lanes = Lanes::splat(0.0);
     for (lane, value) in lanes.0.iter_mut().enumerate() {
         let (x, y) = (x + lane as f64 * (1.0 + ux), y + lane as f64 * vx);
-        *value = target.at(x.clamp(0.0, right), y.clamp(0.0, bottom));
+        *value = target.value_at(x.clamp(0.0, right), y.clamp(0.0, bottom));
     }
     lanes
 }
@@ -66,16 +71,16 @@ pub(in crate::dic) struct Taps<'a> {
 }
 
 impl<'a> Taps<'a> {
-    /// Starts at the tap of this index.
+    /// Starts at the tap of this index in the coefficients of `target`.
     #[inline(always)]
-    pub(in crate::dic) fn at(target: &'a InterpolatedImage, first: usize) -> Self {
+    pub(in crate::dic) fn starting_at(target: &'a InterpolatedImage, first: usize) -> Self {
         let (rows, stride) = target.taps_from(first);
         Self { rows, stride }
     }
 
-    /// Returns the sum of the taps with the weights of each lane.
+    /// Returns the interpolated levels: the sum of the taps times the weights of each lane along x and along y.
     #[inline(always)]
-    pub(in crate::dic) fn sum<V: Vector, const X: usize, const Y: usize>(
+    pub(in crate::dic) fn weighted_sum<V: Vector, const X: usize, const Y: usize>(
         &self,
         weights_x: &[V; X],
         weights_y: &[V; Y],
@@ -111,7 +116,7 @@ pub(in crate::dic) struct ShiftedRows<'a, V, const N: usize> {
 }
 
 impl<'a, V: Vector, const N: usize> ShiftedRows<'a, V, N> {
-    /// Starts at (x, y), the first lane of the first row.
+    /// Starts at the position (x, y) px in the target of the first lane in the first row.
     #[inline(always)]
     pub(in crate::dic) fn new(target: &'a InterpolatedImage, x: f64, y: f64) -> Self {
         let (cell_x, cell_y) = (x.floor(), y.floor());
@@ -138,7 +143,7 @@ impl<'a, V: Vector, const N: usize> ShiftedRows<'a, V, N> {
         self.count += 1;
     }
 
-    /// Returns the eight pixels of the next row.
+    /// Returns the eight interpolated levels of the next row.
     #[inline(always)]
     pub(in crate::dic) fn next_row(&mut self) -> V {
         self.filter_next();
@@ -151,7 +156,8 @@ impl<'a, V: Vector, const N: usize> ShiftedRows<'a, V, N> {
     }
 }
 
-/// Returns the weights of one tap more, for lanes that lie in the second cell.
+/// Returns the weights of `M` = `N` + 1 taps for lanes at fractions of 0 to 2, shifted by one tap for those in the
+/// second cell.
 #[inline(always)]
 pub(in crate::dic) fn widened_weights<V: Vector, const N: usize, const M: usize>(
     target: &InterpolatedImage,
@@ -199,7 +205,7 @@ mod tests {
             let found = sample_lanes::<Portable, 6, 7>(&target, at.0, at.1, ux, vx).to_lanes();
             for lane in 0..LANES {
                 let offset = lane as f64;
-                let expected = target.at(at.0 + offset * (1.0 + ux), at.1 + offset * vx);
+                let expected = target.value_at(at.0 + offset * (1.0 + ux), at.1 + offset * vx);
                 assert!((found.0[lane] - expected).abs() < 2e-3, "{ux} {vx} {at:?} lane {lane}");
             }
         }
@@ -210,7 +216,7 @@ mod tests {
         let target = waves();
         for (at, ux, vx) in [((50.0, 45.0), 0.9, 1.4), ((3.0, 2.0), -2.5, -1.7), ((58.0, 48.0), 3.0, 3.0)] {
             let found = sample_lanes::<Portable, 6, 7>(&target, at.0, at.1, ux, vx).to_lanes();
-            assert!((found.0[0] - target.at(at.0, at.1)).abs() < 1e-3, "{at:?}: {found:?}");
+            assert!((found.0[0] - target.value_at(at.0, at.1)).abs() < 1e-3, "{at:?}: {found:?}");
             assert!(found.0.iter().all(|value| value.is_finite()));
         }
     }

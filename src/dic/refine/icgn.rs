@@ -8,7 +8,7 @@
 
 use super::warped_rows::{RotatedRows, RowSampler, StoredRows, TiledRows, WarpedRows, WarpedTarget};
 use crate::dic::geometry::{Block, Pixel, Second, Shape, SubsetMask, Warp};
-use crate::dic::image::{InterpolatedImage, ShiftedRows, gain};
+use crate::dic::image::{InterpolatedImage, ShiftedRows, relative_gain};
 use crate::dic::subset::{ReferenceSubset, Sums, project};
 use crate::numeric::{Lanes, Vector, vectorized};
 
@@ -69,7 +69,7 @@ pub(in crate::dic) struct Match {
 }
 
 impl Match {
-    /// Whether both are the same match, found from different starts.
+    /// Whether both are the same match, found from different starts: their displacements differ by less than 0.1 px.
     pub(in crate::dic) fn is_near(&self, other: &Self) -> bool {
         (self.warp.u - other.warp.u).hypot(self.warp.v - other.warp.v) < SAME_PX
     }
@@ -97,12 +97,16 @@ pub(in crate::dic) struct Refiner<'a> {
 }
 
 impl Refiner<'_> {
-    /// Finds the subset in the target, starting from `start`.
+    /// Finds the subset in the target by IC-GN, starting from the warp `start`.
+    ///
+    /// # Errors
+    ///
+    /// [`MatchError`] if the iteration leaves the image or does not converge.
     pub(in crate::dic) fn refine(&self, start: Warp) -> Result<Match, MatchError> {
         self.iterate(start, |warp| self.step(warp))
     }
 
-    /// Runs [`Self::refine`] and returns the residual before the last step, which hardly changes it.
+    /// Runs [`Self::refine`] and stores the residual before the last step, which hardly changes it, in `residual`.
     pub(in crate::dic) fn refine_with_residual(
         &self,
         start: Warp,
@@ -110,23 +114,22 @@ impl Refiner<'_> {
     ) -> Result<Match, MatchError> {
         let mut last = Sums::default();
         let found = self.iterate(start, |warp| {
-            last = self.sampled(warp, residual)?;
-            self.step_of(last).map(|(step, zncc, _)| (step, zncc))
+            last = self.sample_target(warp, residual)?;
+            self.solve_step(last).map(|(step, zncc, _)| (step, zncc))
         })?;
         self.subtract(self, last, residual);
         Ok(found)
     }
 
-    /// Runs one update if the start is close enough, else [`Self::refine_with_residual`]. `gradient_gain` corrects the length
-    /// of the update.
+    /// Runs one update if it is short enough, else [`Self::refine_with_residual`]. `gradient_gain` corrects its length.
     pub(in crate::dic) fn refine_near(
         &self,
         start: Warp,
         gradient_gain: f64,
         residual: &mut Vec<Lanes>,
     ) -> Result<Match, MatchError> {
-        let sums = self.sampled(&start, residual)?;
-        let (step, zncc, zncc_gain) = self.step_of(sums)?;
+        let sums = self.sample_target(&start, residual)?;
+        let (step, zncc, zncc_gain) = self.solve_step(sums)?;
         let is_near = step.length(f64::from(self.window.half)) <= NEAR_PX;
         let Some(warp) = start.after_inverse(&step.scaled(gradient_gain)).filter(|_| is_near) else {
             return self.refine_with_residual(start, residual);
@@ -135,7 +138,9 @@ impl Refiner<'_> {
         Ok(Match { warp, second: [[0.0; 3]; 2], zncc: (zncc + zncc_gain).min(1.0), iterations: 1 })
     }
 
-    /// Iterates with exact steps of `step_at`, after quick ones.
+    /// Iterates with quick steps in tiles, then with the exact ones of `step_at`, until they are short enough.
+    ///
+    /// `step_at` returns the step at a warp and the ZNCC there.
     fn iterate(
         &self,
         start: Warp,
@@ -151,7 +156,7 @@ impl Refiner<'_> {
                 return Err(MatchError::NotConverged);
             }
             // The steps shrink geometrically, so the sum of the remaining series can be taken at once.
-            let ratio = before.map_or(1.0, |before: Warp| step.ratio(&before, half));
+            let ratio = before.map_or(1.0, |before: Warp| step.projection_ratio(&before, half));
             let steady = length < MAX_SERIES_PX && ratio.abs() < MAX_STEADY_RATIO;
             let last = steady || (quick > 0 && length < LAST_STEP_PX);
             let step = if steady { step.scaled(1.0 / (1.0 - ratio)) } else { step };
@@ -164,7 +169,7 @@ impl Refiner<'_> {
         Err(MatchError::NotConverged)
     }
 
-    /// Iterates with tiles that are only shifted, four times as fast, and returns the number of iterations.
+    /// Iterates with tiles that are only shifted, four times as fast. Returns the warp and the number of iterations.
     ///
     /// The error is proportional to the deformation, some thousandths of a pixel.
     fn iterate_in_tiles(&self, start: Warp) -> Result<(Warp, u32), MatchError> {
@@ -177,7 +182,7 @@ impl Refiner<'_> {
             if !warp.is_within(MAX_TILED_GRADIENT) {
                 return Ok((warp, iterations));
             }
-            let (step, ..) = self.step_of(self.pass(&warp, Sampling::Tiled)?)?;
+            let (step, ..) = self.solve_step(self.sums_at(&warp, Sampling::Tiled)?)?;
             let length = step.length(half);
             if length.is_nan() || length >= half {
                 return Err(MatchError::NotConverged);
@@ -192,21 +197,25 @@ impl Refiner<'_> {
 
     /// Returns the Gauss-Newton step of the reference at `warp`, and the ZNCC there.
     pub(in crate::dic) fn step(&self, warp: &Warp) -> Result<(Warp, f64), MatchError> {
-        self.step_of(self.pass(warp, Sampling::Exact)?).map(|(step, zncc, _)| (step, zncc))
+        self.solve_step(self.sums_at(warp, Sampling::Exact)?).map(|(step, zncc, _)| (step, zncc))
     }
 
-    /// Returns the step of a part of `whole` from the [samples](Self::sampled) of that, the ZNCC, and its gain by the
-    /// step.
+    /// Returns the step of this part of `whole` from the [samples](Self::sample_target) of `whole`, the ZNCC, and its
+    /// expected increase by the step.
     pub(in crate::dic) fn step_from(
         &self,
         whole: &Refiner<'_>,
         samples: &[Lanes],
     ) -> Result<(Warp, f64, f64), MatchError> {
-        self.step_of(stored_sums_of(self, whole.subset.mean, samples))
+        self.solve_step(stored_sums_of(self, whole.subset.mean, samples))
     }
 
-    /// Solves the normal equations of the sums: returns the step, the ZNCC, and its gain by the step.
-    pub(in crate::dic) fn step_of(&self, sums: Sums) -> Result<(Warp, f64, f64), MatchError> {
+    /// Solves the normal equations of the sums. Returns the step, the ZNCC, and its expected increase by the step.
+    ///
+    /// # Errors
+    ///
+    /// [`MatchError::NotConverged`] if the target has no contrast.
+    pub(in crate::dic) fn solve_step(&self, sums: Sums) -> Result<(Warp, f64, f64), MatchError> {
         let subset = self.subset;
         let pixels = self.window.pixels as f64;
         let mean = sums.levels / pixels;
@@ -215,11 +224,11 @@ impl Refiner<'_> {
             return Err(MatchError::NotConverged);
         }
         let light = subset.light.as_ref();
-        let product = sums.product - light.map_or(0.0, |light| light.product(slopes));
+        let product = sums.product - light.map_or(0.0, |light| light.product_with_reference(slopes));
         let zncc = (product / (subset.energy * energy).sqrt()).clamp(-1.0, 1.0);
         let gain = (subset.energy / energy).sqrt();
         let affine: [f64; 6] = std::array::from_fn(|k| {
-            let even = mean * subset.jacobian_sum[k] + light.map_or(0.0, |light| light.pull(slopes, k));
+            let even = mean * subset.jacobian_sum[k] + light.map_or(0.0, |light| light.jacobian_product(slopes, k));
             gain * (sums.jacobian[k] - even) - subset.jacobian_levels[k]
         });
         let (right, count) = project(self.shape, &affine);
@@ -232,23 +241,28 @@ impl Refiner<'_> {
         Ok((Warp::from_step(self.shape, &step), zncc, 0.5 * drop / subset.energy))
     }
 
-    /// Returns the slopes of the illumination plane of the target, and its sum of squares without plane and mean.
+    /// Returns the slopes of the target's illumination plane, DN/px, and the sum of squares of its levels without plane
+    /// and mean, DN^2. `mean` is the mean level of the target. Without a plane in the reference the slopes are zero.
     pub(in crate::dic) fn without_illumination(&self, sums: &Sums, mean: f64) -> ([f64; 2], f64) {
         let energy = sums.energy - sums.levels * mean;
         self.subset.light.as_ref().map_or(([0.0; 2], energy), |light| {
-            let slopes = light.plane(sums.levels, sums.places);
+            let slopes = light.fit_slopes(sums.levels, sums.first_moments);
             (slopes, energy - light.energy(slopes))
         })
     }
 
     /// Whether the warped subset lies wholly in the target.
-    pub(in crate::dic) fn inside(&self, warp: &Warp) -> bool {
-        self.window.stays(warp, self.at, self.target.size())
+    pub(in crate::dic) fn is_inside(&self, warp: &Warp) -> bool {
+        self.window.fits_warped(warp, self.at, self.target.size())
     }
 
-    /// Samples the warped target once and computes the sums.
-    fn pass(&self, warp: &Warp, sampling: Sampling) -> Result<Sums, MatchError> {
-        if !self.inside(warp) {
+    /// Returns the sums over the target under a warp.
+    ///
+    /// # Errors
+    ///
+    /// [`MatchError::OutOfFrame`] if the warped subset leaves the image.
+    fn sums_at(&self, warp: &Warp, sampling: Sampling) -> Result<Sums, MatchError> {
+        if !self.is_inside(warp) {
             return Err(MatchError::OutOfFrame);
         }
         Ok(match sampling {
@@ -257,26 +271,34 @@ impl Refiner<'_> {
         })
     }
 
-    /// Samples the warped target exactly and stores the samples minus the mean of the reference.
-    pub(in crate::dic) fn sampled(&self, warp: &Warp, values: &mut Vec<Lanes>) -> Result<Sums, MatchError> {
+    /// Samples the warped target exactly and stores the samples minus the mean of the reference, packed, in `values`.
+    /// Returns the sums over them.
+    ///
+    /// # Errors
+    ///
+    /// [`MatchError::OutOfFrame`] if the warped subset leaves the image; `values` is then empty.
+    pub(in crate::dic) fn sample_target(&self, warp: &Warp, values: &mut Vec<Lanes>) -> Result<Sums, MatchError> {
         values.clear();
-        if !self.inside(warp) {
+        if !self.is_inside(warp) {
             return Err(MatchError::OutOfFrame);
         }
         values.resize(self.window.mask.len(), Lanes::splat(0.0));
         Ok(sums_of(self, warp, values))
     }
 
-    /// Computes the sums over all blocks. For a kernel of `N` taps, `M` is `N` + 1.
+    /// Returns the sums over all blocks of the exactly sampled target, and stores its levels in `values` if it has
+    /// room.
+    ///
+    /// For a kernel of `N` taps, `M` is `N` + 1.
     #[inline(always)]
     fn sums_with<V: Vector, const N: usize, const M: usize>(&self, warp: &Warp, values: &mut [Lanes]) -> Sums {
         let mut sums = Sums::default();
-        let carrier = self.carrier(warp);
+        let warped = self.warped_target(warp);
         let shift = *warp == Warp::shift(warp.u, warp.v);
-        let turned = RotatedRows::<V, N, M>::follows(warp);
+        let turned = RotatedRows::<V, N, M>::applies_to(warp);
         for block in &self.window.blocks {
             if shift {
-                let (x, y) = carrier.place(f64::from(block.dx), f64::from(block.dy));
+                let (x, y) = warped.position(f64::from(block.dx), f64::from(block.dy));
                 let column = ShiftedRows::<V, N>::new(self.target, x, y);
                 if self.shape == Shape::Translation {
                     self.add_block::<V, false>(&mut sums, block, column, values);
@@ -284,28 +306,28 @@ impl Refiner<'_> {
                     self.add_block::<V, true>(&mut sums, block, column, values);
                 }
             } else if turned {
-                let column = RotatedRows::<V, N, M>::new(carrier, block);
+                let column = RotatedRows::<V, N, M>::new(warped, block);
                 self.add_block::<V, true>(&mut sums, block, column, values);
             } else {
-                let column = WarpedRows::<N, M>::new(carrier, block);
+                let column = WarpedRows::<N, M>::new(warped, block);
                 self.add_block::<V, true>(&mut sums, block, column, values);
             }
         }
         sums
     }
 
-    /// Computes the sums over all blocks in tiles.
+    /// Returns the sums over all blocks of the target sampled in tiles. For a kernel of `N` taps.
     #[inline(always)]
     fn tiled_sums_with<V: Vector, const N: usize>(&self, warp: &Warp) -> Sums {
         let mut sums = Sums::default();
-        let carrier = self.carrier(warp);
+        let warped = self.warped_target(warp);
         for block in &self.window.blocks {
-            self.add_block::<V, true>(&mut sums, block, TiledRows::<V, N>::new(carrier, block), &mut []);
+            self.add_block::<V, true>(&mut sums, block, TiledRows::<V, N>::new(warped, block), &mut []);
         }
         sums
     }
 
-    /// Computes the sums over all blocks from stored samples minus a mean.
+    /// Returns the sums over all blocks of stored samples, from which `mean` was subtracted when they were stored.
     #[inline(always)]
     fn stored_sums_with<V: Vector>(&self, mean: f32, samples: &[Lanes]) -> Sums {
         let mut sums = Sums::default();
@@ -316,15 +338,21 @@ impl Refiner<'_> {
         sums
     }
 
-    /// Returns the target under a warp.
+    /// Returns the target under a warp about the subset's centre.
     #[inline(always)]
-    fn carrier<'b>(&'b self, warp: &'b Warp) -> WarpedTarget<'b> {
-        WarpedTarget { target: self.target, at: self.at, warp, gain: gain(self.subset.contrast, self.target.contrast) }
+    fn warped_target<'b>(&'b self, warp: &'b Warp) -> WarpedTarget<'b> {
+        WarpedTarget {
+            target: self.target,
+            at: self.at,
+            warp,
+            gain: relative_gain(self.subset.contrast, self.target.contrast),
+        }
     }
 
-    /// Adds one block of columns. A pure translation needs no `LEVERS`, the position-weighted sums.
+    /// Adds the sums over one block of eight columns to `sums`. `column` samples its rows.
     ///
-    /// Stores the target's levels in `values` if it has room.
+    /// A pure translation needs no `LEVERS`, the position-weighted sums. Stores the target's levels in `values` if it
+    /// has room.
     #[inline(always)]
     fn add_block<V: Vector, const LEVERS: bool>(
         &self,
@@ -364,8 +392,8 @@ impl Refiner<'_> {
         }
         let [levels, across, _] = levels.to_lanes().moments(f64::from(block.dx));
         sums.levels += levels;
-        sums.places[0] += across;
-        sums.places[1] += down.to_lanes().sum();
+        sums.first_moments[0] += across;
+        sums.first_moments[1] += down.to_lanes().sum();
         sums.energy += energy.to_lanes().sum();
         sums.product += product.to_lanes().sum();
         for (half, (plain, lever)) in [(along_x, lever_x), (along_y, lever_y)].into_iter().enumerate() {
@@ -382,6 +410,7 @@ vectorized! {
     fn sums_of(refiner: &Refiner<'_>, warp: &Warp, values: &mut [Lanes]) -> Sums = sums_with
 }
 
+/// Implements [`sums_of`] on vectors of type `V`.
 #[inline(always)]
 fn sums_with<V: Vector>(refiner: &Refiner<'_>, warp: &Warp, values: &mut [Lanes]) -> Sums {
     match refiner.target.tap_count() {
@@ -400,11 +429,13 @@ vectorized! {
     fn stored_sums_of(refiner: &Refiner<'_>, mean: f32, samples: &[Lanes]) -> Sums = stored_sums_with
 }
 
+/// Implements [`stored_sums_of`] on vectors of type `V`.
 #[inline(always)]
 fn stored_sums_with<V: Vector>(refiner: &Refiner<'_>, mean: f32, samples: &[Lanes]) -> Sums {
     refiner.stored_sums_with::<V>(mean, samples)
 }
 
+/// Implements [`tiled_sums_of`] on vectors of type `V`.
 #[inline(always)]
 fn tiled_sums_with<V: Vector>(refiner: &Refiner<'_>, warp: &Warp) -> Sums {
     match refiner.target.tap_count() {

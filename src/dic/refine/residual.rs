@@ -8,16 +8,18 @@ use crate::dic::subset::{Sums, plane_row};
 use crate::numeric::{LANES, Lanes, Vector, vectorized};
 
 impl Refiner<'_> {
-    /// Computes the residual, packed like the subset; empty if the warped subset leaves the image.
+    /// Computes the residual of the match with this warp, DN, packed like the subset.
+    ///
+    /// Empty if the warped subset leaves the image or the target has no contrast.
     pub(in crate::dic) fn residual(&self, warp: &Warp, out: &mut Vec<Lanes>) {
-        match self.sampled(warp, out) {
-            Ok(sums) => self.leave(self, sums, out),
+        match self.sample_target(warp, out) {
+            Ok(sums) => self.convert_to_residual(self, sums, out),
             Err(_) => out.clear(),
         }
     }
 
-    /// Computes the residual of `whole`, of which this is a part, from the [samples](Self::sampled) of `whole`. Gain,
-    /// mean and illumination are those of the part. Empty if there are no samples.
+    /// Computes the residual of `whole`, of which this is a part, from the [samples](Self::sample_target) of `whole`.
+    /// Gain, mean and illumination are those of the part. Empty if there are no samples.
     pub(in crate::dic) fn residual_from(&self, whole: &Refiner<'_>, samples: &[Lanes], out: &mut Vec<Lanes>) {
         out.clear();
         out.extend_from_slice(samples);
@@ -25,11 +27,11 @@ impl Refiner<'_> {
             return;
         }
         // The samples of the whole include those of the part, minus another mean.
-        self.leave(whole, part_sums(samples, self.window), out);
+        self.convert_to_residual(whole, part_sums(samples, self.window), out);
     }
 
-    /// Converts samples of `whole` to residuals; empty if the target has no contrast.
-    fn leave(&self, whole: &Refiner<'_>, sums: Sums, out: &mut Vec<Lanes>) {
+    /// Converts samples of `whole` to its residual as [`Self::subtract`] does; empty if the target has no contrast.
+    fn convert_to_residual(&self, whole: &Refiner<'_>, sums: Sums, out: &mut Vec<Lanes>) {
         let pixels = self.window.pixels as f64;
         let contrast = self.without_illumination(&sums, sums.levels / pixels).1;
         if contrast.is_nan() || contrast <= MIN_VARIANCE * pixels {
@@ -49,7 +51,7 @@ impl Refiner<'_> {
         // The mean of each reference is subtracted from its levels.
         let apart = f64::from(whole.subset.mean - self.subset.mean) / gain;
         let (middle, slopes) = self.subset.light.as_ref().map_or(([0.0; 2], [0.0; 2]), |light| {
-            (light.middle, std::array::from_fn(|axis| slopes[axis] - light.slopes[axis] / gain))
+            (light.centroid, std::array::from_fn(|axis| slopes[axis] - light.slopes[axis] / gain))
         });
         for block in &whole.window.blocks {
             let rows = block.start..block.start + block.rows;
@@ -70,10 +72,11 @@ struct BlockFit {
 }
 
 vectorized! {
-    /// Computes levels - gain (samples - mean) on the mask, in place of the samples.
+    /// Computes levels - gain (samples - mean) on the mask, in place of the samples in `out`.
     fn subtract(levels: &[Lanes], mask: &[Lanes], fit: &BlockFit, out: &mut [Lanes]) = subtract_with
 }
 
+/// Implements [`subtract`] on vectors of type `V`.
 #[inline(always)]
 fn subtract_with<V: Vector>(levels: &[Lanes], mask: &[Lanes], fit: &BlockFit, out: &mut [Lanes]) {
     let (first, slope, gain) = (V::from_lanes(&fit.mean), V::splat(fit.slope), V::splat(fit.gain));
@@ -84,7 +87,7 @@ fn subtract_with<V: Vector>(levels: &[Lanes], mask: &[Lanes], fit: &BlockFit, ou
     }
 }
 
-/// Sums samples on the mask of a window, without the sums that need gradients.
+/// Returns the sums of samples on the mask of a window. Those that need gradients or the reference are left at zero.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
 fn part_sums(samples: &[Lanes], window: &SubsetMask) -> Sums {
     let mut sums = Sums::default();
@@ -103,8 +106,8 @@ fn part_sums(samples: &[Lanes], window: &SubsetMask) -> Sums {
         }
         for lane in 0..LANES {
             sums.levels += levels[lane];
-            sums.places[0] += levels[lane] * f64::from(block.dx + lane as i32);
-            sums.places[1] += down[lane];
+            sums.first_moments[0] += levels[lane] * f64::from(block.dx + lane as i32);
+            sums.first_moments[1] += down[lane];
             sums.energy += energy[lane];
         }
     }

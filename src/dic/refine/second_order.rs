@@ -20,20 +20,20 @@ const MAX_ITERATIONS: u32 = 25;
 /// A polynomial of second order in the offset: coefficients of 1, dx, dy, dx^2, dx dy, dy^2.
 type Polynomial = [f64; 6];
 
-/// Returns the warped offset (dx, dy).
-fn place(warp: &Warp, second: &Second, dx: f64, dy: f64) -> (f64, f64) {
+/// Returns the offset to which the second-order warp moves the offset (dx, dy) from the centre, px.
+fn warp_point(warp: &Warp, second: &Second, dx: f64, dy: f64) -> (f64, f64) {
     let (x, y) = warp.apply(dx, dy);
     let bend = |c: &[f64; 3]| c[0] * dx * dx + c[1] * dx * dy + c[2] * dy * dy;
     (x + bend(&second[0]), y + bend(&second[1]))
 }
 
-/// Returns the terms of the 6 coefficients of one axis.
-fn terms(dx: f64, dy: f64) -> Polynomial {
+/// Returns the monomials of second order: the factors of the 6 coefficients of one axis.
+fn monomials(dx: f64, dy: f64) -> Polynomial {
     [1.0, dx, dy, dx * dx, dx * dy, dy * dy]
 }
 
 /// Multiplies two polynomials and drops terms above the second order.
-fn product(a: &Polynomial, b: &Polynomial) -> Polynomial {
+fn truncated_product(a: &Polynomial, b: &Polynomial) -> Polynomial {
     [
         a[0] * b[0],
         a[0] * b[1] + a[1] * b[0],
@@ -50,7 +50,7 @@ fn after_inverse(warp: &Warp, second: &Second, step: &[f64; PARAMETERS]) -> (War
     let (mut x, mut y) = (back(0), back(1));
     x[1] += 1.0;
     y[2] += 1.0;
-    let (xx, xy, yy) = (product(&x, &x), product(&x, &y), product(&y, &y));
+    let (xx, xy, yy) = (truncated_product(&x, &x), truncated_product(&x, &y), truncated_product(&y, &y));
     let combine = |first: [f64; 3], second: &[f64; 3]| -> Polynomial {
         std::array::from_fn(|k| {
             let constant = if k == 0 { first[0] } else { 0.0 };
@@ -71,14 +71,15 @@ pub(in crate::dic) struct QuadraticMatch {
     pub(in crate::dic) inverse: (f64, f64),
 }
 
-/// The sums of one pass.
+/// The sums of one pass over the target.
 struct Pass {
     zncc: f64,
+    /// The right-hand side of the normal equations.
     right: [f64; PARAMETERS],
 }
 
 impl Refiner<'_> {
-    /// Iterates over the pixels of the subset: offset, packed row and lane.
+    /// Returns the pixels of the subset: offset from the centre along x and y, packed row and lane.
     fn pixels(&self) -> impl Iterator<Item = (f64, f64, usize, usize)> {
         self.window
             .blocks
@@ -93,7 +94,11 @@ impl Refiner<'_> {
             .filter(|(_, _, packed, lane)| self.window.mask[*packed].0[*lane] > 0.5)
     }
 
-    /// Refines a first-order match to second order.
+    /// Refines a first-order match with the second-order shape function.
+    ///
+    /// # Errors
+    ///
+    /// [`MatchError`] if the iteration leaves the image or does not converge.
     pub(in crate::dic) fn refine_quadratic(&self, start: &Match) -> Result<QuadraticMatch, MatchError> {
         let inverse = invert(&self.hessian(), PARAMETERS).ok_or(MatchError::NotConverged)?;
         let (mut warp, mut second) = (start.warp, [[0.0; 3]; 2]);
@@ -120,13 +125,13 @@ impl Refiner<'_> {
         Err(MatchError::NotConverged)
     }
 
-    /// Returns the sum of J J^T over the subset.
+    /// Returns the sum of J J^T over the subset, with the Jacobian J of the second-order warp.
     fn hessian(&self) -> [[f64; PARAMETERS]; PARAMETERS] {
         let mut sums = [[[0.0; 6]; 6]; 3];
         for (dx, dy, packed, lane) in self.pixels() {
             let gx = f64::from(self.subset.gradient_x[packed].0[lane]);
             let gy = f64::from(self.subset.gradient_y[packed].0[lane]);
-            let terms = terms(dx, dy);
+            let terms = monomials(dx, dy);
             for (sums, weight) in sums.iter_mut().zip([gx * gx, gx * gy, gy * gy]) {
                 for (line, a) in sums.iter_mut().zip(terms) {
                     line.iter_mut().zip(terms).for_each(|(sum, b)| *sum += weight * a * b);
@@ -142,17 +147,18 @@ impl Refiner<'_> {
         let (x, y) = (f64::from(self.at.x), f64::from(self.at.y));
         let (right, bottom) = (self.target.width() as f64 - 1.0, self.target.height() as f64 - 1.0);
         for (dx, dy, ..) in self.pixels() {
-            let (tx, ty) = place(warp, second, dx, dy);
+            let (tx, ty) = warp_point(warp, second, dx, dy);
             let (tx, ty) = (x + tx, y + ty);
             // Written so that NaN is outside.
             if !((0.0..=right).contains(&tx) && (0.0..=bottom).contains(&ty)) {
                 return Err(MatchError::OutOfFrame);
             }
-            values.push(f64::from(self.target.at(tx, ty)));
+            values.push(f64::from(self.target.value_at(tx, ty)));
         }
         Ok(())
     }
 
+    /// Returns ZNCC and right-hand side at a second-order warp. `values` is scratch memory.
     fn quadratic_pass(&self, warp: &Warp, second: &Second, values: &mut Vec<f64>) -> Result<Pass, MatchError> {
         self.quadratic_values(warp, second, values)?;
         let count = values.len() as f64;
@@ -169,7 +175,7 @@ impl Refiner<'_> {
             product += level * (value - mean);
             let gx = difference * f64::from(self.subset.gradient_x[packed].0[lane]);
             let gy = difference * f64::from(self.subset.gradient_y[packed].0[lane]);
-            for (k, term) in terms(dx, dy).into_iter().enumerate() {
+            for (k, term) in monomials(dx, dy).into_iter().enumerate() {
                 right[k] += gx * term;
                 right[6 + k] += gy * term;
             }
@@ -178,7 +184,7 @@ impl Refiner<'_> {
         Ok(Pass { zncc, right })
     }
 
-    /// Computes the residual, reference minus gain-matched target, packed; empty outside the image.
+    /// Computes the residual of a second-order match, DN, packed like the subset; empty if it leaves the image.
     pub(in crate::dic) fn quadratic_residual(&self, found: &Match, out: &mut Vec<Lanes>) {
         out.clear();
         let mut values = Vec::new();
@@ -210,9 +216,9 @@ mod tests {
         let step = [1e-3, 2e-5, -3e-5, 1e-6, 2e-6, -1e-6, -2e-3, 1e-5, 4e-5, -2e-6, 1e-6, 3e-6];
         let (first, bend) = after_inverse(&warp, &second, &step);
         let (dx, dy) = (7.0, -5.0);
-        let moved = |k: usize| terms(dx, dy).iter().zip(&step[k..]).map(|(a, b)| a * b).sum::<f64>();
-        let found = place(&first, &bend, dx + moved(0), dy + moved(6));
-        let expected = place(&warp, &second, dx, dy);
+        let moved = |k: usize| monomials(dx, dy).iter().zip(&step[k..]).map(|(a, b)| a * b).sum::<f64>();
+        let found = warp_point(&first, &bend, dx + moved(0), dy + moved(6));
+        let expected = warp_point(&warp, &second, dx, dy);
         assert!((found.0 - expected.0).abs() < 1e-5 && (found.1 - expected.1).abs() < 1e-5, "{found:?} {expected:?}");
     }
 

@@ -18,7 +18,7 @@ const MAX_SLOPE: f64 = 0.12;
 
 /// The rows of a block of the target, in order.
 pub(in crate::dic) trait RowSampler<V> {
-    /// Returns the next row from the gradients of the reference there.
+    /// Returns the levels of the next row. The gradients are those of the reference in that row.
     fn next(&mut self, gradient_x: V, gradient_y: V) -> V;
 }
 
@@ -54,15 +54,17 @@ pub(in crate::dic) struct WarpedTarget<'a> {
 }
 
 impl WarpedTarget<'_> {
-    /// Returns the position in the target of an offset from the subset's centre.
+    /// Returns the position in the target, px, of an offset from the subset's centre.
     #[inline(always)]
-    pub(in crate::dic) fn place(&self, dx: f64, dy: f64) -> (f64, f64) {
+    pub(in crate::dic) fn position(&self, dx: f64, dy: f64) -> (f64, f64) {
         let (x, y) = self.warp.apply(dx, dy);
         (f64::from(self.at.x) + x, f64::from(self.at.y) + y)
     }
 }
 
-/// Returns the rows per tile, of nearly equal size: a last tile of a single row would cost as much as a whole one.
+/// Returns the number of rows per tile of a block, at most `max_rows`, so that all tiles are of nearly equal size.
+///
+/// A last tile of a single row would cost as much as a whole one.
 #[inline(always)]
 fn tile_rows(block: &Block, max_rows: usize) -> usize {
     block.rows.div_ceil(block.rows.div_ceil(max_rows))
@@ -78,7 +80,7 @@ impl<V: Vector, const N: usize> RowSampler<V> for ShiftedRows<'_, V, N> {
 
 /// A block in tiles, each shifted like its centre.
 pub(in crate::dic) struct TiledRows<'a, V, const N: usize> {
-    carrier: WarpedTarget<'a>,
+    warped: WarpedTarget<'a>,
     dx: i32,
     dy: i32,
     rows: usize,
@@ -88,17 +90,18 @@ pub(in crate::dic) struct TiledRows<'a, V, const N: usize> {
 
 impl<'a, V: Vector, const N: usize> TiledRows<'a, V, N> {
     #[inline(always)]
-    pub(in crate::dic) fn new(carrier: WarpedTarget<'a>, block: &Block) -> Self {
+    pub(in crate::dic) fn new(warped: WarpedTarget<'a>, block: &Block) -> Self {
         let rows = tile_rows(block, MAX_SHIFTED_ROWS);
-        let tile = Self::tile(&carrier, block.dx, block.dy, rows);
-        Self { carrier, dx: block.dx, dy: block.dy, rows, remaining: rows, tile }
+        let tile = Self::tile(&warped, block.dx, block.dy, rows);
+        Self { warped, dx: block.dx, dy: block.dy, rows, remaining: rows, tile }
     }
 
+    /// Starts a tile of `rows` rows, the first at the offset (dx, dy), at the shift of its centre.
     #[inline(always)]
-    fn tile(carrier: &WarpedTarget<'a>, dx: i32, dy: i32, rows: usize) -> ShiftedRows<'a, V, N> {
+    fn tile(warped: &WarpedTarget<'a>, dx: i32, dy: i32, rows: usize) -> ShiftedRows<'a, V, N> {
         let middle = (0.5 * (LANES as f64 - 1.0), 0.5 * (rows as f64 - 1.0));
-        let (x, y) = carrier.place(f64::from(dx) + middle.0, f64::from(dy) + middle.1);
-        ShiftedRows::new(carrier.target, x - middle.0, y - middle.1)
+        let (x, y) = warped.position(f64::from(dx) + middle.0, f64::from(dy) + middle.1);
+        ShiftedRows::new(warped.target, x - middle.0, y - middle.1)
     }
 }
 
@@ -108,7 +111,7 @@ impl<V: Vector, const N: usize> RowSampler<V> for TiledRows<'_, V, N> {
         if self.remaining == 0 {
             self.dy += self.rows as i32;
             self.remaining = self.rows;
-            self.tile = Self::tile(&self.carrier, self.dx, self.dy, self.rows);
+            self.tile = Self::tile(&self.warped, self.dx, self.dy, self.rows);
         }
         self.remaining -= 1;
         self.tile.next_row()
@@ -120,7 +123,7 @@ impl<V: Vector, const N: usize> RowSampler<V> for TiledRows<'_, V, N> {
 /// Within a tile, rotation and strain displace pixels by a few thousandths of a pixel along a row in x and down a lane
 /// in y. The gradients correct this.
 pub(in crate::dic) struct RotatedRows<'a, V, const N: usize, const M: usize> {
-    carrier: WarpedTarget<'a>,
+    warped: WarpedTarget<'a>,
     dx: i32,
     dy: i32,
     rows: usize,
@@ -139,17 +142,17 @@ pub(in crate::dic) struct RotatedRows<'a, V, const N: usize, const M: usize> {
 }
 
 impl<'a, V: Vector, const N: usize, const M: usize> RotatedRows<'a, V, N, M> {
-    /// Whether a warp is nearly a rotation of a few degrees.
+    /// Whether a warp is nearly a rotation of a few degrees, so that tiles are accurate.
     #[inline(always)]
-    pub(in crate::dic) fn follows(warp: &Warp) -> bool {
+    pub(in crate::dic) fn applies_to(warp: &Warp) -> bool {
         warp.is_within(MAX_SLOPE) && warp.ux.abs() <= MAX_STRAIN && warp.vy.abs() <= MAX_STRAIN
     }
 
     #[inline(always)]
-    pub(in crate::dic) fn new(carrier: WarpedTarget<'a>, block: &Block) -> Self {
+    pub(in crate::dic) fn new(warped: WarpedTarget<'a>, block: &Block) -> Self {
         let across = V::from_lanes(&Lanes::INDEX).sub(V::splat(0.5 * (LANES as f32 - 1.0)));
         let mut column = Self {
-            carrier,
+            warped,
             dx: block.dx,
             dy: block.dy,
             rows: tile_rows(block, MAX_TURNED_ROWS),
@@ -158,18 +161,18 @@ impl<'a, V: Vector, const N: usize, const M: usize> RotatedRows<'a, V, N, M> {
             weights_x: [[0.0; MAX_TURNED_ROWS]; N],
             weights_y: [V::splat(0.0); M],
             is_wide: false,
-            lane_shift: across.mul(V::splat(carrier.gain * carrier.warp.ux as f32)),
+            lane_shift: across.mul(V::splat(warped.gain * warped.warp.ux as f32)),
         };
         column.begin_tile();
         column
     }
 
-    /// Computes the weights of the current tile.
+    /// Computes the weights and first taps of the current tile.
     #[inline(always)]
     fn begin_tile(&mut self) {
-        let WarpedTarget { target, warp, .. } = self.carrier;
+        let WarpedTarget { target, warp, .. } = self.warped;
         let middle = (0.5 * (LANES as f64 - 1.0), 0.5 * (self.rows as f64 - 1.0));
-        let (x, y) = self.carrier.place(f64::from(self.dx) + middle.0, f64::from(self.dy) + middle.1);
+        let (x, y) = self.warped.position(f64::from(self.dx) + middle.0, f64::from(self.dy) + middle.1);
         // The position of the first lane in the first row.
         let (x, y) = (x - middle.0 - middle.1 * warp.uy, y - middle.1 - middle.0 * warp.vx);
         let end_y = y + 2.0 * middle.0 * warp.vx;
@@ -212,37 +215,37 @@ impl<V: Vector, const N: usize, const M: usize> RowSampler<V> for RotatedRows<'_
         for (weight, rows) in weights_x.iter_mut().zip(&self.weights_x) {
             *weight = V::splat(rows[self.row]);
         }
-        let taps = Taps::at(self.carrier.target, self.first[self.row]);
+        let taps = Taps::starting_at(self.warped.target, self.first[self.row]);
         let value = match self.weights_y.first_chunk::<N>() {
-            Some(weights_y) if !self.is_wide => taps.sum(&weights_x, weights_y),
-            _ => taps.sum(&weights_x, &self.weights_y),
+            Some(weights_y) if !self.is_wide => taps.weighted_sum(&weights_x, weights_y),
+            _ => taps.weighted_sum(&weights_x, &self.weights_y),
         };
-        let down = self.carrier.warp.vy as f32 * (self.row as f32 - 0.5 * (self.rows as f32 - 1.0));
+        let down = self.warped.warp.vy as f32 * (self.row as f32 - 0.5 * (self.rows as f32 - 1.0));
         self.row += 1;
-        value.plus_product(gradient_x, self.lane_shift).plus_product(gradient_y, V::splat(self.carrier.gain * down))
+        value.plus_product(gradient_x, self.lane_shift).plus_product(gradient_y, V::splat(self.warped.gain * down))
     }
 }
 
 /// A deformed block: each pixel has its own weights.
 pub(in crate::dic) struct WarpedRows<'a, const N: usize, const M: usize> {
-    carrier: WarpedTarget<'a>,
+    warped: WarpedTarget<'a>,
     dx: i32,
     dy: i32,
 }
 
 impl<'a, const N: usize, const M: usize> WarpedRows<'a, N, M> {
     #[inline(always)]
-    pub(in crate::dic) fn new(carrier: WarpedTarget<'a>, block: &Block) -> Self {
-        Self { carrier, dx: block.dx, dy: block.dy }
+    pub(in crate::dic) fn new(warped: WarpedTarget<'a>, block: &Block) -> Self {
+        Self { warped, dx: block.dx, dy: block.dy }
     }
 }
 
 impl<V: Vector, const N: usize, const M: usize> RowSampler<V> for WarpedRows<'_, N, M> {
     #[inline(always)]
     fn next(&mut self, _: V, _: V) -> V {
-        let (x, y) = self.carrier.place(f64::from(self.dx), f64::from(self.dy));
+        let (x, y) = self.warped.position(f64::from(self.dx), f64::from(self.dy));
         self.dy += 1;
-        sample_lanes::<V, N, M>(self.carrier.target, x, y, self.carrier.warp.ux, self.carrier.warp.vx)
+        sample_lanes::<V, N, M>(self.warped.target, x, y, self.warped.warp.ux, self.warped.warp.vx)
     }
 }
 
@@ -255,15 +258,15 @@ mod tests {
 
     /// Returns the rows of a block, sampled pixel by pixel and in rotated tiles, with the target's own gradients.
     fn both(target: &InterpolatedImage, warp: &Warp, block: &Block) -> [Vec<Lanes>; 2] {
-        let carrier = WarpedTarget { target, at: Pixel { x: 45, y: 45 }, warp, gain: 1.0 };
-        let mut exact = WarpedRows::<6, 7>::new(carrier, block);
-        let mut turned = RotatedRows::<Portable, 6, 7>::new(carrier, block);
+        let warped = WarpedTarget { target, at: Pixel { x: 45, y: 45 }, warp, gain: 1.0 };
+        let mut exact = WarpedRows::<6, 7>::new(warped, block);
+        let mut turned = RotatedRows::<Portable, 6, 7>::new(warped, block);
         let rows = (0..block.rows as i32).map(|row| {
-            let place = |lane: usize| carrier.place(f64::from(block.dx) + lane as f64, f64::from(block.dy + row));
+            let place = |lane: usize| warped.position(f64::from(block.dx) + lane as f64, f64::from(block.dy + row));
             let along = |dx: f64, dy: f64| {
                 Lanes(std::array::from_fn(|lane| {
                     let (x, y) = place(lane);
-                    2.0 * (target.at(x + dx, y + dy) - target.at(x - dx, y - dy))
+                    2.0 * (target.value_at(x + dx, y + dy) - target.value_at(x - dx, y - dy))
                 }))
             };
             let (along_x, along_y) = (Portable::from_lanes(&along(0.25, 0.0)), Portable::from_lanes(&along(0.0, 0.25)));
@@ -281,14 +284,14 @@ mod tests {
         let block = Block { dx: -9, dy: -21, rows: 43, start: 0 };
         for angle_deg in [-2.8, -1.1, -0.2, 0.03, 0.4, 1.7, 2.8_f64] {
             let warp = Warp::rigid(0.37 * angle_deg, -0.61, angle_deg.to_radians());
-            assert!(RotatedRows::<Portable, 6, 7>::follows(&warp));
+            assert!(RotatedRows::<Portable, 6, 7>::applies_to(&warp));
             let [exact, turned] = both(&prepared.interpolated, &warp, &block);
             let pairs = exact.iter().zip(&turned).flat_map(|(a, b)| a.0.into_iter().zip(b.0));
             let worst = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
             assert!(worst < 0.05, "{angle_deg} deg: {worst} DN");
         }
         for warp in [Warp::rigid(0.0, 0.0, 0.06), Warp { ux: 0.002, ..Warp::default() }] {
-            assert!(!RotatedRows::<Portable, 6, 7>::follows(&warp));
+            assert!(!RotatedRows::<Portable, 6, 7>::applies_to(&warp));
         }
     }
 }

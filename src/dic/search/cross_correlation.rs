@@ -27,7 +27,8 @@ impl CrossCorrelation {
     }
 
     /// Loads an area of the target, zero-padded, into the real parts and the subset into the imaginary parts, with the
-    /// corners of both at the origin. The subset's mean is subtracted from both; its pixels that do not fit are dropped.
+    /// corners of both at the origin. The subset's mean is subtracted from both; its pixels that do not fit are
+    /// dropped.
     pub(in crate::dic) fn load(
         &mut self,
         subset: &ReferenceSubset,
@@ -79,7 +80,7 @@ impl CrossCorrelation {
     /// Computes the cross-correlation of the area with the subset into the real parts of `data`.
     pub(in crate::dic) fn run(&mut self) {
         self.fft.forward(&mut self.data);
-        multiply(&self.data, &mut self.product, self.fft.size());
+        cross_spectra(&self.data, &mut self.product, self.fft.size());
         std::mem::swap(&mut self.data, &mut self.product);
         self.fft.inverse(&mut self.data);
     }
@@ -92,9 +93,9 @@ impl CrossCorrelation {
     }
 }
 
-/// Computes the cross spectrum of two real images transformed as one complex image.
+/// Computes the cross spectrum of two real images of side `size` transformed as one complex image.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
-fn multiply(data: &[Complex32], out: &mut [Complex32], size: usize) {
+fn cross_spectra(data: &[Complex32], out: &mut [Complex32], size: usize) {
     for (y, line) in out.chunks_exact_mut(size).enumerate() {
         let (own, opposite) = (&data[y * size..][..size], &data[(size - y) % size * size..][..size]);
         line[0] = cross_spectrum(own[0], opposite[0]);
@@ -104,7 +105,8 @@ fn multiply(data: &[Complex32], out: &mut [Complex32], size: usize) {
     }
 }
 
-/// Multiplies the area by the conjugate subset, from the packed values at a frequency and at its opposite.
+/// Returns the spectrum of the area times the conjugate one of the subset, from the packed values at a frequency
+/// (`own`) and at its negative (`opposite`).
 #[inline(always)]
 fn cross_spectrum(own: Complex32, opposite: Complex32) -> Complex32 {
     let (area_re, area_im) = (own.re + opposite.re, own.im - opposite.im);
@@ -123,8 +125,8 @@ pub(in crate::dic) struct Shifts {
     pub(in crate::dic) rows: usize,
     /// The subset's sum of squares.
     pub(in crate::dic) energy: f64,
-    /// The ratio of the area of the rectangle to that of the subset: a round subset is normalised by the contrast of its
-    /// square.
+    /// The ratio of the area of the rectangle to that of the subset: a round subset is normalised by the contrast of
+    /// its square.
     pub(in crate::dic) area_ratio: f64,
 }
 
@@ -149,8 +151,8 @@ impl LocalContrast {
         self.squares.fill(f64::NAN);
     }
 
-    /// Fills the tables from the area that `correlation` holds. Call before it runs.
-    pub(in crate::dic) fn add_up(&mut self, correlation: &CrossCorrelation, area: Size) {
+    /// Fills the tables from the area that `correlation` holds. Call before [`CrossCorrelation::run`].
+    pub(in crate::dic) fn fill_tables(&mut self, correlation: &CrossCorrelation, area: Size) {
         let (size, stride) = (correlation.size(), area.width + 1);
         self.sums[..stride].fill(0.0);
         self.squares[..stride].fill(0.0);
@@ -169,7 +171,10 @@ impl LocalContrast {
         }
     }
 
-    /// Divides the correlation at each shift by the local contrast of the target.
+    /// Computes the normalised correlation at each shift into `surface`, row by row: the correlation divided by the
+    /// local contrast of the target. It is 0 where the target has no contrast.
+    ///
+    /// J. P. Lewis, Fast template matching, Vision Interface (1995) 120.
     pub(in crate::dic) fn normalise(&self, correlation: &CrossCorrelation, shifts: &Shifts, surface: &mut [f32]) {
         let Shifts { subset: Size { width, height }, columns, rows, energy, area_ratio } = *shifts;
         let size = correlation.size();

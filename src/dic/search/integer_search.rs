@@ -25,17 +25,17 @@ pub(in crate::dic) struct SearchResult {
 }
 
 impl SearchResult {
-    /// Returns the peak ratio: the height of the highest peak over the second.
-    pub(in crate::dic) fn ratio(&self) -> Option<f64> {
+    /// Returns the peak ratio: the height of the highest peak over that of the second; `None` without a second peak.
+    pub(in crate::dic) fn peak_ratio(&self) -> Option<f64> {
         self.second.map(|second| self.best.height / second.height)
     }
 
     /// Returns the integer displacement of the highest peak, px.
-    pub(in crate::dic) fn whole(&self) -> Pixel {
+    pub(in crate::dic) fn integer_displacement(&self) -> Pixel {
         Pixel { x: self.best.column as i32 + self.origin.x, y: self.best.row as i32 + self.origin.y }
     }
 
-    /// Returns the displacement at the top of a peak, px.
+    /// Returns the sub-pixel displacement at the top of a peak, px.
     pub(in crate::dic) fn displacement(&self, peak: &Peak) -> (f64, f64) {
         let (column, row) = (peak.column as i32 + self.origin.x, peak.row as i32 + self.origin.y);
         (f64::from(column) + peak.dx, f64::from(row) + peak.dy)
@@ -74,7 +74,7 @@ impl IntegerSearch {
         }
     }
 
-    /// Searches for `subset`, centred at `at` in the reference, at the same place in the target.
+    /// Searches for `subset`, centred at `at` in the reference, at the same position in the target: the quick search.
     ///
     /// Returns `None` if the peak lies beyond the range, or the place beyond the target.
     pub(in crate::dic) fn find_near(
@@ -102,14 +102,14 @@ impl IntegerSearch {
             positive.iter_mut().zip(from).for_each(|(value, correlation)| *value = correlation.re);
         }
         let surface = Surface { data: &self.surface[..columns * columns], columns };
-        let highest = surface.highest()?;
+        let highest = surface.highest_sample()?;
         let origin = Pixel { x: -(before as i32), y: -(before as i32) };
         let in_range = |place: usize| place.abs_diff(before) <= self.range;
         if !in_range(highest.0) || !in_range(highest.1) {
             return None;
         }
-        let second = surface.second(highest.0, highest.1, &mut self.candidates);
-        Some(SearchResult { best: surface.top(highest.0, highest.1), second, origin, clipped: false })
+        let second = surface.second_peak(highest.0, highest.1, &mut self.candidates);
+        Some(SearchResult { best: surface.fit_top(highest.0, highest.1), second, origin, clipped: false })
     }
 
     /// The normalised surface of the last [`Self::find`].
@@ -118,7 +118,7 @@ impl IntegerSearch {
         Surface { data: &self.surface[..columns * rows], columns }
     }
 
-    /// Searches for `subset`, centred at `at` in the reference, around `at + around` in the target.
+    /// Searches for `subset`, centred at `at` in the reference, around `at + around` in the target: the full search.
     ///
     /// Returns `None` if no shift keeps the subset in the target.
     pub(in crate::dic) fn find(
@@ -145,17 +145,17 @@ impl IntegerSearch {
         let corner = Pixel { x: left as i32 + extent.left, y: top as i32 + extent.top };
         let area = Size { width: columns + width - 1, height: rows + height - 1 };
         self.full.load(subset, window, target, corner, area);
-        self.contrast.add_up(&self.full, area);
+        self.contrast.fill_tables(&self.full, area);
         self.full.run();
         let area_ratio = (width * height) as f64 / window.pixels as f64;
         let shifts = Shifts { subset: extent.size(), columns, rows, energy: subset.energy, area_ratio };
         self.contrast.normalise(&self.full, &shifts, &mut self.surface);
         let surface = Surface { data: &self.surface[..columns * rows], columns };
-        let highest = surface.highest()?;
+        let highest = surface.highest_sample()?;
         let origin = Pixel { x: (left - i64::from(at.x)) as i32, y: (top - i64::from(at.y)) as i32 };
         let clipped = columns.min(rows) < 2 * self.range + 1;
-        let second = surface.second(highest.0, highest.1, &mut self.candidates);
-        Some(SearchResult { best: surface.top(highest.0, highest.1), second, origin, clipped })
+        let second = surface.second_peak(highest.0, highest.1, &mut self.candidates);
+        Some(SearchResult { best: surface.fit_top(highest.0, highest.1), second, origin, clipped })
     }
 }
 

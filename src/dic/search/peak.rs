@@ -36,7 +36,7 @@ impl Surface<'_> {
     }
 
     /// Returns the nine samples around (column, row); `None` at the border and next to missing samples.
-    fn patch(&self, column: usize, row: usize) -> Option<[f32; 9]> {
+    fn neighbourhood(&self, column: usize, row: usize) -> Option<[f32; 9]> {
         if column == 0 || row == 0 || column + 1 >= self.columns || row + 1 >= self.rows() {
             return None;
         }
@@ -48,13 +48,13 @@ impl Surface<'_> {
     ///
     /// The fit is a least-squares paraboloid, with the cross term, through the logarithm of the nine samples. Without a
     /// maximum the sample itself is returned.
-    pub(in crate::dic) fn top(&self, column: usize, row: usize) -> Peak {
+    pub(in crate::dic) fn fit_top(&self, column: usize, row: usize) -> Peak {
         let height = f64::from(self.data[row * self.columns + column]);
         let plain = Peak { column, row, dx: 0.0, dy: 0.0, height };
-        let Some(patch) = self.patch(column, row).filter(|patch| patch.iter().all(|value| *value > 0.0)) else {
+        let Some(patch) = self.neighbourhood(column, row).filter(|patch| patch.iter().all(|value| *value > 0.0)) else {
             return plain;
         };
-        match paraboloid(&patch.map(|value| f64::from(value).ln())) {
+        match fit_paraboloid(&patch.map(|value| f64::from(value).ln())) {
             Some((dx, dy, top)) => Peak { dx, dy, height: top.exp(), ..plain },
             None => plain,
         }
@@ -63,9 +63,9 @@ impl Surface<'_> {
     /// Fits the top of a peak by a three-point Gaussian along each axis; the sample itself without a maximum.
     ///
     /// C. E. Willert, M. Gharib, Exp. Fluids 10 (1991) 181, <https://doi.org/10.1007/BF00190388>.
-    pub(in crate::dic) fn gaussian(&self, peak: &Peak) -> Peak {
+    pub(in crate::dic) fn fit_gaussian(&self, peak: &Peak) -> Peak {
         let (column, row, sample) = (peak.column, peak.row, Peak { dx: 0.0, dy: 0.0, ..*peak });
-        let Some(patch) = self.patch(column, row).filter(|patch| patch.iter().all(|value| *value > 0.0)) else {
+        let Some(patch) = self.neighbourhood(column, row).filter(|patch| patch.iter().all(|value| *value > 0.0)) else {
             return sample;
         };
         let log = patch.map(|value| f64::from(value).ln());
@@ -76,10 +76,10 @@ impl Surface<'_> {
         Peak { dx: top(log[3], log[4], log[5]), dy: top(log[1], log[4], log[7]), ..sample }
     }
 
-    /// Finds the top of a peak on a spline through the samples around the highest one.
-    pub(in crate::dic) fn spline(&self, peak: &Peak) -> Peak {
+    /// Finds the top of a peak on a spline through the samples around the highest one; the sample itself at the border.
+    pub(in crate::dic) fn fit_spline(&self, peak: &Peak) -> Peak {
         let (column, row) = (peak.column, peak.row);
-        if self.patch(column, row).is_none() {
+        if self.neighbourhood(column, row).is_none() {
             return Peak { dx: 0.0, dy: 0.0, ..*peak };
         }
         let (left, top) = (column.saturating_sub(REACH), row.saturating_sub(REACH));
@@ -97,10 +97,10 @@ impl Surface<'_> {
         // Fits smaller and smaller paraboloids to the spline. Without a maximum, moves to the highest sample.
         for step in [0.5, 0.4, 0.15, 0.04] {
             let place = |k: usize, offset: f64| offset + step * (k as f64 - 1.0);
-            let value = |k: usize| surface.at(x + place(k % 3, dx), y + place(k / 3, dy));
+            let value = |k: usize| surface.value_at(x + place(k % 3, dx), y + place(k / 3, dy));
             let values: [f64; 9] = std::array::from_fn(|k| f64::from(value(k)));
             let highest = (0..9).fold(4, |best, k| if values[k] > values[best] { k } else { best });
-            let (sx, sy) = match paraboloid(&values) {
+            let (sx, sy) = match fit_paraboloid(&values) {
                 Some((sx, sy, _)) => (sx, sy),
                 None => ((highest % 3) as f64 - 1.0, (highest / 3) as f64 - 1.0),
             };
@@ -110,8 +110,8 @@ impl Surface<'_> {
         Peak { dx, dy, ..*peak }
     }
 
-    /// Returns the highest sample, the first of equal ones; `None` if all are missing.
-    pub(in crate::dic) fn highest(&self) -> Option<(usize, usize)> {
+    /// Returns column and row of the highest sample, the first of equal ones; `None` if all are missing.
+    pub(in crate::dic) fn highest_sample(&self) -> Option<(usize, usize)> {
         let mut best = (f32::NEG_INFINITY, 0);
         for (row, line) in self.data.chunks_exact(self.columns).enumerate() {
             let high = maximum(line);
@@ -128,7 +128,7 @@ impl Surface<'_> {
     /// Returns the highest local maximum outside the neighbourhood of (column, row), without the border.
     ///
     /// `candidates` is scratch memory for at least one row.
-    pub(in crate::dic) fn second(&self, column: usize, row: usize, candidates: &mut [f32]) -> Option<Peak> {
+    pub(in crate::dic) fn second_peak(&self, column: usize, row: usize, candidates: &mut [f32]) -> Option<Peak> {
         let candidates = &mut candidates[..self.columns];
         let mut best: Option<(f32, usize, usize)> = None;
         for y in 1..self.rows().saturating_sub(1) {
@@ -144,7 +144,7 @@ impl Surface<'_> {
                 best = Some((high, x, y));
             }
         }
-        best.map(|(_, x, y)| self.top(x, y))
+        best.map(|(_, x, y)| self.fit_top(x, y))
     }
 }
 
@@ -178,8 +178,10 @@ fn local_maxima(above: &[f32], line: &[f32], below: &[f32], out: &mut [f32]) {
     }
 }
 
-/// Returns the top of the least-squares paraboloid over a 3 x 3 patch: dx, dy and height.
-pub(in crate::dic) fn paraboloid(patch: &[f64; 9]) -> Option<(f64, f64, f64)> {
+/// Fits a paraboloid to a 3 x 3 patch by least squares and returns its top: dx, dy, in samples, and height.
+///
+/// `None` without a maximum within one sample of the middle. The patch is row-major.
+pub(in crate::dic) fn fit_paraboloid(patch: &[f64; 9]) -> Option<(f64, f64, f64)> {
     let sum = |weight: fn(f64, f64) -> f64| -> f64 {
         patch.iter().enumerate().map(|(k, value)| value * weight((k % 3) as f64 - 1.0, (k / 3) as f64 - 1.0)).sum()
     };
@@ -217,8 +219,8 @@ mod tests {
         for (x, y) in [(8.0, 9.0), (8.3, 9.4), (7.55, 8.61)] {
             let data = bumps(&[(x, y, 0.9)]);
             let surface = Surface { data: &data, columns: 25 };
-            let (column, row) = surface.highest().unwrap();
-            let peak = surface.top(column, row);
+            let (column, row) = surface.highest_sample().unwrap();
+            let peak = surface.fit_top(column, row);
             assert!((column as f64 + peak.dx - x).abs() < 1e-4, "{peak:?}");
             assert!((row as f64 + peak.dy - y).abs() < 1e-4, "{peak:?}");
             assert!((peak.height - 0.9).abs() < 1e-4, "{peak:?}");
@@ -229,14 +231,14 @@ mod tests {
     fn the_second_peak_is_the_next_maximum_not_the_shoulder_of_the_first() {
         let data = bumps(&[(6.3, 6.2, 1.0), (17.2, 12.1, 0.7), (5.0, 17.0, 0.6)]);
         let surface = Surface { data: &data, columns: 25 };
-        let (column, row) = surface.highest().unwrap();
-        let second = surface.second(column, row, &mut [f32::NAN; 25]).unwrap();
+        let (column, row) = surface.highest_sample().unwrap();
+        let second = surface.second_peak(column, row, &mut [f32::NAN; 25]).unwrap();
         assert_eq!((second.column, second.row), (17, 12));
         assert!((second.height - 0.7).abs() < 1e-3, "{second:?}");
     }
 
     #[test]
     fn a_surface_without_samples_has_no_peak() {
-        assert!(Surface { data: &[f32::NEG_INFINITY; 9], columns: 3 }.highest().is_none());
+        assert!(Surface { data: &[f32::NEG_INFINITY; 9], columns: 3 }.highest_sample().is_none());
     }
 }

@@ -57,7 +57,7 @@ impl UpsampledSearch {
         let mut mask = vec![0.0; side * side];
         let offset = |fine: usize| (fine as f64 / factor as f64).round() as i32 - window.half as i32;
         for (k, value) in mask.iter_mut().enumerate() {
-            if window.holds(offset(k % side), offset(k / side)) {
+            if window.contains(offset(k % side), offset(k / side)) {
                 *value = 1.0;
             }
         }
@@ -75,7 +75,8 @@ impl UpsampledSearch {
         }
     }
 
-    /// Returns the displacement of a subset near an integer one, px; `None` if it has no contrast.
+    /// Returns the displacement of a subset within 2 px of the integer displacement `near`, px; `None` without
+    /// contrast.
     pub(in crate::dic) fn find(
         &mut self,
         reference: Subset<'_>,
@@ -91,7 +92,7 @@ impl UpsampledSearch {
         }
         let corner = Pixel { x: reference.at.x - half, y: reference.at.y - half };
         upsample(reference.image, corner, side, &self.phases, &mut self.rows, &mut self.subset);
-        let energy = self.center();
+        let energy = self.subtract_mean();
         let margin = half + MARGIN_PX as i32;
         let corner = Pixel { x: target.at.x + near.x - margin, y: target.at.y + near.y - margin };
         let area = side + 2 * MARGIN_PX * self.factor;
@@ -99,7 +100,7 @@ impl UpsampledSearch {
         let mean = self.area.iter().map(|value| f64::from(*value)).sum::<f64>() / self.area.len() as f64;
         self.area.iter_mut().for_each(|value| *value -= mean as f32);
         self.correlation.load_squares(&self.area, area, &self.subset, side);
-        self.contrast.add_up(&self.correlation, Size { width: area, height: area });
+        self.contrast.fill_tables(&self.correlation, Size { width: area, height: area });
         self.correlation.run();
         let count = area - side + 1;
         let area_ratio = (side * side) as f64 / self.count.max(1) as f64;
@@ -107,10 +108,10 @@ impl UpsampledSearch {
         let shifts = Shifts { subset, columns: count, rows: count, energy, area_ratio };
         self.contrast.normalise(&self.correlation, &shifts, &mut self.surface);
         let surface = Surface { data: &self.surface, columns: count };
-        let (column, row) = surface.highest().filter(|_| energy > 0.0)?;
+        let (column, row) = surface.highest_sample().filter(|_| energy > 0.0)?;
         let (mut fine_x, mut fine_y) = (column as f64, row as f64);
         if fit == PeakFit::Fitted {
-            let top = surface.top(column, row);
+            let top = surface.fit_top(column, row);
             fine_x += top.dx;
             fine_y += top.dy;
         }
@@ -119,8 +120,8 @@ impl UpsampledSearch {
         Some((place(fine_x, near.x), place(fine_y, near.y)))
     }
 
-    /// Subtracts the mean of the subset on the mask and returns the sum of squares.
-    fn center(&mut self) -> f64 {
+    /// Subtracts the mean of the upsampled subset on the mask and returns the sum of squares.
+    fn subtract_mean(&mut self) -> f64 {
         let inside = self.subset.iter().zip(&self.mask).map(|(value, mask)| f64::from(value * mask));
         let mean = (inside.sum::<f64>() / self.count.max(1) as f64) as f32;
         let mut energy = 0.0;
@@ -132,7 +133,9 @@ impl UpsampledSearch {
     }
 }
 
-/// Interpolates `side` x `side` points from a whole pixel on, with one point per phase and pixel.
+/// Interpolates `side` x `side` points from the pixel `corner` on, with as many points per pixel as `phases`.
+///
+/// `phases` holds the tap weights at each fraction of a pixel. `rows` is scratch memory for rows filtered along x.
 fn upsample(
     image: &InterpolatedImage,
     corner: Pixel,

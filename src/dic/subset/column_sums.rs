@@ -3,7 +3,7 @@
 //! Sums run down each column from the first row of the first subset. The sum over a subset is the difference between
 //! the running sums after its last and before its first row.
 
-use super::normal_equations::{DOWN, Layers, Moments, add_rows, collect_moments, subtract_before};
+use super::normal_equations::{Layers, Moments, SUMS_PER_COLUMN, add_rows, collect_moments, subtract_before};
 use crate::dic::geometry::{Pixel, Size, SubsetMask};
 use crate::numeric::{LANES, Vector, vectorized};
 use std::ops::Range;
@@ -52,7 +52,10 @@ struct NeededRows<'a> {
 }
 
 vectorized! {
-    /// Sums eight columns from `left` on over the requested rows; `count` is the number of all columns.
+    /// Sums eight columns from `left` on over the rows of each needed subset.
+    ///
+    /// `out` holds the sums by first row and kind, each `count` columns wide. `before` is scratch memory for the
+    /// running sums.
     fn sum_down(
         layers: Layers<'_>,
         left: i32,
@@ -85,21 +88,21 @@ impl ColumnSums {
         self.count = ((last - first) as usize + self.size.width + LANES - 1).next_multiple_of(LANES);
         self.needed.resize(self.count / LANES * self.tops.len(), false);
         for Pixel { x, y } in centers {
-            let (from, top) = ((x + extent.left - first) as usize, self.place(y + extent.top));
+            let (from, top) = ((x + extent.left - first) as usize, self.row_of_top(y + extent.top));
             for block in from / LANES..=(from + self.size.width - 1) / LANES {
                 self.needed[block * self.tops.len() + top] = true;
             }
         }
-        self.lay_strips();
+        self.merge_strips();
     }
 
-    /// Returns the index of a first row among the sums.
-    fn place(&self, top: i32) -> usize {
+    /// Returns the index in `tops` of the first subset row `top`.
+    fn row_of_top(&self, top: i32) -> usize {
         self.tops.partition_point(|other| *other < top)
     }
 
     /// Merges the rows of overlapping subsets into strips.
-    fn lay_strips(&mut self) {
+    fn merge_strips(&mut self) {
         for (block, needed) in self.needed.chunks_exact(self.tops.len()).enumerate() {
             let left = self.left + (block * LANES) as i32;
             for (top, _) in self.tops.iter().zip(needed).filter(|(_, needed)| **needed) {
@@ -117,20 +120,22 @@ impl ColumnSums {
         &self.strips
     }
 
-    /// Returns the sums over a planned square subset about `at`. Access in row order is fastest.
+    /// Returns the sums over a planned square subset centred at `at`. Access in row order is fastest.
     pub(in crate::dic) fn moments(&mut self, layers: Layers<'_>, window: &SubsetMask, at: Pixel) -> Moments {
         let (left, top) = (at.x + window.extent.left, at.y + window.extent.top);
-        let place = self.place(top);
+        let place = self.row_of_top(top);
         if !self.summed.contains(&place) {
-            self.sum(layers, place..self.tops.len().min(place + BAND));
+            self.sum_band(layers, place..self.tops.len().min(place + BAND));
         }
-        let sums = &self.sums[(place - self.summed.start) * DOWN * self.count..][..DOWN * self.count];
+        let sums =
+            &self.sums[(place - self.summed.start) * SUMS_PER_COLUMN * self.count..][..SUMS_PER_COLUMN * self.count];
         collect_moments(&sums[(left - self.left) as usize..], self.count, window)
     }
 
-    fn sum(&mut self, layers: Layers<'_>, band: Range<usize>) {
-        self.sums.resize(self.sums.len().max(band.len() * DOWN * self.count), 0.0);
-        self.before.resize(self.before.len().max(band.len() * DOWN * LANES), 0.0);
+    /// Sums the columns of all subsets whose first rows have the indices `band` in `tops`.
+    fn sum_band(&mut self, layers: Layers<'_>, band: Range<usize>) {
+        self.sums.resize(self.sums.len().max(band.len() * SUMS_PER_COLUMN * self.count), 0.0);
+        self.before.resize(self.before.len().max(band.len() * SUMS_PER_COLUMN * LANES), 0.0);
         let (tops, rows) = (&self.tops[band.clone()], self.size.height as i32);
         for (block, is_needed) in self.needed.chunks_exact(self.tops.len()).enumerate() {
             let needed = NeededRows { tops, is_needed: &is_needed[band.clone()], rows };
@@ -141,6 +146,7 @@ impl ColumnSums {
     }
 }
 
+/// Implements [`sum_down`] on vectors of type `V`.
 #[inline(always)]
 fn sum_down_with<V: Vector>(
     layers: Layers<'_>,
@@ -150,9 +156,9 @@ fn sum_down_with<V: Vector>(
     out: &mut [f32],
     count: usize,
 ) {
-    const SIZE: usize = DOWN * LANES;
+    const SIZE: usize = SUMS_PER_COLUMN * LANES;
     let NeededRows { tops, is_needed, rows } = *needed;
-    let (mut sums, mut row) = ([V::splat(0.0); DOWN], i32::MIN);
+    let (mut sums, mut row) = ([V::splat(0.0); SUMS_PER_COLUMN], i32::MIN);
     let next = |from: usize| (from..tops.len()).find(|k| is_needed[*k]).unwrap_or(tops.len());
     let (mut opens, mut closes) = (next(0), next(0));
     while closes < tops.len() {
@@ -174,7 +180,7 @@ fn sum_down_with<V: Vector>(
             opens = next(opens + 1);
         } else {
             subtract_before(&sums, &before[closes * SIZE..][..SIZE], rows, |k, own| {
-                own.store(&mut out[(closes * DOWN + k) * count..]);
+                own.store(&mut out[(closes * SUMS_PER_COLUMN + k) * count..]);
             });
             closes = next(closes + 1);
         }
@@ -248,7 +254,7 @@ mod tests {
             let holds =
                 |strip: &Strip| (strip.left..strip.left + 8).contains(&x) && (strip.top..strip.end).contains(&y);
             let found = columns.strips().iter().filter(|strip| holds(strip)).count();
-            let needed = centers.iter().any(|center| window.holds(x - center.x, y - center.y));
+            let needed = centers.iter().any(|center| window.contains(x - center.x, y - center.y));
             let row = centers.iter().any(|center| (center.y - y).abs() <= 4);
             assert!(found <= 1 && (found == 1 || !needed) && (found == 0 || row), "{x} {y}");
         }
@@ -262,8 +268,8 @@ mod tests {
         let [reference, gradient_x, gradient_y, target] = &planes;
         let layers = Layers { reference, gradient_x, gradient_y, target };
         let needed = NeededRows { tops: &[2, 5, 11, 40], is_needed: &[true, false, true, true], rows: 9 };
-        let mut sums = [vec![0.0; 4 * DOWN * 8], vec![0.0; 4 * DOWN * 8]];
-        let mut before = vec![0.0; 4 * DOWN * 8];
+        let mut sums = [vec![0.0; 4 * SUMS_PER_COLUMN * 8], vec![0.0; 4 * SUMS_PER_COLUMN * 8]];
+        let mut before = vec![0.0; 4 * SUMS_PER_COLUMN * 8];
         sum_down(layers, 3, &needed, &mut before, &mut sums[0], 8);
         sum_down_with::<Portable>(layers, 3, &needed, &mut before, &mut sums[1], 8);
         assert_eq!(sums[0], sums[1]);

@@ -17,7 +17,7 @@ const MIN_DETERMINANT: f64 = 1e-3;
 #[derive(Debug, Clone, Copy)]
 pub(in crate::dic) struct IlluminationPlane {
     /// The centroid of the pixels relative to the centre, px.
-    pub(in crate::dic) middle: [f64; 2],
+    pub(in crate::dic) centroid: [f64; 2],
     /// The second moments about the centroid, and the inverse.
     second: [[f64; 2]; 2],
     inverse: [[f64; 2]; 2],
@@ -28,11 +28,13 @@ pub(in crate::dic) struct IlluminationPlane {
 }
 
 impl IlluminationPlane {
-    /// Fits the plane to the pixels of a window; `None` if they do not span a plane.
-    pub(in crate::dic) fn of(levels: &[Lanes], gradients: [&[Lanes]; 2], window: &SubsetMask) -> Option<Self> {
+    /// Fits the plane to the levels of a subset by least squares; `None` if its pixels do not span a plane.
+    ///
+    /// `levels` and the gradients along x and y are packed like the mask, 0 off it.
+    pub(in crate::dic) fn fit(levels: &[Lanes], gradients: [&[Lanes]; 2], window: &SubsetMask) -> Option<Self> {
         let [count, x, y, xx, xy, yy] = moments(&window.mask, window);
-        let middle = [x / count, y / count];
-        let (xx, xy, yy) = (xx - middle[0] * x, xy - middle[0] * y, yy - middle[1] * y);
+        let centroid = [x / count, y / count];
+        let (xx, xy, yy) = (xx - centroid[0] * x, xy - centroid[0] * y, yy - centroid[1] * y);
         let determinant = xx * yy - xy * xy;
         if determinant.is_nan() || determinant <= MIN_DETERMINANT * xx * yy {
             return None;
@@ -44,55 +46,60 @@ impl IlluminationPlane {
             let [sum, x, y, xx, xy, yy] = moments(gradient, window);
             for (axis, sums) in [[x, xx, xy], [y, xy, yy]].into_iter().enumerate() {
                 for (k, (with, without)) in sums.into_iter().zip([sum, x, y]).enumerate() {
-                    jacobian[axis][3 * half + k] = with - middle[axis] * without;
+                    jacobian[axis][3 * half + k] = with - centroid[axis] * without;
                 }
             }
         }
-        let mut light = Self { middle, second, inverse, jacobian, slopes: [0.0; 2] };
+        let mut light = Self { centroid, second, inverse, jacobian, slopes: [0.0; 2] };
         let [sum, x, y, ..] = moments(levels, window);
-        light.slopes = light.plane(sum, [x, y]);
+        light.slopes = light.fit_slopes(sum, [x, y]);
         Some(light)
     }
 
-    /// Returns the slopes of the plane fitted to levels, from their sum and their sums times x and y, DN/px.
-    pub(in crate::dic) fn plane(&self, sum: f64, places: [f64; 2]) -> [f64; 2] {
-        let about: [f64; 2] = std::array::from_fn(|axis| places[axis] - self.middle[axis] * sum);
+    /// Returns the slopes of the plane fitted to levels, DN/px, from their sum and their sums times x and y.
+    pub(in crate::dic) fn fit_slopes(&self, sum: f64, first_moments: [f64; 2]) -> [f64; 2] {
+        let about: [f64; 2] = std::array::from_fn(|axis| first_moments[axis] - self.centroid[axis] * sum);
         self.inverse.map(|row| row[0] * about[0] + row[1] * about[1])
     }
 
-    /// Returns the sum of the products of the reference's plane and the plane of these slopes.
-    pub(in crate::dic) fn product(&self, slopes: [f64; 2]) -> f64 {
+    /// Returns the sum over the pixels of the reference's plane times the plane of these slopes, DN^2.
+    pub(in crate::dic) fn product_with_reference(&self, slopes: [f64; 2]) -> f64 {
         let across = |slopes: [f64; 2]| self.second.map(|row| row[0] * slopes[0] + row[1] * slopes[1]);
         across(slopes).iter().zip(self.slopes).map(|(sum, slope)| sum * slope).sum()
     }
 
-    /// Returns the sum of squares of the plane of these slopes.
+    /// Returns the sum of squares over the pixels of the plane of these slopes, DN^2.
     pub(in crate::dic) fn energy(&self, slopes: [f64; 2]) -> f64 {
         self.second.iter().zip(slopes).map(|(row, slope)| slope * (row[0] * slopes[0] + row[1] * slopes[1])).sum()
     }
 
-    /// Returns the sum of J times the plane of these slopes, for parameter `k`.
-    pub(in crate::dic) fn pull(&self, slopes: [f64; 2], k: usize) -> f64 {
+    /// Returns the sum over the pixels of component `k` of J times the plane of these slopes.
+    pub(in crate::dic) fn jacobian_product(&self, slopes: [f64; 2], k: usize) -> f64 {
         slopes[0] * self.jacobian[0][k] + slopes[1] * self.jacobian[1][k]
     }
 
-    /// Removes mean and plane from the sum of J J^T over `pixels` pixels.
-    pub(in crate::dic) fn remove_from(&self, jacobian_sum: &[f64; 6], pixels: usize, hessian: &mut [[f64; 6]; 6]) {
+    /// Removes mean and plane of each component of J from the sum of J J^T over `pixels` pixels.
+    pub(in crate::dic) fn remove_from_hessian(
+        &self,
+        jacobian_sum: &[f64; 6],
+        pixels: usize,
+        hessian: &mut [[f64; 6]; 6],
+    ) {
         for (k, line) in hessian.iter_mut().enumerate() {
             let own = [self.jacobian[0][k], self.jacobian[1][k]];
             let slopes = self.inverse.map(|row| row[0] * own[0] + row[1] * own[1]);
             for (j, value) in line.iter_mut().enumerate() {
-                *value -= jacobian_sum[k] * jacobian_sum[j] / pixels as f64 + self.pull(slopes, j);
+                *value -= jacobian_sum[k] * jacobian_sum[j] / pixels as f64 + self.jacobian_product(slopes, j);
             }
         }
     }
 }
 
-/// Returns the sums of packed values times 1, x, y, x^2, x y and y^2.
+/// Returns the sums of packed values times 1, x, y, x^2, x y and y^2, with offsets from the centre in px.
 fn moments(values: &[Lanes], window: &SubsetMask) -> [f64; 6] {
     let mut out = [0.0; 6];
     for block in &window.blocks {
-        let [plain, down, twice] = powers(&values[block.start..block.start + block.rows], block.dy);
+        let [plain, down, twice] = sum_powers(&values[block.start..block.start + block.rows], block.dy);
         let (plain, down) = (plain.moments(f64::from(block.dx)), down.moments(f64::from(block.dx)));
         for (sum, part) in out.iter_mut().zip([plain[0], plain[1], down[0], plain[2], down[1], twice.sum()]) {
             *sum += part;
@@ -101,7 +108,7 @@ fn moments(values: &[Lanes], window: &SubsetMask) -> [f64; 6] {
     out
 }
 
-/// Adds `value`, `value` dy and `value` dy^2.
+/// Adds `value`, `value` dy and `value` dy^2 to three sums.
 #[inline(always)]
 pub(in crate::dic) fn add_powers<V: Vector>(sums: &mut [V; 3], value: V, dy: V) {
     let lever = value.mul(dy);
@@ -111,12 +118,14 @@ pub(in crate::dic) fn add_powers<V: Vector>(sums: &mut [V; 3], value: V, dy: V) 
 }
 
 vectorized! {
-    /// Sums the rows of a block, times 1, dy and dy^2.
-    fn powers(values: &[Lanes], dy: i32) -> [Lanes; 3] = powers_with
+    /// Returns the sums of the rows of a block, times 1, dy and dy^2, lane by lane. `dy` is the offset of the first
+    /// row.
+    fn sum_powers(values: &[Lanes], dy: i32) -> [Lanes; 3] = sum_powers_with
 }
 
+/// Implements [`sum_powers`] on vectors of type `V`.
 #[inline(always)]
-fn powers_with<V: Vector>(values: &[Lanes], dy: i32) -> [Lanes; 3] {
+fn sum_powers_with<V: Vector>(values: &[Lanes], dy: i32) -> [Lanes; 3] {
     let mut sums = [V::splat(0.0); 3];
     for (dy, value) in (dy..).zip(values) {
         add_powers(&mut sums, V::from_lanes(value), V::splat(dy as f32));
@@ -124,7 +133,8 @@ fn powers_with<V: Vector>(values: &[Lanes], dy: i32) -> [Lanes; 3] {
     sums.map(V::to_lanes)
 }
 
-/// Returns the values of a plane on the columns of a block, in one row.
+/// Returns the values of a plane at the eight columns of a block in row `dy`, DN. `dx` is the offset of the first
+/// column, and the plane is zero at the point `about`, px from the centre.
 pub(in crate::dic) fn plane_row(slopes: [f64; 2], about: [f64; 2], dx: i32, dy: i32) -> Lanes {
     let first = slopes[0] * (f64::from(dx) - about[0]) + slopes[1] * (f64::from(dy) - about[1]);
     Lanes(std::array::from_fn::<f32, LANES, _>(|lane| (first + slopes[0] * lane as f64) as f32))

@@ -8,8 +8,8 @@ use crate::numeric::{LANES, Lanes, Vector, vectorized};
 #[derive(Debug, Clone, Copy, Default)]
 pub(in crate::dic) struct Sums {
     pub(in crate::dic) levels: f64,
-    /// The sums of levels times x and y.
-    pub(in crate::dic) places: [f64; 2],
+    /// The sums of the levels times the offsets from the centre along x and y.
+    pub(in crate::dic) first_moments: [f64; 2],
     pub(in crate::dic) energy: f64,
     pub(in crate::dic) product: f64,
     pub(in crate::dic) jacobian: [f64; 6],
@@ -50,29 +50,31 @@ vectorized! {
 }
 
 vectorized! {
-    /// Adds up the column sums of a window from its first column on; `count` is the stride between kinds of sums.
-    fn total(sums: &[f32], count: usize, window: &SubsetMask, out: &mut [f64; TOTALS]) = total_with
+    /// Sums the column sums of a window over its columns, with powers of x as weights: see [`TOTALS`].
+    ///
+    /// `sums` starts at the first column, and `count` is the stride between kinds of sums.
+    fn sum_columns(sums: &[f32], count: usize, window: &SubsetMask, out: &mut [f64; TOTALS]) = sum_columns_with
 }
 
 impl Moments {
-    /// Computes the sums over `window` about `at`.
+    /// Computes the sums over `window` centred at `at`.
     ///
     /// The window must lie in the planes, and their values off the mask must be finite. `sums` is scratch memory.
-    pub(in crate::dic) fn of(layers: Layers<'_>, window: &SubsetMask, at: Pixel, sums: &mut Vec<f32>) -> Self {
+    pub(in crate::dic) fn sum(layers: Layers<'_>, window: &SubsetMask, at: Pixel, sums: &mut Vec<f32>) -> Self {
         let count = window.extent.size().width.next_multiple_of(LANES) + LANES;
         sums.clear();
-        sums.resize(DOWN * count, 0.0);
+        sums.resize(SUMS_PER_COLUMN * count, 0.0);
         sum_window(layers, window, at, sums);
         collect_moments(sums, count, window)
     }
 
-    /// Returns the sums over a target minus the mean of the reference.
-    pub(in crate::dic) fn sums(&self, pixels: usize) -> Sums {
+    /// Returns the sums over the target's levels minus the mean of the reference. They do not include first moments.
+    pub(in crate::dic) fn target_sums(&self, pixels: usize) -> Sums {
         let (pixels, mean) = (pixels as f64, self.reference / pixels as f64);
         let [_, squares, product] = self.products;
         Sums {
             levels: self.target - pixels * mean,
-            places: [0.0; 2],
+            first_moments: [0.0; 2],
             energy: squares - 2.0 * mean * self.target + pixels * mean * mean,
             product: product - mean * self.target,
             jacobian: std::array::from_fn(|k| self.jacobian[2][k] - mean * self.jacobian[0][k]),
@@ -84,7 +86,7 @@ impl Moments {
 ///
 /// One each of f, g, f f, g g and f g. Two each of gx, gy, gx f, gy f, gx g and gy g, the second a running sum. Three
 /// each of gx gx, gx gy and gy gy. A running sum weights its values with the number of rows left.
-pub(in crate::dic) const DOWN: usize = PLAIN + 2 * PAIRS + 3 * TRIPLES;
+pub(in crate::dic) const SUMS_PER_COLUMN: usize = PLAIN + 2 * PAIRS + 3 * TRIPLES;
 
 /// The numbers of sums without weights, with weights x and y, and with their squares.
 const PLAIN: usize = 5;
@@ -100,10 +102,12 @@ const TOTALS: usize = (PLAIN + 3 * PAIRS + 6 * TRIPLES).next_multiple_of(LANES);
 /// The number of blocks of a window whose weights are held at a time.
 const BLOCKS: usize = 4;
 
-/// Adds the rows of eight columns to `all`, from the pixel with index `first` on, multiplied by the mask of each row.
+/// Adds `rows` rows of eight columns, from the pixel with index `first` on, to the sums `all`.
+///
+/// `mask` returns the mask of a row, or `None` where all pixels belong.
 #[inline(always)]
 pub(in crate::dic) fn add_rows<V: Vector>(
-    all: &mut [V; DOWN],
+    all: &mut [V; SUMS_PER_COLUMN],
     layers: Layers<'_>,
     first: usize,
     rows: usize,
@@ -144,10 +148,12 @@ pub(in crate::dic) fn add_rows<V: Vector>(
     *all = sums;
 }
 
-/// Subtracts the running sums `before` the last `rows` rows; `out` receives the index of each sum and the difference.
+/// Computes the sums over the last `rows` rows from the running sums `all` and those `before` these rows.
+///
+/// `out` receives the index of each sum and its value.
 #[inline(always)]
 pub(in crate::dic) fn subtract_before<V: Vector>(
-    all: &[V; DOWN],
+    all: &[V; SUMS_PER_COLUMN],
     before: &[f32],
     rows: i32,
     mut out: impl FnMut(usize, V),
@@ -163,7 +169,7 @@ pub(in crate::dic) fn subtract_before<V: Vector>(
         out(at, all[at].sub(first));
         out(at + 1, all[at + 1].sub(before(at + 1)).plus_product(first, count));
     }
-    for at in (PLAIN + 2 * PAIRS..DOWN).step_by(3) {
+    for at in (PLAIN + 2 * PAIRS..SUMS_PER_COLUMN).step_by(3) {
         let (first, second) = (before(at), before(at + 1));
         out(at, all[at].sub(first));
         out(at + 1, all[at + 1].sub(second).plus_product(first, count));
@@ -172,16 +178,17 @@ pub(in crate::dic) fn subtract_before<V: Vector>(
     }
 }
 
+/// Implements [`sum_window`] on vectors of type `V`.
 #[inline(always)]
 fn sum_window_with<V: Vector>(layers: Layers<'_>, window: &SubsetMask, at: Pixel, out: &mut [f32]) {
-    let count = out.len() / DOWN;
+    let count = out.len() / SUMS_PER_COLUMN;
     for block in &window.blocks {
         let mask = &window.mask[block.start..block.start + block.rows];
         let first = layers.reference.index((at.x + block.dx) as isize, (at.y + block.dy) as isize);
         // Rows left are counted to the last row of the window.
         let rows = (window.extent.bottom - block.dy + 1) as usize;
         let mask = |row: usize| Some(mask.get(row).map_or(V::splat(0.0), V::from_lanes));
-        let mut sums = [V::splat(0.0); DOWN];
+        let mut sums = [V::splat(0.0); SUMS_PER_COLUMN];
         add_rows(&mut sums, layers, first, rows, mask);
         let column = (block.dx - window.blocks[0].dx) as usize;
         for (k, sum) in sums.into_iter().enumerate() {
@@ -193,7 +200,7 @@ fn sum_window_with<V: Vector>(layers: Layers<'_>, window: &SubsetMask, at: Pixel
 /// Converts the column sums of a window to [`Moments`]; `count` is the stride between kinds of sums.
 pub(in crate::dic) fn collect_moments(sums: &[f32], count: usize, window: &SubsetMask) -> Moments {
     let mut totals = [0.0; TOTALS];
-    total(sums, count, window, &mut totals);
+    sum_columns(sums, count, window, &mut totals);
     let (mut out, end) = (Moments::default(), f64::from(window.extent.bottom + 1));
     (out.reference, out.target) = (totals[0], totals[1]);
     out.products.copy_from_slice(&totals[2..PLAIN]);
@@ -212,14 +219,17 @@ pub(in crate::dic) fn collect_moments(sums: &[f32], count: usize, window: &Subse
     out
 }
 
-/// Adds the values of some blocks of a row to `sum`, each times a power of its position.
+/// Returns `sum` plus the values of some blocks of a row, each times a power (0 to 2) of its x.
+///
+/// `weights` holds the first column of each block and the powers of x of its lanes.
 #[inline(always)]
-fn weighted<V: Vector>(sum: V, row: &[f32], weights: &[(usize, [V; 3]); BLOCKS], power: usize) -> V {
+fn add_weighted<V: Vector>(sum: V, row: &[f32], weights: &[(usize, [V; 3]); BLOCKS], power: usize) -> V {
     weights.iter().fold(sum, |sum, (column, powers)| sum.plus_product(V::load(&row[*column..]), powers[power]))
 }
 
+/// Implements [`sum_columns`] on vectors of type `V`.
 #[inline(always)]
-fn total_with<V: Vector>(sums: &[f32], count: usize, window: &SubsetMask, out: &mut [f64; TOTALS]) {
+fn sum_columns_with<V: Vector>(sums: &[f32], count: usize, window: &SubsetMask, out: &mut [f64; TOTALS]) {
     let (Some(first), right) = (window.blocks.first(), V::splat(window.extent.right as f32)) else { return };
     let mut totals = [V::splat(0.0); TOTALS];
     for blocks in window.blocks.chunks(BLOCKS) {
@@ -233,20 +243,20 @@ fn total_with<V: Vector>(sums: &[f32], count: usize, window: &SubsetMask, out: &
         }
         let rows = |at: usize| &sums[at * count..];
         for (k, total) in totals[..PLAIN].iter_mut().enumerate() {
-            *total = weighted(*total, rows(k), &weights, 0);
+            *total = add_weighted(*total, rows(k), &weights, 0);
         }
         let (pairs, triples) = totals[PLAIN..].split_at_mut(3 * PAIRS);
         for (k, total) in pairs.as_chunks_mut::<3>().0.iter_mut().enumerate() {
             let at = PLAIN + 2 * k;
             for (total, (row, power)) in total.iter_mut().zip([(at, 0), (at, 1), (at + 1, 0)]) {
-                *total = weighted(*total, rows(row), &weights, power);
+                *total = add_weighted(*total, rows(row), &weights, power);
             }
         }
         for (k, total) in triples.as_chunks_mut::<6>().0.iter_mut().take(TRIPLES).enumerate() {
             let at = PLAIN + 2 * PAIRS + 3 * k;
             let all = [(at, 0), (at, 1), (at, 2), (at + 1, 0), (at + 1, 1), (at + 2, 0)];
             for (total, (row, power)) in total.iter_mut().zip(all) {
-                *total = weighted(*total, rows(row), &weights, power);
+                *total = add_weighted(*total, rows(row), &weights, power);
             }
         }
     }
@@ -282,7 +292,7 @@ pub(in crate::dic) mod tests {
     pub(in crate::dic) fn slow(planes: &[PaddedImage; 4], window: &SubsetMask, at: Pixel) -> Moments {
         let mut out = Moments::default();
         for (dx, dy) in (-31..=31).flat_map(|dy| (-31..=31).map(move |dx| (dx, dy))) {
-            if !window.holds(dx, dy) {
+            if !window.contains(dx, dy) {
                 continue;
             }
             let value = |k: usize| f64::from(planes[k].row((at.y + dy) as usize)[(at.x + dx) as usize]);
@@ -320,13 +330,13 @@ pub(in crate::dic) mod tests {
             let window = SubsetMask::new(shape, size);
             let at = Pixel { x: 30, y: 24 };
             let mut memory = Vec::new();
-            let found = Moments::of(layers, &window, at, &mut memory);
+            let found = Moments::sum(layers, &window, at, &mut memory);
             let mut plain = vec![0.0; memory.len()];
             sum_window_with::<Portable>(layers, &window, at, &mut plain);
             assert!(memory == plain);
-            let (count, mut totals) = (plain.len() / DOWN, [[0.0; TOTALS]; 2]);
-            total(&plain, count, &window, &mut totals[0]);
-            total_with::<Portable>(&plain, count, &window, &mut totals[1]);
+            let (count, mut totals) = (plain.len() / SUMS_PER_COLUMN, [[0.0; TOTALS]; 2]);
+            sum_columns(&plain, count, &window, &mut totals[0]);
+            sum_columns_with::<Portable>(&plain, count, &window, &mut totals[1]);
             assert_eq!(totals[0].map(f64::to_bits), totals[1].map(f64::to_bits));
             for (found, expected) in all(&found).iter().zip(all(&slow(&planes, &window, at))) {
                 // With random signs the sums are far smaller than their terms, up to 128^2 15^2 per pixel.

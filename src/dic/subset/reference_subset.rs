@@ -83,7 +83,11 @@ pub(in crate::dic) struct ReferenceSubset {
 }
 
 impl ReferenceSubset {
-    /// Extracts the subset at (x, y) of `reference`.
+    /// Extracts the subset centred at `at` in `reference`, reusing memory.
+    ///
+    /// # Errors
+    ///
+    /// [`Unusable`] if the subset extends over the edge or its texture cannot be matched.
     pub(in crate::dic) fn fill(
         &mut self,
         reference: &PreparedFrame,
@@ -92,10 +96,10 @@ impl ReferenceSubset {
         at: GridPoint,
     ) -> Result<(), Unusable> {
         self.load(reference, window, at)?;
-        self.finish(window, shape, Illumination::Uniform)
+        self.compute_sums(window, shape, Illumination::Uniform)
     }
 
-    /// Extracts a whole rigid body, without its illumination plane.
+    /// Extracts a whole rigid body and removes its illumination plane. See [`Self::fill`].
     pub(in crate::dic) fn fill_body(
         &mut self,
         reference: &PreparedFrame,
@@ -103,10 +107,14 @@ impl ReferenceSubset {
         at: GridPoint,
     ) -> Result<(), Unusable> {
         self.load(reference, window, at)?;
-        self.finish(window, Shape::Rigid, Illumination::Gradient)
+        self.compute_sums(window, Shape::Rigid, Illumination::Gradient)
     }
 
     /// Restricts `whole` to the pixels of `window`, which must have the same blocks.
+    ///
+    /// # Errors
+    ///
+    /// [`Unusable::LowContrast`] if the texture of these pixels cannot be matched.
     pub(in crate::dic) fn restrict(&mut self, whole: &Self, window: &SubsetMask, shape: Shape) -> Result<(), Unusable> {
         for (out, from) in [
             (&mut self.levels, &whole.levels),
@@ -121,30 +129,38 @@ impl ReferenceSubset {
         let sum: f64 = self.levels.iter().map(|row| row.sum()).sum();
         let difference = (sum / window.pixels.max(1) as f64) as f32;
         self.mean = whole.mean + difference;
-        self.center(window, difference);
-        self.finish(window, shape, if whole.light.is_some() { Illumination::Gradient } else { Illumination::Uniform })
+        self.subtract_mean(window, difference);
+        self.compute_sums(
+            window,
+            shape,
+            if whole.light.is_some() { Illumination::Gradient } else { Illumination::Uniform },
+        )
     }
 
-    /// Computes the sums from grey levels and gradients.
-    fn finish(&mut self, window: &SubsetMask, shape: Shape, illumination: Illumination) -> Result<(), Unusable> {
+    /// Computes the sums from grey levels and gradients, after the illumination plane is removed if requested.
+    fn compute_sums(&mut self, window: &SubsetMask, shape: Shape, illumination: Illumination) -> Result<(), Unusable> {
         self.check_contrast(window.pixels)?;
         let mut hessian = self.sum_gradients(window);
         self.light = (illumination == Illumination::Gradient)
-            .then(|| IlluminationPlane::of(&self.levels, [&self.gradient_x, &self.gradient_y], window))
+            .then(|| IlluminationPlane::fit(&self.levels, [&self.gradient_x, &self.gradient_y], window))
             .flatten();
         if let Some(light) = &self.light {
-            light.remove_from(&self.jacobian_sum, window.pixels, &mut hessian);
+            light.remove_from_hessian(&self.jacobian_sum, window.pixels, &mut hessian);
             let slopes = light.slopes;
             self.energy -= light.energy(slopes);
             for (k, sum) in self.jacobian_levels.iter_mut().enumerate() {
-                *sum -= light.pull(slopes, k);
+                *sum -= light.jacobian_product(slopes, k);
             }
             self.check_contrast(window.pixels)?;
         }
         self.analyse_texture(&hessian, window.pixels, shape)
     }
 
-    /// Computes the sums for a step from moments, without pixels.
+    /// Computes the sums for one Gauss-Newton step from `moments` over `pixels` pixels. The pixels are not stored.
+    ///
+    /// # Errors
+    ///
+    /// [`Unusable::LowContrast`] if the texture cannot be matched.
     pub(in crate::dic) fn fill_from_moments(
         &mut self,
         moments: &Moments,
@@ -160,6 +176,7 @@ impl ReferenceSubset {
         self.analyse_texture(&hessian_from_moments(&moments.second), pixels, shape)
     }
 
+    /// Checks that the standard deviation of the levels exceeds rounding.
     fn check_contrast(&self, pixels: usize) -> Result<(), Unusable> {
         let contrast = (self.energy / pixels as f64).sqrt();
         // Written so that NaN is refused.
@@ -211,22 +228,22 @@ impl ReferenceSubset {
             }
         }
         self.mean = (sum / pixels) as f32;
-        self.center(window, self.mean);
+        self.subtract_mean(window, self.mean);
         copy_window(&reference.gradient_x, window, at, &mut self.gradient_x);
         copy_window(&reference.gradient_y, window, at, &mut self.gradient_y);
         Ok(())
     }
 
-    /// Subtracts a mean from the grey levels and sums their squares.
-    fn center(&mut self, window: &SubsetMask, mean: f32) {
+    /// Subtracts `mean` from the grey levels on the mask and sets `energy` to the sum of their squares.
+    fn subtract_mean(&mut self, window: &SubsetMask, mean: f32) {
         self.energy = 0.0;
         for block in &window.blocks {
             let rows = block.start..block.start + block.rows;
-            self.energy += center(&mut self.levels[rows.clone()], &window.mask[rows], mean);
+            self.energy += subtract_mean_on_mask(&mut self.levels[rows.clone()], &window.mask[rows], mean);
         }
     }
 
-    /// Computes the sums over J and returns the sum of J J^T.
+    /// Computes the sums of J and of J times the levels, and returns the sum of J J^T, the Hessian.
     fn sum_gradients(&mut self, window: &SubsetMask) -> [[f64; 6]; 6] {
         self.jacobian_sum = [0.0; 6];
         self.jacobian_levels = [0.0; 6];
@@ -237,20 +254,20 @@ impl ReferenceSubset {
             let mut sums = GradientSums::default();
             second_moments(gx, gy, block.dy, &mut sums);
             first_moments(gx, gy, &self.levels[rows], block.dy, &mut sums);
-            sums.spread(f64::from(block.dx), &mut moments, &mut self.jacobian_sum, &mut self.jacobian_levels);
+            sums.add_lanes_to(f64::from(block.dx), &mut moments, &mut self.jacobian_sum, &mut self.jacobian_levels);
         }
         hessian_from_moments(&moments)
     }
 }
 
-/// Copies the pixels of a window from a plane, 0 off the mask, and returns their sum.
+/// Copies the pixels of a window centred at `at` from a plane, 0 off the mask, and returns their sum.
 fn copy_window(plane: &PaddedImage, window: &SubsetMask, at: Pixel, out: &mut Vec<Lanes>) -> f64 {
     out.resize(window.mask.len(), Lanes::splat(0.0));
     let mut sum = 0.0;
     for block in &window.blocks {
         let first = plane.index((at.x + block.dx) as isize, (at.y + block.dy) as isize);
         let rows = block.start..block.start + block.rows;
-        sum += pack(&plane.data()[first..], plane.stride(), &window.mask[rows.clone()], &mut out[rows]);
+        sum += pack_block(&plane.data()[first..], plane.stride(), &window.mask[rows.clone()], &mut out[rows]);
     }
     sum
 }
@@ -267,8 +284,10 @@ struct GradientSums {
 }
 
 impl GradientSums {
-    /// Adds up the lanes, with the offsets of the columns where a moment needs them.
-    fn spread(&self, dx: f64, moments: &mut [[f64; 6]; 3], plain: &mut [f64; 6], levels: &mut [f64; 6]) {
+    /// Adds the sums of the lanes to the sums of the subset. `dx` is the offset of the first column from the centre.
+    ///
+    /// `moments` are those of [`Moments::second`], `plain` is the sum of J, and `levels` the sum of J times the level.
+    fn add_lanes_to(&self, dx: f64, moments: &mut [[f64; 6]; 3], plain: &mut [f64; 6], levels: &mut [f64; 6]) {
         for (moments, powers) in moments.iter_mut().zip(&self.second) {
             let products = powers[0].moments(dx);
             let mixed = powers[1].moments(dx);
@@ -291,12 +310,13 @@ impl GradientSums {
 }
 
 vectorized! {
-    /// Copies a block from a plane, 0 off the mask, and returns the sum.
-    fn pack(source: &[f32], stride: usize, mask: &[Lanes], out: &mut [Lanes]) -> f64 = pack_with
+    /// Copies a block of eight columns from a plane, 0 off the mask, and returns the sum of its values.
+    fn pack_block(source: &[f32], stride: usize, mask: &[Lanes], out: &mut [Lanes]) -> f64 = pack_block_with
 }
 
+/// Implements [`pack_block`] on vectors of type `V`.
 #[inline(always)]
-fn pack_with<V: Vector>(source: &[f32], stride: usize, mask: &[Lanes], out: &mut [Lanes]) -> f64 {
+fn pack_block_with<V: Vector>(source: &[f32], stride: usize, mask: &[Lanes], out: &mut [Lanes]) -> f64 {
     let mut total = V::splat(0.0);
     for (row, (mask, out)) in mask.iter().zip(out).enumerate() {
         let value = V::load(&source[row * stride..]).mul(V::from_lanes(mask));
@@ -307,12 +327,13 @@ fn pack_with<V: Vector>(source: &[f32], stride: usize, mask: &[Lanes], out: &mut
 }
 
 vectorized! {
-    /// Subtracts the mean on the mask and returns the sum of squares.
-    fn center(levels: &mut [Lanes], mask: &[Lanes], mean: f32) -> f64 = center_with
+    /// Subtracts `mean` from the levels on the mask and returns the sum of their squares.
+    fn subtract_mean_on_mask(levels: &mut [Lanes], mask: &[Lanes], mean: f32) -> f64 = subtract_mean_on_mask_with
 }
 
+/// Implements [`subtract_mean_on_mask`] on vectors of type `V`.
 #[inline(always)]
-fn center_with<V: Vector>(levels: &mut [Lanes], mask: &[Lanes], mean: f32) -> f64 {
+fn subtract_mean_on_mask_with<V: Vector>(levels: &mut [Lanes], mask: &[Lanes], mean: f32) -> f64 {
     let (mut energy, mean) = (V::splat(0.0), V::splat(mean));
     for (levels, mask) in levels.iter_mut().zip(mask) {
         let value = V::from_lanes(levels).sub(mean.mul(V::from_lanes(mask)));
@@ -323,10 +344,11 @@ fn center_with<V: Vector>(levels: &mut [Lanes], mask: &[Lanes], mean: f32) -> f6
 }
 
 vectorized! {
-    /// Sums the products of the gradients, times powers of dy.
+    /// Sums the products of the gradients, times 1, dy and dy^2, lane by lane. `dy` is the offset of the first row.
     fn second_moments(gx: &[Lanes], gy: &[Lanes], dy: i32, sums: &mut GradientSums) = second_moments_with
 }
 
+/// Implements [`second_moments`] on vectors of type `V`.
 #[inline(always)]
 fn second_moments_with<V: Vector>(gx: &[Lanes], gy: &[Lanes], dy: i32, sums: &mut GradientSums) {
     let zero = V::splat(0.0);
@@ -343,10 +365,13 @@ fn second_moments_with<V: Vector>(gx: &[Lanes], gy: &[Lanes], dy: i32, sums: &mu
 }
 
 vectorized! {
-    /// Sums the gradients, and the gradients times the grey level, times 1 and dy.
-    fn first_moments(gx: &[Lanes], gy: &[Lanes], levels: &[Lanes], dy: i32, sums: &mut GradientSums) = first_moments_with
+    /// Sums the gradients, and the gradients times the grey level, times 1 and dy, lane by lane. `dy` is the offset of
+    /// the first row.
+    fn first_moments(gx: &[Lanes], gy: &[Lanes], levels: &[Lanes], dy: i32, sums: &mut GradientSums) =
+        first_moments_with
 }
 
+/// Implements [`first_moments`] on vectors of type `V`.
 #[inline(always)]
 fn first_moments_with<V: Vector>(gx: &[Lanes], gy: &[Lanes], levels: &[Lanes], dy: i32, sums: &mut GradientSums) {
     let zero = V::splat(0.0);
@@ -368,7 +393,7 @@ fn first_moments_with<V: Vector>(gx: &[Lanes], gy: &[Lanes], levels: &[Lanes], d
     }
 }
 
-/// Arranges the moments of gx gx, gx gy, gy gy as the sum of J J^T.
+/// Returns the sum of J J^T from the moments of gx gx, gx gy and gy gy: see [`Moments::second`].
 fn hessian_from_moments(moments: &[[f64; 6]; 3]) -> [[f64; 6]; 6] {
     // The moment (1, dx, dy, dx^2, dx dy, dy^2) of each pair of (1, dx, dy).
     const PLACE: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
@@ -381,7 +406,7 @@ fn hessian_from_moments(moments: &[[f64; 6]; 3]) -> [[f64; 6]; 6] {
     hessian
 }
 
-/// Converts sums over the affine J to the parameters of the shape function.
+/// Converts sums over the affine J to those for the parameters of the shape function, and returns their number.
 pub(in crate::dic) fn project(shape: Shape, affine: &[f64; 6]) -> ([f64; 6], usize) {
     match shape {
         Shape::Translation => ([affine[0], affine[3], 0.0, 0.0, 0.0, 0.0], 2),
@@ -391,7 +416,7 @@ pub(in crate::dic) fn project(shape: Shape, affine: &[f64; 6]) -> ([f64; 6], usi
     }
 }
 
-/// Applies [`project`] to both sides of a matrix.
+/// Applies [`project`] to the rows and the columns of a matrix, and returns the number of parameters.
 fn project_matrix(shape: Shape, affine: &[[f64; 6]; 6]) -> ([[f64; 6]; 6], usize) {
     if matches!(shape, Shape::Affine | Shape::Quadratic) {
         return (*affine, 6);

@@ -58,10 +58,10 @@ impl FixedPattern {
         self.strips.clear();
         self.values.clear();
         let mut squares = 0.0;
-        for (y, columns) in rows(first, body) {
+        for (y, columns) in clipped_rows(first, body) {
             let strip = Strip { y, columns: columns.clone(), from: self.values.len() };
             self.strips.push(strip);
-            self.values.extend_from_slice(eighths(first, y, &columns, &mut self.memory));
+            self.values.extend_from_slice(eighth_differences(first, y, &columns, &mut self.memory));
             let Pixel { x: left, y: row } = first.local(GridPoint { x: columns.start, y });
             let slopes = [&first.gradient_x, &first.gradient_y]
                 .map(|plane| &plane.row(row as usize)[left as usize..left as usize + columns.len()]);
@@ -76,7 +76,7 @@ impl FixedPattern {
     /// if the two frames have too few pixels in common.
     pub fn bias_fraction(&mut self, later: &PreparedFrame, body: &[[u32; 4]]) -> Option<f64> {
         let (mut sum, mut pixels) = (0.0, 0);
-        for (y, columns) in rows(later, body) {
+        for (y, columns) in clipped_rows(later, body) {
             let strip = self.strips.binary_search_by_key(&y, |strip| strip.y).ok().map(|place| &self.strips[place]);
             let Some(strip) = strip else { continue };
             let both = columns.start.max(strip.columns.start)..columns.end.min(strip.columns.end);
@@ -85,7 +85,7 @@ impl FixedPattern {
             }
             let from = strip.from + (both.start - strip.columns.start) as usize;
             let first = &self.values[from..from + both.len()];
-            sum += dot(first, eighths(later, y, &both, &mut self.memory));
+            sum += dot(first, eighth_differences(later, y, &both, &mut self.memory));
             pixels += both.len();
         }
         let share = PATTERN_WEIGHT * sum / (NOISE_GAIN * NOISE_GAIN * pixels as f64 * self.slope_squared);
@@ -93,8 +93,9 @@ impl FixedPattern {
     }
 }
 
-/// Returns the rows of rectangles, clipped to the prepared part of a frame.
-fn rows(frame: &PreparedFrame, rectangles: &[[u32; 4]]) -> impl Iterator<Item = (u32, Range<u32>)> {
+/// Returns row and columns of each row of the rectangles (x, y, width, height, px), clipped to the prepared part of a
+/// frame.
+fn clipped_rows(frame: &PreparedFrame, rectangles: &[[u32; 4]]) -> impl Iterator<Item = (u32, Range<u32>)> {
     let Pixel { x: left, y: top } = frame.local(GridPoint { x: 0, y: 0 });
     let within = |from: u32, length: u32, before: i32, ready: usize| {
         let first = before.unsigned_abs();
@@ -108,8 +109,13 @@ fn rows(frame: &PreparedFrame, rectangles: &[[u32; 4]]) -> impl Iterator<Item = 
     })
 }
 
-/// Returns the eighth differences of some pixels of a row, in frame coordinates.
-fn eighths<'a>(frame: &PreparedFrame, y: u32, columns: &Range<u32>, memory: &'a mut [Vec<f32>; 2]) -> &'a [f32] {
+/// Returns the eighth differences along x and y at some columns of row `y` of a frame, DN. `memory` is scratch memory.
+fn eighth_differences<'a>(
+    frame: &PreparedFrame,
+    y: u32,
+    columns: &Range<u32>,
+    memory: &'a mut [Vec<f32>; 2],
+) -> &'a [f32] {
     let [down, across] = memory;
     let Pixel { x: left, y: row } = frame.local(GridPoint { x: columns.start, y });
     let wide = columns.len() + 2 * REACH as usize;
@@ -119,14 +125,14 @@ fn eighths<'a>(frame: &PreparedFrame, y: u32, columns: &Range<u32>, memory: &'a 
         let from = frame.levels.index(left as isize - REACH, row as isize + k as isize - REACH);
         &frame.levels.data()[from..from + wide]
     };
-    combine(std::array::from_fn(near), down);
-    combine(std::array::from_fn(|k| &down[k..k + columns.len()]), across);
+    eighth_difference(std::array::from_fn(near), down);
+    eighth_difference(std::array::from_fn(|k| &down[k..k + columns.len()]), across);
     across
 }
 
-/// Computes the eighth difference of nine rows.
+/// Computes the eighth difference across nine rows of equal length.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
-fn combine(rows: [&[f32]; EIGHTH.len()], out: &mut [f32]) {
+fn eighth_difference(rows: [&[f32]; EIGHTH.len()], out: &mut [f32]) {
     let rows = rows.map(|row| &row[..out.len()]);
     for x in 0..out.len() {
         let both = |k: usize| EIGHTH[k] * (rows[k][x] + rows[EIGHTH.len() - 1 - k][x]);

@@ -27,7 +27,7 @@ pub(in crate::dic) struct GradientGain {
 
 impl GradientGain {
     /// Sums over the pixels between the first and the last column of every row; rows whose first is larger are empty.
-    pub(in crate::dic) fn of(reference: &PreparedFrame, spans: &[(i32, i32)]) -> Self {
+    pub(in crate::dic) fn of_spans(reference: &PreparedFrame, spans: &[(i32, i32)]) -> Self {
         let mut sums = Self::default();
         for (y, (left, right)) in spans.iter().enumerate().step_by(ROW_STEP).filter(|(_, span)| span.0 <= span.1) {
             let first = reference.levels.index(*left as isize, y as isize);
@@ -65,10 +65,12 @@ impl GradientGain {
 }
 
 vectorized! {
-    /// Returns the sums of squares of the gradients of a row, and of their products with those of eighth order.
+    /// Returns the sums over `count` pixels of a row of the squared gradients, and of their products with those of
+    /// eighth order. `first` is the index of the first pixel.
     fn add_gradients(reference: &PreparedFrame, first: usize, count: usize) -> [f64; 2] = add_gradients_with
 }
 
+/// Implements [`add_gradients`] on vectors of type `V`.
 #[inline(always)]
 fn add_gradients_with<V: Vector>(reference: &PreparedFrame, first: usize, count: usize) -> [f64; 2] {
     let mut sums = [V::splat(0.0); 2];
@@ -80,10 +82,11 @@ fn add_gradients_with<V: Vector>(reference: &PreparedFrame, first: usize, count:
 }
 
 vectorized! {
-    /// Works like [`add_gradients`] on a column of eight pixels, on its mask.
+    /// Returns the sums of [`add_gradients`] over a block of eight columns, on its mask, at every [`ROW_STEP`]th row.
     fn add_block(reference: &PreparedFrame, first: usize, mask: &[Lanes]) -> [f64; 2] = add_block_with
 }
 
+/// Implements [`add_block`] on vectors of type `V`.
 #[inline(always)]
 fn add_block_with<V: Vector>(reference: &PreparedFrame, first: usize, mask: &[Lanes]) -> [f64; 2] {
     let (stride, mut sums) = (reference.levels.stride(), [V::splat(0.0); 2]);
@@ -93,7 +96,9 @@ fn add_block_with<V: Vector>(reference: &PreparedFrame, first: usize, mask: &[La
     [sums[0].to_lanes().sum(), sums[1].to_lanes().sum()]
 }
 
-/// Adds the sums of eight neighbours, the first at `x`.
+/// Adds the squared gradients of eight pixels in a row, and their products with those of eighth order, to `sums`.
+///
+/// `x` is the index of the first pixel.
 #[inline(always)]
 fn add_eight<V: Vector>(reference: &PreparedFrame, x: usize, mask: V, sums: &mut [V; 2]) {
     // B. Fornberg, Math. Comput. 51 (1988) 699, <https://doi.org/10.1090/S0025-5718-1988-0935077-0>, table 1.

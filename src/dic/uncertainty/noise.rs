@@ -89,14 +89,14 @@ impl NoisePool {
     }
 
     /// Adds one window with its residual, packed like the subset.
-    pub(in crate::dic) fn add(&mut self, subset: &ReferenceSubset, window: &SubsetMask, residual: &[Lanes]) {
+    pub(in crate::dic) fn add_window(&mut self, subset: &ReferenceSubset, window: &SubsetMask, residual: &[Lanes]) {
         self.add_texture(subset, window);
         self.add_part(Part::Residual, window, residual);
-        self.slopes.add(GradientNoise::of(subset, window, residual));
+        self.slopes.add(GradientNoise::of_window(subset, window, residual));
     }
 
-    /// Adds one window in planes about `at` with its fit. `pairs` are those of [`count_pairs`]. All windows added this way
-    /// must have one shape.
+    /// Adds one window in planes about `at` with its fit. `pairs` are those of [`count_pairs`]. All windows added this
+    /// way must have one shape.
     pub(in crate::dic) fn add_layers(
         &mut self,
         layers: Layers<'_>,
@@ -108,7 +108,7 @@ impl NoisePool {
         self.pairs.iter_mut().zip(pairs).for_each(|(sum, pairs)| *sum += pairs);
         let side = side_of(window);
         self.layers.iter_mut().for_each(|dense| dense.resize(dense_len(side), 0.0));
-        spread_layers(layers, window, at, fit, &mut self.layers, &mut self.slopes.sums);
+        unpack_layers(layers, window, at, fit, &mut self.layers, &mut self.slopes.sums);
         self.slopes.pixels += window.pixels as f64;
         let [gradient_x, gradient_y, residual] = &self.layers;
         add_lags(gradient_x, side, &mut self.gradient_x);
@@ -126,9 +126,9 @@ impl NoisePool {
         self.gradient_gain.gain()
     }
 
-    /// Adds one part of a window, packed like the window's mask.
+    /// Adds the autocorrelation of one quantity of a window, packed like the window's mask.
     fn add_part(&mut self, part: Part, window: &SubsetMask, rows: &[Lanes]) {
-        unpack(window, rows, &mut self.dense);
+        unpack_clean(window, rows, &mut self.dense);
         let sums = match part {
             Part::Residual => &mut self.residual,
             Part::GradientX => &mut self.gradient_x,
@@ -144,18 +144,20 @@ impl NoisePool {
             return;
         }
         // Pixels off the window are already zero, from its texture.
-        spread(window, residual, &mut self.dense);
+        unpack_over(window, residual, &mut self.dense);
         add_lags(&self.dense, side_of(window), &mut self.residual);
     }
 
-    /// Adds the sums that do not depend on the target.
+    /// Adds the sums of one window that do not depend on the target: pixel pairs and gradients.
     pub(in crate::dic) fn add_texture(&mut self, subset: &ReferenceSubset, window: &SubsetMask) {
         self.pairs.iter_mut().zip(count_pairs(window)).for_each(|(sum, pairs)| *sum += pairs);
         self.add_part(Part::GradientX, window, &subset.gradient_x);
         self.add_part(Part::GradientY, window, &subset.gradient_y);
     }
 
-    /// Returns the factors of the windows added; 1 without any.
+    /// Returns the variance factors of the windows added; 1 without any.
+    ///
+    /// They are the `q` of the module, corrected for noise that depends on the grey level.
     pub(in crate::dic) fn factor(&self) -> VarianceFactor {
         let correlated = |gradient: &Lags| {
             let zero = lag_index(0, 0);
@@ -188,7 +190,7 @@ fn lag_index(dx: isize, dy: usize) -> usize {
 /// Returns the number of pixel pairs of a window at each lag.
 pub(in crate::dic) fn count_pairs(window: &SubsetMask) -> Lags {
     let (mut dense, mut pairs) = (Vec::new(), [0.0; LAGS]);
-    unpack(window, &window.mask, &mut dense);
+    unpack_clean(window, &window.mask, &mut dense);
     add_lags(&dense, side_of(window), &mut pairs);
     pairs
 }
@@ -208,45 +210,46 @@ fn dense_len(side: usize) -> usize {
     (side + REACH) * stride_of(side) + 2 * LANES
 }
 
-/// Unpacks values packed like a window's mask into its square.
-fn unpack(window: &SubsetMask, packed: &[Lanes], dense: &mut Vec<f32>) {
+/// Unpacks values packed like a window's mask into its square, which is cleared first.
+fn unpack_clean(window: &SubsetMask, packed: &[Lanes], dense: &mut Vec<f32>) {
     dense.clear();
-    spread(window, packed, dense);
+    unpack_over(window, packed, dense);
 }
 
-/// Works like [`unpack`], into memory that is empty or of the same window.
-fn spread(window: &SubsetMask, packed: &[Lanes], dense: &mut Vec<f32>) {
+/// Unpacks like [`unpack_clean`], over a square that is empty or holds values of the same window.
+fn unpack_over(window: &SubsetMask, packed: &[Lanes], dense: &mut Vec<f32>) {
     let side = side_of(window);
     dense.resize(dense_len(side), 0.0);
     for block in &window.blocks {
         let rows = &packed[block.start..block.start + block.rows];
-        for (lanes, first) in rows.iter().zip((first_of(window, block)..).step_by(stride_of(side))) {
+        for (lanes, first) in rows.iter().zip((block_start(window, block)..).step_by(stride_of(side))) {
             dense[first..first + LANES].copy_from_slice(&lanes.0);
         }
     }
 }
 
-/// Returns the index of the first row of a block in the square. A last block may extend beyond the square into the
+/// Returns the index in the square of the first pixel of a block. A last block may extend beyond the square into the
 /// zeros, where its mask has zeros too.
-fn first_of(window: &SubsetMask, block: &Block) -> usize {
+fn block_start(window: &SubsetMask, block: &Block) -> usize {
     let (left, top) = ((window.half as i32 + block.dx) as usize, (window.half as i32 + block.dy) as usize);
     top * stride_of(side_of(window)) + left
 }
 
 vectorized! {
     /// Unpacks the gradients and the residual of a window in planes into squares and adds the sums of [`add_squares`].
-    fn spread_layers(
+    fn unpack_layers(
         layers: Layers<'_>,
         window: &SubsetMask,
         at: Pixel,
         fit: GreyLevelFit,
         dense: &mut [Vec<f32>; 3],
         sums: &mut [f64; 5],
-    ) = spread_layers_with
+    ) = unpack_layers_with
 }
 
+/// Implements [`unpack_layers`] on vectors of type `V`.
 #[inline(always)]
-fn spread_layers_with<V: Vector>(
+fn unpack_layers_with<V: Vector>(
     layers: Layers<'_>,
     window: &SubsetMask,
     at: Pixel,
@@ -259,14 +262,14 @@ fn spread_layers_with<V: Vector>(
     let mut totals = [V::splat(0.0); 5];
     for block in &window.blocks {
         let mut from = layers.reference.index((at.x + block.dx) as isize, (at.y + block.dy) as isize);
-        let mut to = first_of(window, block);
+        let mut to = block_start(window, block);
         for mask in &window.mask[block.start..block.start + block.rows] {
             let load = |plane: &PaddedImage| V::load(&plane.data()[from..]);
             let mask = V::from_lanes(mask);
             let (gx, gy) = (load(layers.gradient_x).mul(mask), load(layers.gradient_y).mul(mask));
             let (level, value) = (load(layers.reference).sub(means.0), load(layers.target).sub(means.1));
             let left = level.sub(gain.mul(value)).mul(mask);
-            add_row(gx, gy, left, &mut totals);
+            add_lane_squares(gx, gy, left, &mut totals);
             for (dense, value) in dense.iter_mut().zip([gx, gy, left]) {
                 value.store(&mut dense[to..]);
             }
@@ -285,12 +288,13 @@ fn row_step(rows: usize) -> usize {
 }
 
 vectorized! {
-    /// Adds the products of pixel pairs at each lag, of values laid out by [`spread`].
+    /// Adds the products of pixel pairs at each lag, of values laid out by [`unpack_over`].
     ///
     /// Every row is followed by zeros, so a lag is one shift of the whole square.
     fn add_lags(dense: &[f32], side: usize, sums: &mut Lags) = add_lags_with
 }
 
+/// Implements [`add_lags`] on vectors of type `V`.
 #[inline(always)]
 fn add_lags_with<V: Vector>(dense: &[f32], side: usize, sums: &mut Lags) {
     const WIDTH: usize = 2 * REACH + 1;
@@ -322,21 +326,22 @@ vectorized! {
     fn add_squares(gradients: [&[Lanes]; 2], residual: &[Lanes], sums: &mut [f64; 5]) = add_squares_with
 }
 
+/// Implements [`add_squares`] on vectors of type `V`.
 #[inline(always)]
 fn add_squares_with<V: Vector>(gradients: [&[Lanes]; 2], residual: &[Lanes], sums: &mut [f64; 5]) {
     let [along_x, along_y] = gradients;
     let mut totals = [V::splat(0.0); 5];
     for ((x, y), left) in along_x.iter().zip(along_y).zip(residual) {
-        add_row(V::from_lanes(x), V::from_lanes(y), V::from_lanes(left), &mut totals);
+        add_lane_squares(V::from_lanes(x), V::from_lanes(y), V::from_lanes(left), &mut totals);
     }
     for (sum, total) in sums.iter_mut().zip(totals) {
         *sum += total.to_lanes().sum();
     }
 }
 
-/// Adds the squares of eight pixels' slopes along x and y and of their residuals.
+/// Adds the squares of eight residuals `left` and of the slopes `x` and `y`, and the products of both, to `totals`.
 #[inline(always)]
-fn add_row<V: Vector>(x: V, y: V, left: V, totals: &mut [V; 5]) {
+fn add_lane_squares<V: Vector>(x: V, y: V, left: V, totals: &mut [V; 5]) {
     let (x_squared, y_squared, squared) = (x.mul(x), y.mul(y), left.mul(left));
     totals[0] = totals[0].add(squared);
     totals[1] = totals[1].add(x_squared);
@@ -347,7 +352,7 @@ fn add_row<V: Vector>(x: V, y: V, left: V, totals: &mut [V; 5]) {
 
 impl GradientNoise {
     /// Computes the sums of one window with its residual.
-    pub(in crate::dic) fn of(subset: &ReferenceSubset, window: &SubsetMask, residual: &[Lanes]) -> Self {
+    pub(in crate::dic) fn of_window(subset: &ReferenceSubset, window: &SubsetMask, residual: &[Lanes]) -> Self {
         let mut slopes = Self { sums: [0.0; 5], pixels: window.pixels as f64 };
         add_squares([&subset.gradient_x, &subset.gradient_y], residual, &mut slopes.sums);
         slopes
@@ -429,7 +434,7 @@ mod tests {
             let subset = ReferenceSubset { gradient_x, gradient_y, ..ReferenceSubset::default() };
             let (mut one, mut other) = (NoisePool::default(), NoisePool::default());
             for _ in 0..2 {
-                one.add(&subset, &window, &residual);
+                one.add_window(&subset, &window, &residual);
                 other.add_layers(layers, &window, &count_pairs(&window), Pixel { x: 30, y: 24 }, fit);
             }
             let (one, other) = (one.factor(), other.factor());
@@ -449,8 +454,8 @@ mod tests {
             let side = side_of(&window);
             let memory: [Vec<f32>; 3] = std::array::from_fn(|_| vec![0.0; dense_len(side)]);
             let (mut one, mut other) = ((memory.clone(), [0.0; 5]), (memory, [0.0; 5]));
-            spread_layers(layers, &window, at, fit, &mut one.0, &mut one.1);
-            spread_layers_with::<Portable>(layers, &window, at, fit, &mut other.0, &mut other.1);
+            unpack_layers(layers, &window, at, fit, &mut one.0, &mut one.1);
+            unpack_layers_with::<Portable>(layers, &window, at, fit, &mut other.0, &mut other.1);
             assert_eq!(one, other);
             let mut lags = [[0.0; LAGS]; 2];
             add_lags(&one.0[2], side, &mut lags[0]);
@@ -471,7 +476,7 @@ mod tests {
         let mean = (1.0 + 9.0 + 25.0) / 3.0;
         let mut window = SubsetMask::new(WindowShape::Square, 3);
         window.pixels = 3 * LANES;
-        let slopes = |subset: &ReferenceSubset, residual: &[Lanes]| GradientNoise::of(subset, &window, residual);
+        let slopes = |subset: &ReferenceSubset, residual: &[Lanes]| GradientNoise::of_window(subset, &window, residual);
         let factor = VarianceFactor { x: 2.0, y: 1.0 }.weighted_by_slopes(&slopes(&subset, &rows(1.0, -3.0, 5.0)));
         assert!((factor.x - 2.0 * 0.25_f64.max(1.0 / mean)).abs() < 1e-6 && (factor.y - 9.0 / mean).abs() < 1e-6);
         let flat = ReferenceSubset {

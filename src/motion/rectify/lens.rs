@@ -1,5 +1,7 @@
 //! Lens distortion and its inverse.
 
+use super::linear_map::numerical_jacobian;
+
 /// The maximum number of Newton steps; a few suffice from a point of the image.
 const MAX_STEPS: usize = 30;
 
@@ -9,8 +11,8 @@ const TOLERANCE: f64 = 1e-13;
 /// A distortion model with the coefficients of OpenCV (names, order and signs).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Distortion {
-    /// Radial and tangential (D. C. Brown, Photogramm. Eng. 37 (1971) 855), with or without a denominator: k1, k2, p1, p2,
-    /// k3, k4, k5, k6.
+    /// Radial and tangential (D. C. Brown, Photogramm. Eng. 37 (1971) 855), with or without a denominator: k1, k2, p1,
+    /// p2, k3, k4, k5, k6.
     Brown([f64; 8]),
     /// Equidistant, for wide angles: k1 to k4 of the angle's odd powers (J. Kannala, S. S. Brandt, IEEE Trans. Pattern
     /// Anal. 28 (2006) 1335, <https://doi.org/10.1109/TPAMI.2006.153>).
@@ -29,7 +31,7 @@ pub struct Lens {
 }
 
 impl Distortion {
-    /// Distorts a ray (x/z, y/z).
+    /// Returns the distorted image coordinates of a ray (x/z, y/z), in focal lengths.
     fn distort(&self, ray: [f64; 2]) -> [f64; 2] {
         let [x, y] = ray;
         let square = x * x + y * y;
@@ -65,7 +67,7 @@ impl Lens {
         for _ in 0..MAX_STEPS {
             let distorted = self.distortion.distort(ray);
             let residual = [distorted[0] - measured[0], distorted[1] - measured[1]];
-            let [[a, b], [c, d]] = derivative(|ray| self.distortion.distort(ray), ray, 1e-6);
+            let [[a, b], [c, d]] = numerical_jacobian(|ray| self.distortion.distort(ray), ray, 1e-6);
             let det = a * d - b * c;
             // Where the determinant vanishes, the image folds back: two rays meet in one pixel.
             if det.is_nan() || det <= 1e-6 {
@@ -85,13 +87,6 @@ impl Lens {
         let [x, y] = self.distortion.distort(ray);
         [self.center_px[0] + self.focal_px[0] * x, self.center_px[1] + self.focal_px[1] * y]
     }
-}
-
-/// Returns the Jacobian of a map of the plane, by central differences; rows are the outputs.
-pub(in crate::motion) fn derivative(map: impl Fn([f64; 2]) -> [f64; 2], at: [f64; 2], h: f64) -> [[f64; 2]; 2] {
-    let [x, y] = at;
-    let (right, left, down, up) = (map([x + h, y]), map([x - h, y]), map([x, y + h]), map([x, y - h]));
-    std::array::from_fn(|k| [(right[k] - left[k]) / (2.0 * h), (down[k] - up[k]) / (2.0 * h)])
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! From pixels to the plane of motion: lens distortion, perspective, the edges of a rod.
 
 mod lens;
+mod linear_map;
 mod rectifier;
 mod rod;
 

@@ -4,7 +4,10 @@
 //! camera that faces the plane of motion. At its centre that image coincides with the recorded one in position, scale
 //! and direction, and all its pixels are equally large.
 
-use super::lens::{Distortion, Lens, derivative};
+use super::lens::{Distortion, Lens};
+use super::linear_map::{
+    determinant, inverse_similarity, multiply, numerical_jacobian, rotation_rad, solve_linear, stretch,
+};
 use crate::motion::Form;
 use crate::results::{BodyStep, Circle, Estimate, Outline, OutlineShape, RigidStep};
 
@@ -88,13 +91,13 @@ impl Rectifier {
         let folds = |[x, y]: [f64; 2]| RectifierError::Folds { x_px: x + left, y_px: y + top };
         let mut rectifier =
             Self { calibration, middle: [middle_px; 2], turn: [[1.0, 0.0], [0.0, 1.0]], mm_per_px: None };
-        let middle = rectifier.plane(middle_px).ok_or(folds(middle_px))?;
-        let slope = rectifier.slope(middle_px, Self::plane).ok_or(folds(middle_px))?;
+        let middle = rectifier.plane_position(middle_px).ok_or(folds(middle_px))?;
+        let slope = rectifier.jacobian_of(middle_px, Self::plane_position).ok_or(folds(middle_px))?;
         let size = determinant(&slope).abs().sqrt();
         if !(size > 0.0 && size.is_finite()) {
             return Err(folds(middle_px));
         }
-        (rectifier.middle[1], rectifier.turn) = (middle, upright(&slope, size));
+        (rectifier.middle[1], rectifier.turn) = (middle, inverse_similarity(&slope, size));
         rectifier.mm_per_px = calibration.homography.map(|_| size);
         for k in 0..CHECKED_POSITIONS * CHECKED_POSITIONS {
             let share = |k: usize| k as f64 / (CHECKED_POSITIONS - 1) as f64;
@@ -120,7 +123,7 @@ impl Rectifier {
         self.mm_per_px
     }
 
-    /// Returns the principal point in the rectified image.
+    /// Returns the principal point in the rectified image, px; the centre of the image without a lens.
     pub fn middle_px(&self) -> [f64; 2] {
         let offset = self.calibration.offset_px.map(f64::from);
         let ahead = self.calibration.lens.and_then(|lens| {
@@ -130,22 +133,23 @@ impl Rectifier {
         ahead.unwrap_or(self.middle[0])
     }
 
-    /// Returns the rectified position of a pixel.
+    /// Converts a pixel of the recorded image to its rectified position, px; `None` beyond the calibration.
     pub fn place(&self, at_px: [f64; 2]) -> Option<[f64; 2]> {
-        let [x, y] = self.plane(at_px)?;
-        let offset = times(&self.turn, [x - self.middle[1][0], y - self.middle[1][1]]);
+        let [x, y] = self.plane_position(at_px)?;
+        let offset = multiply(&self.turn, [x - self.middle[1][0], y - self.middle[1][1]]);
         Some([self.middle[0][0] + offset[0], self.middle[0][1] + offset[1]])
     }
 
-    /// Returns the pixel of a rectified position.
+    /// Converts a rectified position to its pixel in the recorded image; `None` beyond the calibration.
     pub fn pixel(&self, place: [f64; 2]) -> Option<[f64; 2]> {
         self.pixel_near(place, place)
     }
 
+    /// Converts a rectified position to its pixel by Newton's method, starting from the pixel `at`.
     fn pixel_near(&self, place: [f64; 2], mut at: [f64; 2]) -> Option<[f64; 2]> {
         for _ in 0..ROUNDS {
             let now = self.place(at)?;
-            let step = solve(&self.jacobian(at)?, [place[0] - now[0], place[1] - now[1]]);
+            let step = solve_linear(&self.jacobian(at)?, [place[0] - now[0], place[1] - now[1]]);
             at = [at[0] + step[0], at[1] + step[1]];
             if step[0].hypot(step[1]) < 1e-9 {
                 return Some(at);
@@ -160,12 +164,12 @@ impl Rectifier {
     pub fn step(&self, step: &BodyStep, form: Form) -> Option<BodyStep> {
         let Some(seen) = step.center_px() else { return Some(*step) };
         let radius_px = step.circle().map_or(0.0, |circle| circle.radius_px);
-        let (center, uneven) = if form == Form::Ball { self.center(seen, radius_px)? } else { (seen, 0.0) };
+        let (center, uneven) = if form == Form::Ball { self.outline_center(seen, radius_px)? } else { (seen, 0.0) };
         let [x, y] = self.place(center)?;
         let jacobian = self.jacobian(center)?;
-        let (least, mean) = stretch(&jacobian);
+        let (min_stretch, mean) = stretch(&jacobian);
         // A ball's outline is not foreshortened with the plane.
-        let size = if self.mm_per_px.is_some() { least } else { mean };
+        let size = if self.mm_per_px.is_some() { min_stretch } else { mean };
         let rectified = |circle: Circle| Circle {
             x_px: x,
             y_px: y,
@@ -186,7 +190,7 @@ impl Rectifier {
         };
         let frames = f64::from(step.interval_frames.max(1));
         let motion = match &step.motion {
-            Some(motion) => Some(self.motion(motion, &Disc { seen, center, radius_px }, &jacobian, frames)?),
+            Some(motion) => Some(self.plane_motion(motion, &Disc { seen, center, radius_px }, &jacobian, frames)?),
             None => None,
         };
         let growth_fraction = step.growth_fraction.zip(step.motion).and_then(|(grown, motion)| {
@@ -199,16 +203,16 @@ impl Rectifier {
         Some(BodyStep { outline, angle_deg: None, growth_fraction, drift: None, motion, ..*step })
     }
 
-    /// Returns the pixel of the centre of the ball whose outline is best fitted by a circle, and its uncertainty in
-    /// radii.
+    /// Returns the pixel of the centre of the ball whose outline was fitted by a circle about `seen`, and its
+    /// uncertainty in radii.
     ///
     /// A lens preserves neither the centre of a circle nor the roundness of a ball's outline. The part of the outline
     /// that a circle follows is unknown, and the scatter of the fit does not reveal it.
-    fn center(&self, seen: [f64; 2], radius_px: f64) -> Option<([f64; 2], f64)> {
+    fn outline_center(&self, seen: [f64; 2], radius_px: f64) -> Option<([f64; 2], f64)> {
         let Some(lens) = self.calibration.lens.filter(|_| radius_px > 0.0) else { return Some((seen, 0.0)) };
         let offset = self.calibration.offset_px.map(f64::from);
         let mut rays = [[0.0; 2]; CIRCLE_POINTS];
-        for (ray, [x, y]) in rays.iter_mut().zip(around(seen, radius_px)) {
+        for (ray, [x, y]) in rays.iter_mut().zip(circle_points(seen, radius_px)) {
             *ray = lens.ray([x + offset[0], y + offset[1]])?;
         }
         let mean = |of: &dyn Fn(&[f64; 2]) -> f64| rays.iter().map(of).sum::<f64>() / CIRCLE_POINTS as f64;
@@ -220,25 +224,27 @@ impl Rectifier {
         Some(([x - offset[0], y - offset[1]], UNROUND_ERROR * uneven))
     }
 
-    /// Finds the rigid motion in the plane whose recorded image matches the one measured over a disc about `seen`.
-    fn motion(&self, step: &RigidStep, disc: &Disc, jacobian: &[[f64; 2]; 2], frames: f64) -> Option<RigidStep> {
+    /// Finds the rigid motion per frame in the plane whose recorded image matches the one measured over a disc.
+    ///
+    /// `jacobian` is the map's at the centre of the ball, and `frames` the interval of the step.
+    fn plane_motion(&self, step: &RigidStep, disc: &Disc, jacobian: &[[f64; 2]; 2], frames: f64) -> Option<RigidStep> {
         let Disc { seen, center, radius_px } = *disc;
         let measured = [frames * step.dx_px, frames * step.dy_px, (frames * step.dtheta_deg).to_radians()];
         let from = self.place(center)?;
-        let end = moved(measured, seen, center);
+        let end = move_rigidly(measured, seen, center);
         let to = self.place(end)?;
         // A rotation in a plane that is seen obliquely appears slightly larger than it is.
-        let (least, mean) = stretch(jacobian);
-        let ratio = (mean / least).powi(2);
+        let (min_stretch, mean) = stretch(jacobian);
+        let ratio = (mean / min_stretch).powi(2);
         let (sin, cos) = measured[2].sin_cos();
         let plain = measured[2] + (sin.atan2(0.5 * (ratio + 1.0 / ratio) * cos) - sin.atan2(cos));
-        let angle = plain + (rotation(&self.jacobian(end)?) - rotation(jacobian));
+        let angle = plain + (rotation_rad(&self.jacobian(end)?) - rotation_rad(jacobian));
         let mut motion = [to[0] - from[0], to[1] - from[1], angle];
         if radius_px > 0.0 {
             // The image is curved within the body, and the measurement is the mean over it.
-            let shown = self.shown(motion, from, disc, measured)?;
+            let shown = self.apparent_motion(motion, from, disc, measured)?;
             let wrong: [f64; 3] = std::array::from_fn(|k| measured[k] - shown[k]);
-            let [x, y] = times(jacobian, [wrong[0], wrong[1]]);
+            let [x, y] = multiply(jacobian, [wrong[0], wrong[1]]);
             motion = [motion[0] + x, motion[1] + y, motion[2] + wrong[2]];
         }
         let [[a, b], [c, d]] = *jacobian;
@@ -252,15 +258,17 @@ impl Rectifier {
         })
     }
 
-    /// Returns the best-fit rigid motion of the pixel `seen` in the recorded image for a motion in the plane.
-    fn shown(&self, motion: [f64; 3], from: [f64; 2], disc: &Disc, near: [f64; 3]) -> Option<[f64; 3]> {
+    /// Returns the rigid motion that a match over the disc in the recorded image shows for a motion in the plane.
+    ///
+    /// Motions are px, px and rad. `motion` is about the rectified position `from`, and `near` is close to the result.
+    fn apparent_motion(&self, motion: [f64; 3], from: [f64; 2], disc: &Disc, near: [f64; 3]) -> Option<[f64; 3]> {
         // The mean of a quadratic over a disc equals that over a circle of this radius.
         let Disc { seen, radius_px, .. } = *disc;
-        let ring = around(seen, radius_px * std::f64::consts::FRAC_1_SQRT_2);
+        let ring = circle_points(seen, radius_px * std::f64::consts::FRAC_1_SQRT_2);
         let mut ends = [[0.0; 2]; CIRCLE_POINTS];
         for (end, at) in ends.iter_mut().zip(ring) {
-            let target = moved(motion, from, self.place(at)?);
-            *end = self.pixel_near(target, moved(near, seen, at))?;
+            let target = move_rigidly(motion, from, self.place(at)?);
+            *end = self.pixel_near(target, move_rigidly(near, seen, at))?;
         }
         let middle = [0, 1].map(|k| ends.iter().map(|end| end[k]).sum::<f64>() / CIRCLE_POINTS as f64);
         let (mut along, mut across) = (0.0, 0.0);
@@ -273,7 +281,7 @@ impl Rectifier {
     }
 
     /// Returns the position of a pixel in the plane, mm; without a plane, in the undistorted image, px.
-    fn plane(&self, pixel: [f64; 2]) -> Option<[f64; 2]> {
+    fn plane_position(&self, pixel: [f64; 2]) -> Option<[f64; 2]> {
         let Calibration { offset_px, lens, homography, .. } = &self.calibration;
         let full: [f64; 2] = std::array::from_fn(|k| pixel[k] + f64::from(offset_px[k]));
         let Some(h) = homography else {
@@ -291,69 +299,33 @@ impl Rectifier {
         (scale.abs() > 1e-12).then(|| [row(0) / scale, row(1) / scale])
     }
 
+    /// Returns the Jacobian of [`Self::place`] at a pixel; `None` beyond the calibration.
     pub(in crate::motion) fn jacobian(&self, at: [f64; 2]) -> Option<[[f64; 2]; 2]> {
-        self.slope(at, Self::place)
+        self.jacobian_of(at, Self::place)
     }
 
-    fn slope(&self, at: [f64; 2], map: fn(&Self, [f64; 2]) -> Option<[f64; 2]>) -> Option<[[f64; 2]; 2]> {
-        let slope = derivative(|at| map(self, at).unwrap_or([f64::NAN; 2]), at, NEAR_PX);
+    /// Returns the Jacobian of `map` at a pixel; `None` where the map has no value.
+    fn jacobian_of(&self, at: [f64; 2], map: fn(&Self, [f64; 2]) -> Option<[f64; 2]>) -> Option<[[f64; 2]; 2]> {
+        let slope = numerical_jacobian(|at| map(self, at).unwrap_or([f64::NAN; 2]), at, NEAR_PX);
         slope.iter().flatten().all(|x| x.is_finite()).then_some(slope)
     }
 }
 
-/// Returns evenly spaced points on a circle.
-fn around(center: [f64; 2], radius_px: f64) -> [[f64; 2]; CIRCLE_POINTS] {
+/// Returns evenly spaced points on a circle, px.
+fn circle_points(center: [f64; 2], radius_px: f64) -> [[f64; 2]; CIRCLE_POINTS] {
     std::array::from_fn(|k| {
         let (sin, cos) = (std::f64::consts::TAU * k as f64 / CIRCLE_POINTS as f64).sin_cos();
         [center[0] + radius_px * cos, center[1] + radius_px * sin]
     })
 }
 
-/// Moves a point by a rigid motion about `about`: shift, and counter-clockwise rotation in rad.
-fn moved(motion: [f64; 3], about: [f64; 2], point: [f64; 2]) -> [f64; 2] {
+/// Returns a point after a rigid motion: a rotation about `about`, counter-clockwise on the screen (rad), and a shift
+/// (px).
+fn move_rigidly(motion: [f64; 3], about: [f64; 2], point: [f64; 2]) -> [f64; 2] {
     let [dx, dy, angle] = motion;
     let (sin, cos) = angle.sin_cos();
     let (u, v) = (point[0] - about[0], point[1] - about[1]);
     [about[0] + dx + u * cos + v * sin, about[1] + dy + v * cos - u * sin]
-}
-
-pub(in crate::motion) fn determinant(matrix: &[[f64; 2]; 2]) -> f64 {
-    let [[a, b], [c, d]] = matrix;
-    a * d - b * c
-}
-
-pub(in crate::motion) fn times(matrix: &[[f64; 2]; 2], vector: [f64; 2]) -> [f64; 2] {
-    matrix.map(|row| row[0] * vector[0] + row[1] * vector[1])
-}
-
-fn solve(matrix: &[[f64; 2]; 2], right: [f64; 2]) -> [f64; 2] {
-    let (det, [[a, b], [c, d]]) = (determinant(matrix), *matrix);
-    [(d * right[0] - b * right[1]) / det, (a * right[1] - c * right[0]) / det]
-}
-
-/// Returns the minimum and the mean stretch of a linear map.
-pub(in crate::motion) fn stretch(matrix: &[[f64; 2]; 2]) -> (f64, f64) {
-    let squares: f64 = matrix.iter().flatten().map(|x| x * x).sum();
-    let det = determinant(matrix).abs();
-    let root = (0.25 * squares * squares - det * det).max(0.0).sqrt();
-    ((0.5 * squares - root).max(0.0).sqrt(), det.sqrt())
-}
-
-/// Returns the rotation of a linear map that preserves handedness, rad, counter-clockwise on the screen.
-fn rotation(matrix: &[[f64; 2]; 2]) -> f64 {
-    let [[a, b], [c, d]] = matrix;
-    (b - c).atan2(a + d)
-}
-
-/// Returns the inverse of a linear map's rotation, or reflection, and of its size.
-fn upright(matrix: &[[f64; 2]; 2], size: f64) -> [[f64; 2]; 2] {
-    let [[a, b], [c, d]] = *matrix;
-    // The nearest rotation, or the nearest reflection where the plane's axes have the other handedness.
-    let sign = determinant(matrix).signum();
-    let (cos, sin) = (a + sign * d, c - sign * b);
-    let length = cos.hypot(sin);
-    let (cos, sin) = (cos / length, sin / length);
-    [[cos / size, sin / size], [-sign * sin / size, sign * cos / size]]
 }
 
 #[cfg(test)]
@@ -388,7 +360,10 @@ mod tests {
             let place = rectifier.place([x, y]).unwrap();
             assert!((place[0] - x).hypot(place[1] - y) < 1e-9, "{place:?}");
             let jacobian = rectifier.jacobian([x, y]).unwrap();
-            assert!((determinant(&jacobian) - 1.0).abs() < 1e-6 && rotation(&jacobian).abs() < 1e-6, "{jacobian:?}");
+            assert!(
+                (determinant(&jacobian) - 1.0).abs() < 1e-6 && rotation_rad(&jacobian).abs() < 1e-6,
+                "{jacobian:?}"
+            );
         }
     }
 
@@ -407,20 +382,20 @@ mod tests {
         let rectifier = &all()[1];
         let mm = rectifier.mm_per_px().unwrap();
         let [a, b] = [[100.0, 130.0], [380.0, 300.0]];
-        let (plane, place) = (|at| rectifier.plane(at).unwrap(), |at| rectifier.place(at).unwrap());
+        let (plane, place) = (|at| rectifier.plane_position(at).unwrap(), |at| rectifier.place(at).unwrap());
         let apart = |[x, y]: [f64; 2], [u, v]: [f64; 2]| (x - u).hypot(y - v);
         assert!((mm * apart(place(a), place(b)) - apart(plane(a), plane(b))).abs() < 1e-9);
     }
 
     /// The best-fit rigid motion in the recorded image of a disc of 50 px radius, and its dilatation.
     fn recorded(rectifier: &Rectifier, seen: [f64; 2], (dx, dy, turn_deg): (f64, f64, f64)) -> (RigidStep, f64) {
-        let from = rectifier.place(rectifier.center(seen, 50.0).unwrap().0).unwrap();
+        let from = rectifier.place(rectifier.outline_center(seen, 50.0).unwrap().0).unwrap();
         let mut pairs = Vec::new();
         for k in 0..101 * 101 {
             let offset = [f64::from(k % 101) - 50.0, f64::from(k / 101) - 50.0];
             if offset[0].hypot(offset[1]) <= 50.0 {
                 let place = rectifier.place([seen[0] + offset[0], seen[1] + offset[1]]).unwrap();
-                let end = rectifier.pixel(moved([dx, dy, turn_deg.to_radians()], from, place)).unwrap();
+                let end = rectifier.pixel(move_rigidly([dx, dy, turn_deg.to_radians()], from, place)).unwrap();
                 pairs.push((offset, end));
             }
         }

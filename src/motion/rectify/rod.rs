@@ -1,6 +1,7 @@
 //! A rod without lens distortion and perspective: its centre line, and the edges of its tapes on it.
 
-use super::rectifier::{Rectifier, determinant, stretch, times};
+use super::linear_map::{determinant, multiply, stretch};
+use super::rectifier::Rectifier;
 use crate::results::{Estimate, Rod, RodEdge};
 
 impl Rectifier {
@@ -13,10 +14,10 @@ impl Rectifier {
         let seen = [rod.x_px.value, rod.y_px.value];
         let [x, y] = self.place(seen)?;
         let jacobian = self.jacobian(seen)?;
-        let [right, down] = times(&jacobian, [sin, cos]);
-        let (least, mean) = stretch(&jacobian);
+        let [right, down] = multiply(&jacobian, [sin, cos]);
+        let (min_stretch, mean) = stretch(&jacobian);
         // A rod's width is not foreshortened with the plane.
-        let across = if self.mm_per_px().is_some() { least } else { mean };
+        let across = if self.mm_per_px().is_some() { min_stretch } else { mean };
         let [down_x, down_y] = jacobian[1];
         let place = |at: Estimate| {
             let [_, y] = self.place([seen[0] + (at.value - seen[1]) * sin / cos, at.value])?;

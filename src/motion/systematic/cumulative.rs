@@ -7,7 +7,7 @@ use crate::motion::random_walk::subset_walk;
 use crate::numeric::Sample;
 use crate::results::{BodyStep, Estimate};
 
-/// The number of frames kept: the longest contact that is followed, and the flights around it.
+/// The number of frames that are always kept: the longest contact that is followed, and the flights around it.
 const KEPT: usize = 4608;
 
 /// The sums of N quantities that change with each step, relative to their first value.
@@ -47,10 +47,7 @@ impl<const N: usize> CumulativeSums<N> {
                 sigmas.map(|sigma| Sample { time_frames, component, value: 0.0, sigma, walk: 0.0 })
             }
         };
-        if self.seen.len() >= 2 * KEPT {
-            self.seen.drain(..KEPT);
-        }
-        self.seen.push(here);
+        push_bounded(&mut self.seen, here);
         if let (Some(change), Some(sigmas), Some(moved)) = (change, sigmas, &step.motion) {
             let [_, _, left] = subset_walk([n * moved.dx_px, n * moved.dy_px, n * moved.dtheta_deg]);
             let there = |k: usize| Sample {
@@ -70,8 +67,21 @@ impl<const N: usize> CumulativeSums<N> {
 
     /// Returns the sums between two times, both included.
     pub fn between(&self, from_frames: f64, to_frames: f64) -> &[[Sample; N]] {
-        let first = self.seen.partition_point(|sums| sums[0].time_frames < from_frames);
-        let end = self.seen.partition_point(|sums| sums[0].time_frames <= to_frames);
-        self.seen.get(first..end).unwrap_or_default()
+        within(&self.seen, from_frames, to_frames, |sums| sums[0].time_frames)
     }
+}
+
+/// Appends to a list in order of time, and drops its oldest half once it holds twice [`KEPT`] elements.
+pub(super) fn push_bounded<T>(list: &mut Vec<T>, new: T) {
+    if list.len() >= 2 * KEPT {
+        list.drain(..KEPT);
+    }
+    list.push(new);
+}
+
+/// Returns the elements of a list in order of time between two times, both included, frames.
+pub(super) fn within<T>(list: &[T], from_frames: f64, to_frames: f64, time_frames: impl Fn(&T) -> f64) -> &[T] {
+    let first = list.partition_point(|element| time_frames(element) < from_frames);
+    let end = list.partition_point(|element| time_frames(element) <= to_frames);
+    list.get(first..end).unwrap_or_default()
 }

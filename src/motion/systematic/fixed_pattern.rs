@@ -8,7 +8,7 @@ use crate::motion::random_walk::{LONG_STEP_WEIGHT, Renewal};
 const MAX_INTERVALS: usize = 4;
 /// The minimum number of frames of an estimate.
 const MIN_SAMPLES: u32 = 3;
-/// The slope of [`along`] at zero: 2 (8 / 12 + 1 / 24).
+/// The slope of [`slope_correlation`] at zero: 2 (8 / 12 + 1 / 24).
 const BIAS_SLOPE: f64 = 17.0 / 12.0;
 /// The minimum displacement at which the bias oscillates about zero, px.
 const MIN_OSCILLATION_PX: f64 = 1.2;
@@ -82,23 +82,27 @@ impl Intervals {
         Self { intervals, kept_frames: renewal.map(|renewal| f64::from(renewal.block_frames)) }
     }
 
-    /// Returns the part of the share that remains in speeds along x and y from whole-body matches, px/frame.
-    fn left_in_whole_body(&self, speed_px: [f64; 2]) -> f64 {
+    /// Returns the fraction of the fixed-pattern bias of short steps that remains in whole-body matches at this speed
+    /// along x and y, px/frame: 0 to 1.
+    fn remaining_whole_body_bias(&self, speed_px: [f64; 2]) -> f64 {
         // A reference that is never renewed was drawn at another position.
         self.kept_frames.map_or(0.0, |frames| relative_bias(frames * speed_px[0], frames * speed_px[1]))
     }
 
-    /// Returns the part of the share that remains in speeds along x and y from steps over subsets, px/frame.
-    fn left_in_subsets(&self, speed_px: [f64; 2]) -> f64 {
+    /// Returns the fraction of the fixed-pattern bias of short steps that remains in steps over subsets at this speed
+    /// along x and y, px/frame: 0 to 1.
+    fn remaining_subset_bias(&self, speed_px: [f64; 2]) -> f64 {
         self.intervals
             .iter()
             .map(|(frames, weight)| weight * relative_bias(frames * speed_px[0], frames * speed_px[1]))
             .sum()
     }
 
-    /// Returns the interpolation error of steps over subsets as a share of a speed, px/frame, of a body whose rotation
-    /// moves its points by `turned_px`.
-    fn interpolated(&self, speed_px: f64, turned_px: f64) -> f64 {
+    /// Returns the interpolation error of steps over subsets, as a fraction of the speed `speed_px`, px/frame.
+    ///
+    /// The rotation moves the points of the body by `turned_px` per frame. It vanishes where that mixes all sub-pixel
+    /// positions.
+    fn interpolation_error(&self, speed_px: f64, turned_px: f64) -> f64 {
         let steps = self.intervals.iter().filter(|(frames, _)| *frames > 0.0 && frames * turned_px < MIXED_PX);
         // It vanishes at rest and is periodic in the displacement.
         steps.map(|(frames, weight)| weight * INTERPOLATION_PX * (2.0 * PI).min(1.0 / (frames * speed_px))).sum()
@@ -119,20 +123,28 @@ pub struct SpeedBias {
 }
 
 impl SpeedBias {
-    /// Returns the possible underestimate at these rates along x and y, px/frame, and of the angle, deg/frame: 0 to
-    /// `share`.
+    /// Returns the possible underestimate of speeds as a fraction, 0 to `share`, at these rates along x and y,
+    /// px/frame, and of the angle, deg/frame.
     pub fn of(&self, rates: [f64; 3]) -> f64 {
         let turned_px = self.turned_px(rates[2]);
         let [x_px, y_px, _] = rates;
         let speed_px = [x_px.hypot(turned_px), y_px.hypot(turned_px)];
-        let left =
-            if self.is_whole { self.spans.left_in_whole_body(speed_px) } else { self.spans.left_in_subsets(speed_px) };
+        let left = if self.is_whole {
+            self.spans.remaining_whole_body_bias(speed_px)
+        } else {
+            self.spans.remaining_subset_bias(speed_px)
+        };
         self.share * left
     }
 
-    /// Returns the symmetric interpolation error at these rates, as a share.
+    /// Returns the interpolation error of either sign, as a fraction of the speed, at these rates (px/frame, px/frame,
+    /// deg/frame).
     pub fn interpolated(&self, rates: [f64; 3]) -> f64 {
-        if self.is_whole { 0.0 } else { self.spans.interpolated(rates[0].hypot(rates[1]), self.turned_px(rates[2])) }
+        if self.is_whole {
+            0.0
+        } else {
+            self.spans.interpolation_error(rates[0].hypot(rates[1]), self.turned_px(rates[2]))
+        }
     }
 
     /// Returns the root mean square displacement along either axis that the rotation causes on a disc, px/frame.
@@ -143,25 +155,27 @@ impl SpeedBias {
 
 /// Returns the bias towards zero of a step of (x, y) px, as a share of that of the shortest step: 0 to 1.
 ///
-/// Along each axis it follows [`along`], reduced by the correlation of what is interpolated across. Beyond the first
-/// zero it is replaced by its bound.
+/// Along each axis it follows [`slope_correlation`], reduced by the correlation of what is interpolated across. Beyond
+/// the first zero it is replaced by its bound.
 fn relative_bias(x_px: f64, y_px: f64) -> f64 {
     let square = x_px * x_px + y_px * y_px;
     if square < 1e-12 {
         return 1.0;
     }
-    let bias = (x_px * along(x_px) * sinc(y_px) + y_px * along(y_px) * sinc(x_px)) / (BIAS_SLOPE * square);
+    let bias = (x_px * slope_correlation(x_px) * sinc(y_px) + y_px * slope_correlation(y_px) * sinc(x_px))
+        / (BIAS_SLOPE * square);
     let is_oscillating = square >= MIN_OSCILLATION_PX * MIN_OSCILLATION_PX;
     if is_oscillating { bias.max(MAX_OSCILLATION / square) } else { bias }.clamp(0.0, 1.0)
 }
 
 /// Returns the correlation of white pixel noise, whose slope is taken by fourth-order differences, with itself
 /// interpolated `x_px` further.
-fn along(x_px: f64) -> f64 {
+fn slope_correlation(x_px: f64) -> f64 {
     let odd = |n: f64| sinc(x_px - n) - sinc(x_px + n);
     (8.0 * odd(1.0) - odd(2.0)) / 12.0
 }
 
+/// Returns the normalised sinc function, sin(pi x) / (pi x).
 fn sinc(x: f64) -> f64 {
     let x = PI * x;
     if x.abs() < 1e-6 { 1.0 } else { x.sin() / x }

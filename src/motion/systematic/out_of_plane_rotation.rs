@@ -1,5 +1,6 @@
 //! The drift of a body's outline relative to the pose of its pattern, caused by rotation out of the image plane.
 
+use super::cumulative::{push_bounded, within};
 use super::rotation_prior::{ROTATING_SHARE, Source, possible_drift};
 use crate::motion::{Center, CumulativeSums, PixelRates, Pose, Regime, RollingShutter};
 use crate::numeric::{Polynomial, Sample};
@@ -24,8 +25,6 @@ const NARROW_FRAMES: f64 = 4.0;
 const BACK_FRAMES: u64 = 128;
 /// Its reach ahead; an undetected contact lies further ahead.
 const AHEAD_FRAMES: u64 = 14;
-/// The number of outlines kept: the longest contact that is followed, and the flights around it.
-const KEPT: usize = 4608;
 /// The maximum correlation of outline errors from frame to frame.
 const MAX_CORRELATION: f64 = 0.9;
 /// The apparent rotation of a half-occluded ball, per drift of its front in units of half its radius.
@@ -35,7 +34,7 @@ const UNEVEN_PATTERN_ROTATION: f64 = 0.03;
 /// The common error of all steps of an occluded ball, as a share of their sigmas: see `docs/studies.md`.
 const COMMON_ERROR: f64 = 0.3;
 
-const NONE: Estimate = Estimate { value: 0.0, sigma: 0.0 };
+const NO_DRIFT: Estimate = Estimate { value: 0.0, sigma: 0.0 };
 
 /// The drift of outline centres relative to integrated poses.
 ///
@@ -48,10 +47,10 @@ pub struct OutlineDrift {
     steps: Vec<StepDrift>,
     sums: CumulativeSums<3>,
     /// The displacement of a ball's surface per frame, by translation and spin.
-    way: Vec<SurfaceSpeed>,
+    speeds: Vec<SurfaceSpeed>,
     radius_px: f64,
     /// The common error of all steps, as a share of their sigmas.
-    lean: f64,
+    common_error_share: f64,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -59,7 +58,7 @@ struct SurfaceSpeed {
     time_frames: f64,
     px: f64,
     /// The occluded fraction of the ball.
-    hidden: f64,
+    occluded_fraction: f64,
 }
 
 /// The motion of a ball relative to its step per frame: px, px and deg.
@@ -100,7 +99,7 @@ pub struct LocalDrift {
 impl OutlineDrift {
     /// Creates an estimate for a camera with a rolling or a global shutter.
     pub fn new(rolling: &RollingShutter) -> Self {
-        Self { lean: if rolling.rolls() { 1.0 } else { 0.0 }, ..Self::default() }
+        Self { common_error_share: if rolling.rolls() { 1.0 } else { 0.0 }, ..Self::default() }
     }
 
     /// Takes the outline detected in a node's frame.
@@ -112,7 +111,7 @@ impl OutlineDrift {
         }
         self.radius_px = circle.radius_px;
         let (time_frames, component) = (node.time_frames, node.component);
-        keep(&mut self.seen, apart.map(|value| Sample { time_frames, component, value, sigma, walk: 0.0 }));
+        push_bounded(&mut self.seen, apart.map(|value| Sample { time_frames, component, value, sigma, walk: 0.0 }));
     }
 
     /// Takes the drift that the step from a frame shows.
@@ -122,32 +121,35 @@ impl OutlineDrift {
         if let Some(circle) = &step.circle() {
             self.radius_px = circle.radius_px;
             let px = speed_px.hypot(circle.radius_px * moved.dtheta_deg.to_radians());
-            let hidden = (1.0 - circle.visible_fraction).clamp(0.0, 1.0);
-            if px.is_finite() && hidden.is_finite() {
-                keep(&mut self.way, SurfaceSpeed { time_frames, px, hidden });
+            let occluded_fraction = (1.0 - circle.visible_fraction).clamp(0.0, 1.0);
+            if px.is_finite() && occluded_fraction.is_finite() {
+                push_bounded(&mut self.speeds, SurfaceSpeed { time_frames, px, occluded_fraction });
             }
         }
         self.sums.push(step, time_frames, step.drift);
         if let Some(drift) = step.drift {
-            keep(&mut self.steps, StepDrift { time_frames, drift, speed_px });
+            push_bounded(&mut self.steps, StepDrift { time_frames, drift, speed_px });
         }
     }
 
-    /// Returns the drift from steps between two times, px, px and deg per frame.
-    fn by_steps(&self, from_frames: f64, to_frames: f64, lines: &Lines) -> Option<[Estimate; 3]> {
+    /// Returns the drift by steps between two times, px, px and deg per frame; `None` without a step.
+    fn drift_by_steps(&self, from_frames: f64, to_frames: f64, lines: &Lines) -> Option<[Estimate; 3]> {
         let lens_error = self.lens_error(from_frames, to_frames)?;
         let steps = within(&self.steps, from_frames, to_frames, |step| step.time_frames);
-        let lean = self.lean.hypot(COMMON_ERROR * self.hidden(from_frames, to_frames)) / steps.len().max(1) as f64;
+        let common_error_share =
+            self.common_error_share.hypot(COMMON_ERROR * self.occluded_fraction(from_frames, to_frames))
+                / steps.len().max(1) as f64;
         Some(std::array::from_fn(|axis| {
             let fit = &lines[axis].0;
             let rate = fit.rate(from_frames);
             let sigma = (rate.sigma * fit.excess()).hypot(DRIFT_ERROR_SHARE * rate.value).hypot(lens_error[axis]);
-            let off = lean * steps.iter().map(|step| step.drift[axis].sigma).sum::<f64>();
+            let off = common_error_share * steps.iter().map(|step| step.drift[axis].sigma).sum::<f64>();
             Estimate { sigma: sigma.hypot(off), ..rate }
         }))
     }
 
-    fn lines(&self, from_frames: f64, to_frames: f64) -> Option<Lines> {
+    /// Fits lines to the sums of steps between two times; `None` where the steps do not determine them.
+    fn fit_lines(&self, from_frames: f64, to_frames: f64) -> Option<Lines> {
         let sums = self.sums.between(from_frames, to_frames);
         let middle = 0.5 * (sums.first()?[0].time_frames + sums.last()?[0].time_frames);
         let line = |axis: usize| {
@@ -157,7 +159,8 @@ impl OutlineDrift {
         Some([line(0)?, line(1)?, line(2)?])
     }
 
-    /// Returns the possible effect of lens distortion on a motion, px, px and deg per frame.
+    /// Returns the possible effect of lens distortion on the motion between two times, px, px and deg per frame; `None`
+    /// without a step.
     fn lens_error(&self, from_frames: f64, to_frames: f64) -> Option<[f64; 3]> {
         let steps = within(&self.steps, from_frames, to_frames, |step| step.time_frames);
         let count = (!steps.is_empty()).then_some(steps.len())? as f64;
@@ -166,7 +169,7 @@ impl OutlineDrift {
     }
 
     /// Returns the rms scatter of a non-uniform drift of steps between two times, px, px and deg.
-    fn scatter(&self, from_frames: f64, to_frames: f64, lines: &Lines) -> [f64; 3] {
+    fn step_scatter(&self, from_frames: f64, to_frames: f64, lines: &Lines) -> [f64; 3] {
         let steps = within(&self.steps, from_frames, to_frames, |step| step.time_frames);
         let off = |axis: usize| {
             let lens_error = self.lens_error(from_frames, to_frames)?[axis];
@@ -185,14 +188,14 @@ impl OutlineDrift {
         [0, 1, 2].map(|axis| off(axis).unwrap_or(0.0))
     }
 
-    /// Returns the drift from outlines.
-    fn by_outlines(&self, from_frames: f64, to_frames: f64) -> Option<[Estimate; 2]> {
-        let seen = self.between(from_frames, to_frames);
+    /// Returns the drift by outlines between two times along x and y, px per frame; `None` for too few outlines.
+    fn drift_by_outlines(&self, from_frames: f64, to_frames: f64) -> Option<[Estimate; 2]> {
+        let seen = self.outlines_between(from_frames, to_frames);
         let span = seen.last()?[0].time_frames - seen[0][0].time_frames;
         // The error of an outline changes with the background it passes.
         let shifts = |axis: usize| 4.0 * seen[0][axis].sigma / span;
         let slope = |axis: usize| {
-            let (fit, fewer) = line(&seen.iter().map(|seen| seen[axis]).collect::<Vec<_>>())?;
+            let (fit, fewer) = fit_line(&seen.iter().map(|seen| seen[axis]).collect::<Vec<_>>())?;
             let rate = fit.rate(seen[0][axis].time_frames);
             Some(Estimate { value: rate.value, sigma: (rate.sigma * fit.excess() * fewer).hypot(shifts(axis)) })
         };
@@ -202,14 +205,16 @@ impl OutlineDrift {
         Some([slope(0)?, slope(1)?])
     }
 
-    fn between(&self, from_frames: f64, to_frames: f64) -> &[[Sample; 2]] {
+    /// Returns the offsets of the outlines from the poses between two times.
+    fn outlines_between(&self, from_frames: f64, to_frames: f64) -> &[[Sample; 2]] {
         within(&self.seen, from_frames, to_frames, |seen| seen[0].time_frames)
     }
 
-    fn rates(&self, from_frames: f64, to_frames: f64, lines: Option<&Lines>) -> Option<Rates> {
-        let steps = lines.and_then(|lines| self.by_steps(from_frames, to_frames, lines));
-        let px = match (self.by_outlines(from_frames, to_frames), steps) {
-            (Some(outlines), Some(steps)) => std::array::from_fn(|axis| both(outlines[axis], steps[axis])),
+    /// Returns the drift between two times by outlines and steps together; `None` where neither determines it.
+    fn combined_rates(&self, from_frames: f64, to_frames: f64, lines: Option<&Lines>) -> Option<Rates> {
+        let steps = lines.and_then(|lines| self.drift_by_steps(from_frames, to_frames, lines));
+        let px = match (self.drift_by_outlines(from_frames, to_frames), steps) {
+            (Some(outlines), Some(steps)) => std::array::from_fn(|axis| weighted_mean(outlines[axis], steps[axis])),
             (outlines, steps) => outlines.or(steps.map(|[x, y, _]| [x, y]))?,
         };
         // Along both axes at once, as one length.
@@ -221,13 +226,14 @@ impl OutlineDrift {
     /// Returns the significant drift between two times, along x and y, px per frame, and of the angle, deg per frame; 0
     /// where it may be chance. `None` where there are too few data.
     pub fn significant(&self, from_frames: f64, to_frames: f64) -> Option<[Estimate; 3]> {
-        let rates = self.rates(from_frames, to_frames, self.lines(from_frames, to_frames).as_ref())?;
+        let rates = self.combined_rates(from_frames, to_frames, self.fit_lines(from_frames, to_frames).as_ref())?;
         Some(self.significant_part(from_frames, to_frames, &rates))
     }
 
+    /// Shrinks rates to their significant part and includes the possible drift of slow rotations in the sigmas.
     fn significant_part(&self, from_frames: f64, to_frames: f64, rates: &Rates) -> [Estimate; 3] {
         let Rates { px, share, turn } = *rates;
-        let likely_px = self.likely_px(from_frames, to_frames);
+        let likely_px = self.likely_drift_px(from_frames, to_frames);
         let possible = likely_px.map_or([0.0; 2], |likely_px| {
             possible_drift(px, likely_px, if turn.is_some() { Source::Subsets } else { Source::Outlines })
         });
@@ -235,7 +241,7 @@ impl OutlineDrift {
             let widened = share.sqrt() * sigma.hypot((1.0 - share) * value);
             Estimate { value: share * value, sigma: widened.hypot((1.0 - share).sqrt() * possible) }
         };
-        let turns_deg = |px: f64| self.turns_deg(px, from_frames, to_frames);
+        let turns_deg = |px: f64| self.apparent_rotation_deg(px, from_frames, to_frames);
         let outlined = || Estimate { value: 0.0, sigma: turns_deg(px[0].value.hypot(px[1].value)) };
         let turn = shrink(turn.unwrap_or_else(outlined), turns_deg(possible[0].hypot(possible[1])));
         [shrink(px[0], possible[0]), shrink(px[1], possible[1]), turn]
@@ -243,31 +249,35 @@ impl OutlineDrift {
 
     /// Returns the significant drift, or the prior spread where neither outlines nor steps determine it.
     pub fn expected(&self, from_frames: f64, to_frames: f64) -> Option<[Estimate; 3]> {
-        self.significant(from_frames, to_frames).or_else(|| self.likely(from_frames, to_frames))
+        self.significant(from_frames, to_frames).or_else(|| self.prior_drift(from_frames, to_frames))
     }
 
-    fn likely(&self, from_frames: f64, to_frames: f64) -> Option<[Estimate; 3]> {
-        let sigma = ROTATING_SHARE.sqrt() * self.likely_px(from_frames, to_frames)?;
-        let turn = self.turns_deg(sigma, from_frames, to_frames);
+    /// Returns the prior of the drift between two times: zero, with the spread over all balls.
+    fn prior_drift(&self, from_frames: f64, to_frames: f64) -> Option<[Estimate; 3]> {
+        let sigma = ROTATING_SHARE.sqrt() * self.likely_drift_px(from_frames, to_frames)?;
+        let turn = self.apparent_rotation_deg(sigma, from_frames, to_frames);
         Some([sigma, sigma, turn].map(|sigma| Estimate { value: 0.0, sigma }))
     }
 
-    /// Returns the apparent rotation of a ball whose front moves by `drift_px`, deg.
-    fn turns_deg(&self, drift_px: f64, from_frames: f64, to_frames: f64) -> f64 {
-        let lopsided = (HALF_OCCLUDED_ROTATION * self.hidden(from_frames, to_frames)).hypot(UNEVEN_PATTERN_ROTATION);
+    /// Returns the apparent in-plane rotation of a ball whose front drifts by `drift_px`, deg: uneven or occluded
+    /// patterns mistake one for the other.
+    fn apparent_rotation_deg(&self, drift_px: f64, from_frames: f64, to_frames: f64) -> f64 {
+        let lopsided =
+            (HALF_OCCLUDED_ROTATION * self.occluded_fraction(from_frames, to_frames)).hypot(UNEVEN_PATTERN_ROTATION);
         if self.radius_px > 0.0 { (lopsided * drift_px / self.radius_px).to_degrees() } else { 0.0 }
     }
 
-    /// Returns the occluded fraction of the ball between two times.
-    fn hidden(&self, from_frames: f64, to_frames: f64) -> f64 {
-        let way = within(&self.way, from_frames, to_frames, |way| way.time_frames);
-        way.iter().map(|way| way.hidden).sum::<f64>() / way.len().max(1) as f64
+    /// Returns the mean occluded fraction of the ball between two times, 0 to 1.
+    fn occluded_fraction(&self, from_frames: f64, to_frames: f64) -> f64 {
+        let speeds = within(&self.speeds, from_frames, to_frames, |speed| speed.time_frames);
+        speeds.iter().map(|speed| speed.occluded_fraction).sum::<f64>() / speeds.len().max(1) as f64
     }
 
-    /// Returns the drift of a ball that rotates as fast as it moves, px per frame.
-    fn likely_px(&self, from_frames: f64, to_frames: f64) -> Option<f64> {
-        let way = within(&self.way, from_frames, to_frames, |way| way.time_frames);
-        (!way.is_empty()).then(|| way.iter().map(|way| way.px).sum::<f64>() / way.len() as f64)
+    /// Returns the drift of a ball that rotates out of the plane as fast as it moves, px per frame: the mean speed of
+    /// its surface between two times.
+    fn likely_drift_px(&self, from_frames: f64, to_frames: f64) -> Option<f64> {
+        let speeds = within(&self.speeds, from_frames, to_frames, |speed| speed.time_frames);
+        (!speeds.is_empty()).then(|| speeds.iter().map(|speed| speed.px).sum::<f64>() / speeds.len() as f64)
     }
 
     /// Returns the possible distance of a centre from its propagated position, px, for an unobserved drift since its
@@ -286,23 +296,23 @@ impl OutlineDrift {
         let seen = self.sums.seen();
         let at = seen.partition_point(|sums| sums[0].time_frames < node.time_frames);
         let (Some([_, _, turn]), Some(rates)) = (seen.get(at), here.rates) else { return 0.0 };
-        rates.share * beyond(turn.value, turn.sigma.hypot(turn.walk * (at as f64).sqrt()))
+        rates.share * significant_deviation(turn.value, turn.sigma.hypot(turn.walk * (at as f64).sqrt()))
     }
 
-    /// Returns the interval of uniform drift around a node, and the scatter in it, px.
+    /// Returns the interval of uniform drift around a node, frames, the scatter in it (px, px, deg) and its lines.
     ///
     /// A body that was struck unobserved rotates about another axis afterwards. Where steps scatter, only those near
     /// the moment are used.
-    fn even(&self, node: &Pose, regime: Regime) -> ((f64, f64), [f64; 3], Option<Lines>) {
-        let (from, to) = window(node, regime);
+    fn uniform_interval(&self, node: &Pose, regime: Regime) -> ((f64, f64), [f64; 3], Option<Lines>) {
+        let (from, to) = drift_window(node, regime);
         if from > to {
             return ((from, to), [0.0; 3], None);
         }
         let (about, mut reach) = (node.time_frames.clamp(from, to), to - from);
         loop {
             let near = (from.max(about - reach), to.min(about + reach));
-            let lines = self.lines(near.0, near.1);
-            let scatter = lines.as_ref().map_or([0.0; 3], |lines| self.scatter(near.0, near.1, lines));
+            let lines = self.fit_lines(near.0, near.1);
+            let scatter = lines.as_ref().map_or([0.0; 3], |lines| self.step_scatter(near.0, near.1, lines));
             if scatter.iter().all(|off| *off <= 0.0) || reach < 2.0 * NARROW_FRAMES {
                 return (near, scatter, lines);
             }
@@ -312,32 +322,37 @@ impl OutlineDrift {
 
     /// Returns the known drift at a node.
     pub fn here(&self, node: &Pose, regime: Regime) -> LocalDrift {
-        let ((from_frames, to_frames), scatter, lines) = self.even(node, regime);
-        let rates = self.rates(from_frames, to_frames, lines.as_ref());
+        let ((from_frames, to_frames), scatter, lines) = self.uniform_interval(node, regime);
+        let rates = self.combined_rates(from_frames, to_frames, lines.as_ref());
         let drift = rates.map(|rates| self.significant_part(from_frames, to_frames, &rates));
-        let drift = drift.or_else(|| self.likely(from_frames, to_frames)).unwrap_or([NONE; 3]);
+        let drift = drift.or_else(|| self.prior_drift(from_frames, to_frames)).unwrap_or([NO_DRIFT; 3]);
         // A contact changes a spin, at an unobserved moment.
         let is_touching = matches!(regime, Regime::Contact { .. });
         let changed = if is_touching { 0.5 } else { 0.0 };
-        let now = is_touching.then(|| self.now(node.time_frames)).flatten();
+        let now = is_touching.then(|| self.momentary_drift(node.time_frames)).flatten();
         let drift = std::array::from_fn(|axis| {
             let Estimate { value, sigma } = drift[axis];
-            let apart = now.map_or(0.0, |now| beyond(now[axis].value - value, now[axis].sigma));
+            let apart = now.map_or(0.0, |now| significant_deviation(now[axis].value - value, now[axis].sigma));
             Estimate { value, sigma: sigma.hypot(changed * value).hypot(scatter[axis]).hypot(apart) }
         });
         LocalDrift { from_frames, to_frames, scatter, rates, drift }
     }
 
-    /// Returns the drift from the steps around a moment.
-    fn now(&self, time_frames: f64) -> Option<[Estimate; 3]> {
+    /// Returns the drift by the few steps around a time, px, px and deg per frame.
+    fn momentary_drift(&self, time_frames: f64) -> Option<[Estimate; 3]> {
         let (from, to) = (time_frames - 2.0 * NARROW_FRAMES, time_frames + 2.0 * NARROW_FRAMES);
-        self.by_steps(from, to, &self.lines(from, to)?)
+        self.drift_by_steps(from, to, &self.fit_lines(from, to)?)
     }
 
     /// Returns the rates of the centre, where they differ from those of the pose.
     pub fn apply_to_rates(rates: PixelRates, here: &LocalDrift) -> PixelRates {
         let [x, y, theta] = here.drift;
-        PixelRates { x: sum(rates.x, x), y: sum(rates.y, y), theta: sum(rates.theta, theta), ..rates }
+        PixelRates {
+            x: add_estimates(rates.x, x),
+            y: add_estimates(rates.y, y),
+            theta: add_estimates(rates.theta, theta),
+            ..rates
+        }
     }
 
     /// Returns the ball's step from a node on, where it differs from the pose's.
@@ -373,7 +388,7 @@ impl OutlineDrift {
         let (about, mut reach) = (node.time_frames.clamp(from, to), to - from);
         let (mut near, mut px) = ((from, to), rates.px);
         loop {
-            let (center, off) = self.along(node, near, px)?;
+            let (center, off) = self.center_by_outlines(node, near, px)?;
             let even = off <= NONUNIFORM_SIGMAS * center.sigma_px;
             if even || reach < 2.0 * NARROW_FRAMES {
                 let sigma_px = if even { center.sigma_px } else { center.sigma_px.hypot(off) };
@@ -383,7 +398,9 @@ impl OutlineDrift {
             }
             reach *= 0.5;
             near = (from.max(about - reach), to.min(about + reach));
-            px = self.rates(near.0, near.1, self.lines(near.0, near.1).as_ref()).map_or([NONE; 2], |rates| rates.px);
+            px = self
+                .combined_rates(near.0, near.1, self.fit_lines(near.0, near.1).as_ref())
+                .map_or([NO_DRIFT; 2], |rates| rates.px);
         }
     }
 
@@ -395,16 +412,18 @@ impl OutlineDrift {
         let near = near.filter(|seen| seen[0].component == node.component && away(seen) <= NARROW_FRAMES);
         let Some([x, y]) = near.min_by(|a, b| away(a).total_cmp(&away(b))) else { return center };
         let off = [center.x_px - node.pose[0] - x.value, center.y_px - node.pose[1] - y.value];
-        let off_px = beyond(off[0].hypot(off[1]), center.sigma_px.hypot(x.sigma));
+        let off_px = significant_deviation(off[0].hypot(off[1]), center.sigma_px.hypot(x.sigma));
         Center { sigma_px: center.sigma_px.hypot(off_px), ..center }
     }
 
-    /// Returns the centre at a node by the outlines between two times and the drift then, and the rms deviation of the
-    /// outlines from their line, px.
-    fn along(&self, node: &Pose, span_frames: (f64, f64), rates: [Estimate; 2]) -> Option<(Center, f64)> {
+    /// Returns the centre at a node by the outlines between two times and the drift `rates` then, px per frame, and the
+    /// rms deviation of the outlines from their line, px.
+    ///
+    /// Without an outline in the interval, the last one before its end is used; `None` if there is none.
+    fn center_by_outlines(&self, node: &Pose, span_frames: (f64, f64), rates: [Estimate; 2]) -> Option<(Center, f64)> {
         let (from, to) = span_frames;
         let before = self.seen.partition_point(|seen| seen[0].time_frames <= to);
-        let near = match self.between(from, to) {
+        let near = match self.outlines_between(from, to) {
             [] => self.seen.get(before.checked_sub(1)?..before)?,
             near => near,
         };
@@ -426,32 +445,18 @@ impl OutlineDrift {
     }
 }
 
-/// Appends to a list, and drops its oldest half when it is full.
-fn keep<T>(kept: &mut Vec<T>, new: T) {
-    if kept.len() >= 2 * KEPT {
-        kept.drain(..KEPT);
-    }
-    kept.push(new);
-}
-
-/// Returns the elements between two times.
-fn within<T>(kept: &[T], from_frames: f64, to_frames: f64, time_frames: impl Fn(&T) -> f64) -> &[T] {
-    let first = kept.partition_point(|kept| time_frames(kept) < from_frames);
-    let end = kept.partition_point(|kept| time_frames(kept) <= to_frames);
-    kept.get(first..end).unwrap_or_default()
-}
-
-fn sum(a: Estimate, b: Estimate) -> Estimate {
+/// Returns the sum of two independent estimates.
+fn add_estimates(a: Estimate, b: Estimate) -> Estimate {
     Estimate { value: a.value + b.value, sigma: a.sigma.hypot(b.sigma) }
 }
 
-/// Returns the part of a deviation that exceeds noise, or zero.
-fn beyond(off: f64, sigma: f64) -> f64 {
+/// Returns the size of a deviation if it exceeds noise of this sigma, else zero.
+fn significant_deviation(off: f64, sigma: f64) -> f64 {
     if off.abs() > CHANCE_SIGMAS * sigma { off.abs() } else { 0.0 }
 }
 
-/// Combines two estimates of the same quantity.
-fn both(a: Estimate, b: Estimate) -> Estimate {
+/// Returns the mean of two independent estimates of one quantity, weighted by their inverse variances.
+fn weighted_mean(a: Estimate, b: Estimate) -> Estimate {
     let (of_a, of_b) = (a.sigma.powi(-2), b.sigma.powi(-2));
     Estimate { value: (of_a * a.value + of_b * b.value) / (of_a + of_b), sigma: (of_a + of_b).powf(-0.5) }
 }
@@ -459,7 +464,7 @@ fn both(a: Estimate, b: Estimate) -> Estimate {
 /// Returns the interval whose outlines determine the drift at a node, frames.
 ///
 /// During contact, it is that of the flight before.
-fn window(node: &Pose, regime: Regime) -> (f64, f64) {
+fn drift_window(node: &Pose, regime: Regime) -> (f64, f64) {
     let frame = node.frame;
     let (from, to) = match regime {
         Regime::Flight { from, to } => (from.max(frame.saturating_sub(BACK_FRAMES)), to.min(frame + AHEAD_FRAMES)),
@@ -470,9 +475,9 @@ fn window(node: &Pose, regime: Regime) -> (f64, f64) {
     (time(from) - 0.5, time(to) + 0.5)
 }
 
-/// Fits a line through samples with correlated errors, and returns the factor by which the correlation widens its
-/// sigma.
-fn line(samples: &[Sample]) -> Option<(Polynomial, f64)> {
+/// Fits a line through samples with correlated errors, and returns it with the factor by which the correlation widens
+/// its sigmas.
+fn fit_line(samples: &[Sample]) -> Option<(Polynomial, f64)> {
     let middle = 0.5 * (samples.first()?.time_frames + samples.last()?.time_frames);
     let fit = Polynomial::fit(samples, middle, 1, 0.0)?;
     let left = |sample: &Sample| {

@@ -24,7 +24,7 @@ impl SizeChange {
         self.sizes.push(step, time_frames, step.growth_fraction.map(|grown| [grown]));
     }
 
-    /// Returns the dilatation since the first frame; `None` where steps do not lead there.
+    /// Returns the dilatation between the first frame and a time, as a logarithm; `None` where steps do not lead there.
     fn since_first(&self, time_frames: f64) -> Option<Estimate> {
         let seen = self.sizes.seen();
         let [first] = *seen.first()?;
@@ -34,7 +34,7 @@ impl SizeChange {
         Some(Estimate { value: here.value - first.value, sigma: here.sigma.hypot(first.sigma).hypot(walked) })
     }
 
-    /// Returns the significant dilatation since the first frame, at least 0.
+    /// Returns the size of the significant dilatation since the first frame, as a logarithm, at least 0.
     pub fn whole(&self) -> f64 {
         let seen = self.sizes.seen();
         let (Some([first]), Some([last])) = (seen.first(), seen.last()) else { return 0.0 };
@@ -104,7 +104,9 @@ impl SizeChange {
 }
 
 /// Returns the significant part of a dilatation with its uncertainty: zero within twice the sigma, and an increasing
-/// part beyond. Bodies mostly keep their distance, so an insignificant dilatation is not corrected.
+/// part beyond.
+///
+/// Bodies mostly keep their distance, so an insignificant dilatation is not corrected.
 pub fn significant(seen: Estimate) -> Estimate {
     let share = 1.0 - (CHANCE_SIGMAS * seen.sigma / seen.value).powi(2);
     if share > 0.0 {

@@ -18,14 +18,14 @@ const RADIUS_ERROR: f64 = 0.2;
 const STRUCK_ERROR: f64 = 0.1;
 /// The weighted mean square of the lateral offset of a ball's subsets, in radii, and its uncertainty.
 const LATERAL_MEAN_SQUARE: f64 = 0.2;
-const UNSURE_ASIDE: f64 = 0.04;
+const LATERAL_MEAN_SQUARE_SIGMA: f64 = 0.04;
 /// The share of the same that subsets attribute to a rotation out of the plane.
 const FRONT_SHARE: f64 = 0.6;
 /// Half a subset, px; the share of a disc beyond a chord over its height in radii to the power of 1.5; and the
 /// additional error of a rotation from its strain.
 const SUBSET_PX: f64 = 16.0;
-const CAP: f64 = 0.6;
-const STRAINED: f64 = 2.0;
+const CAP_AREA_FACTOR: f64 = 0.6;
+const STRAIN_ROTATION_FACTOR: f64 = 2.0;
 /// The lateral offset of half a ball from the centre, in radii.
 const HALF_BALL_OFFSET: f64 = 0.4;
 /// The offset of a whole ball's effective row from its centre, in radii, since its pattern is uneven.
@@ -33,13 +33,13 @@ const EFFECTIVE_ROW_OFFSET: f64 = 0.02;
 /// The minimum speed of the rows relative to a body at which they still image it.
 const MIN_ROW_SPEED: f64 = 0.1;
 
-/// Returns the share of a ball that is not followed: the occluded part, and the part too near the image border for
-/// subsets.
-fn unfollowed(shutter: &Shutter, circle: &Circle) -> f64 {
+/// Returns the fraction of a ball without subsets, 0 to 1: the larger of the occluded part and the part too near the
+/// image border.
+fn untracked_fraction(shutter: &Shutter, circle: &Circle) -> f64 {
     let beyond_px =
         |at: f64, last: f64| (circle.radius_px + SUBSET_PX - at).max(at + circle.radius_px + SUBSET_PX - last);
     let beyond_px = shutter.last_px.map_or(0.0, |[x, y]| beyond_px(circle.x_px, x).max(beyond_px(circle.y_px, y)));
-    let share = CAP * (beyond_px.max(0.0) / circle.radius_px.max(1.0)).powf(1.5);
+    let share = CAP_AREA_FACTOR * (beyond_px.max(0.0) / circle.radius_px.max(1.0)).powf(1.5);
     (1.0 - circle.visible_fraction).max(share).min(1.0)
 }
 
@@ -90,10 +90,10 @@ impl RollingShutter {
     /// Takes the next step in frame order, in the recorded image. Returns the delay of the exposure of its centre after
     /// the stamp, frame periods.
     pub fn push(&mut self, step: &BodyStep) -> f64 {
-        self.row_px = self.row(step);
+        self.row_px = self.predicted_row(step);
         self.frame = step.frame;
         if let Some(circle) = step.circle() {
-            (self.radius_px, self.unfollowed_fraction) = (circle.radius_px, unfollowed(&self.shutter, &circle));
+            (self.radius_px, self.unfollowed_fraction) = (circle.radius_px, untracked_fraction(&self.shutter, &circle));
         }
         // The occluded part lies to one side of the rest.
         let row_offset_px =
@@ -110,8 +110,11 @@ impl RollingShutter {
         self.shutter.row_time_frames * (self.row_px.unwrap_or(first_px) - first_px)
     }
 
-    /// Returns the row to which its steps lead; the steps of a rod are all of one of its points.
-    fn row(&self, step: &BodyStep) -> Option<f64> {
+    /// Returns the row of the body's centre in the frame of a step, px, by its motion and its detected centre; `None`
+    /// if both are unknown.
+    ///
+    /// All steps of a rod are those of one of its points, so its detected centre is not used.
+    fn predicted_row(&self, step: &BodyStep) -> Option<f64> {
         let ahead_px =
             self.moved_px.map_or(0.0, |[newest, _]| step.frame.saturating_sub(self.frame) as f64 * newest[1]);
         let led_px = self.row_px.map(|row_px| row_px + ahead_px);
@@ -123,17 +126,19 @@ impl RollingShutter {
         }
     }
 
-    /// Returns its displacement per frame at the newest frame and the change of it, times the row time.
-    fn bent(&self) -> ([f64; 2], [f64; 2]) {
+    /// Returns the stretch and shear of the body's image, and their change over the last frame.
+    ///
+    /// They are its displacement per frame along x and y, and the change of that, times the row time.
+    fn stretch_and_change(&self) -> ([f64; 2], [f64; 2]) {
         let [newest, before] = self.moved_px.unwrap_or_default();
-        let of =
+        let scaled =
             |px: fn(f64, f64) -> f64| [0, 1].map(|axis| self.shutter.row_time_frames * px(newest[axis], before[axis]));
-        (of(|newest, before| 0.5 * (newest + before)), of(|newest, before| newest - before))
+        (scaled(|newest, before| 0.5 * (newest + before)), scaled(|newest, before| newest - before))
     }
 
-    /// Returns the time between its two latest images, frame periods.
+    /// Returns the time between the body's two latest images, frame periods.
     pub fn periods(&self) -> f64 {
-        (1.0 + self.bent().0[1]).max(MIN_ROW_SPEED)
+        (1.0 + self.stretch_and_change().0[1]).max(MIN_ROW_SPEED)
     }
 
     /// Returns the newest frame's node without the apparent rotation since the first, which the shear of the image
@@ -143,13 +148,13 @@ impl RollingShutter {
         if !self.rolls() {
             return node;
         }
-        let leans_rad = 0.5 * self.bent().0[0];
+        let shear_rad = 0.5 * self.stretch_and_change().0[0];
         let [x, y, angle_deg] = node.pose;
-        let first_rad = *self.first_rad.get_or_insert(leans_rad);
-        Pose { pose: [x, y, angle_deg - (leans_rad - first_rad).to_degrees()], ..node }
+        let first_rad = *self.first_rad.get_or_insert(shear_rad);
+        Pose { pose: [x, y, angle_deg - (shear_rad - first_rad).to_degrees()], ..node }
     }
 
-    /// Records the start of a contact.
+    /// Records the start of a contact: the offset of the effective row counts from here on.
     pub fn touches(&mut self) {
         self.row_offset_px = 0.0;
     }
@@ -160,8 +165,8 @@ impl RollingShutter {
         if !self.rolls() {
             return impact;
         }
-        let unsure_s = self.shutter.row_time_frames * self.row_offset_px * period_s;
-        let widened = |at: Option<Estimate>| at.map(|at| Estimate { sigma: at.sigma.hypot(unsure_s), ..at });
+        let row_sigma_s = self.shutter.row_time_frames * self.row_offset_px * period_s;
+        let widened = |at: Option<Estimate>| at.map(|at| Estimate { sigma: at.sigma.hypot(row_sigma_s), ..at });
         let spin = |spin: Option<Estimate>| {
             spin.map(|spin| Estimate {
                 sigma: spin.sigma.hypot(self.rotation_error(spin.value * period_s) / period_s),
@@ -188,8 +193,8 @@ impl RollingShutter {
             return rates;
         }
         let turn_rad = rates.theta.value.to_radians();
-        let swings_deg = self.rotation_error(turn_rad).hypot(self.strain_error(turn_rad)).to_degrees();
-        let theta = Estimate { sigma: rates.theta.sigma.hypot(swings_deg), ..rates.theta };
+        let error_deg = self.rotation_error(turn_rad).hypot(self.strain_error(turn_rad)).to_degrees();
+        let theta = Estimate { sigma: rates.theta.sigma.hypot(error_deg), ..rates.theta };
         PixelRates { theta, ..rates }
     }
 
@@ -201,7 +206,7 @@ impl RollingShutter {
     /// Returns the additional error where a part is occluded, rad: a rotating stretched image is strained, and the
     /// visible rest alone rotates by that.
     fn strain_error(&self, turn_rad: f64) -> f64 {
-        STRAINED * self.unfollowed_fraction * length(self.bent().0) * turn_rad
+        STRAIN_ROTATION_FACTOR * self.unfollowed_fraction * length(self.stretch_and_change().0) * turn_rad
     }
 
     /// Whether rows are exposed one after another.
@@ -217,7 +222,7 @@ impl RollingShutter {
         if !self.rolls() || self.moved_px.is_none() {
             return *step;
         }
-        let (stretch, change) = self.bent();
+        let (stretch, change) = self.stretch_and_change();
         let longer = 0.5 * change[1];
         let growth = |grown: Estimate| Estimate { value: grown.value - longer, sigma: grown.sigma.hypot(longer) };
         let straight = BodyStep {
@@ -225,8 +230,8 @@ impl RollingShutter {
                 shape: match outline.shape {
                     // The outline of a patch stays as it was drawn.
                     shape @ OutlineShape::Circle(_) if self.form == Form::Patch => shape,
-                    OutlineShape::Circle(circle) => OutlineShape::Circle(unstretched(circle, stretch, change)),
-                    OutlineShape::Rod(rod) => OutlineShape::Rod(self.upright(rod, stretch, change)),
+                    OutlineShape::Circle(circle) => OutlineShape::Circle(unstretch_circle(circle, stretch, change)),
+                    OutlineShape::Rod(rod) => OutlineShape::Rod(self.straighten_rod(rod, stretch, change)),
                 },
                 ..outline
             }),
@@ -239,7 +244,9 @@ impl RollingShutter {
         }
     }
 
-    /// Removes the apparent sinking of a rotating ball or patch.
+    /// Removes the apparent sinking of a rotating ball or patch from its step, and widens its sigmas.
+    ///
+    /// `stretch` and `change` are those of [`Self::stretch_and_change`].
     fn without_sinking(&self, step: BodyStep, circle: &Circle, stretch: [f64; 2], change: [f64; 2]) -> BodyStep {
         let Some(seen) = step.motion else { return step };
         let (radius_px, unfollowed_fraction) = (circle.radius_px, self.unfollowed_fraction);
@@ -248,15 +255,15 @@ impl RollingShutter {
         let sinks_px = self.shutter.row_time_frames * radius_px * radius_px * turn * (interval * turn).sin() / interval;
         let lopsided =
             unfollowed_fraction * HALF_BALL_OFFSET * radius_px * length(change).hypot(length(stretch) * turn);
-        let unsure_px = ((UNSURE_ASIDE + unfollowed_fraction * LATERAL_MEAN_SQUARE) * sinks_px)
+        let sigma_px = ((LATERAL_MEAN_SQUARE_SIGMA + unfollowed_fraction * LATERAL_MEAN_SQUARE) * sinks_px)
             .hypot(lopsided)
-            .hypot(swings_px(radius_px, change, self));
-        let unsure_deg = (0.5 * length(change)).hypot(self.strain_error(turn)).to_degrees();
+            .hypot(effective_center_shift_px(radius_px, change, self));
+        let sigma_deg = (0.5 * length(change)).hypot(self.strain_error(turn)).to_degrees();
         let straight = RigidStep {
             dy_px: seen.dy_px - LATERAL_MEAN_SQUARE * sinks_px,
-            sigma_dx_px: seen.sigma_dx_px.hypot(unsure_px),
-            sigma_dy_px: seen.sigma_dy_px.hypot(unsure_px),
-            sigma_dtheta_deg: seen.sigma_dtheta_deg.hypot(unsure_deg),
+            sigma_dx_px: seen.sigma_dx_px.hypot(sigma_px),
+            sigma_dy_px: seen.sigma_dy_px.hypot(sigma_px),
+            sigma_dtheta_deg: seen.sigma_dtheta_deg.hypot(sigma_deg),
             ..seen
         };
         let drift = step.drift.map(|[x, y, turn]| {
@@ -269,42 +276,44 @@ impl RollingShutter {
         BodyStep { motion: Some(straight), drift, ..step }
     }
 
-    /// Returns a rod at the moment that its centre was exposed.
-    fn upright(&self, rod: Rod, stretch: [f64; 2], change: [f64; 2]) -> Rod {
+    /// Returns a rod as it was when its centre was exposed. See [`Self::without_sinking`].
+    fn straighten_rod(&self, rod: Rod, stretch: [f64; 2], change: [f64; 2]) -> Rod {
         let longer = self.periods();
-        let (middle_px, widen_rates) = (rod.y_px.value, SPEED_CHANGE_SHARE * length(change));
+        let (middle_px, stretch_sigma) = (rod.y_px.value, SPEED_CHANGE_SHARE * length(change));
         let mut edges = rod.edges;
         for place in edges.iter_mut().flatten().filter_map(|edge| edge.y_px.as_mut()) {
             let below_px = (place.value - middle_px) / longer;
-            *place = Estimate { value: middle_px + below_px, sigma: place.sigma.hypot(widen_rates * below_px) };
+            *place = Estimate { value: middle_px + below_px, sigma: place.sigma.hypot(stretch_sigma * below_px) };
         }
         let slope = rod.tilt_deg.value.to_radians().tan() * longer - stretch[0];
         let tilt_deg =
-            Estimate { value: slope.atan().to_degrees(), sigma: rod.tilt_deg.sigma.hypot(widen_rates.to_degrees()) };
+            Estimate { value: slope.atan().to_degrees(), sigma: rod.tilt_deg.sigma.hypot(stretch_sigma.to_degrees()) };
         Rod { tilt_deg, edges, ..rod }
     }
 }
 
+/// Returns the length of a vector.
 fn length(vector: [f64; 2]) -> f64 {
     vector[0].hypot(vector[1])
 }
 
-/// Returns the distance between the mean of a ball's rows and its centre while its speed changes, px.
-fn swings_px(radius_px: f64, change: [f64; 2], rolling: &RollingShutter) -> f64 {
+/// Returns the distance between a ball's effective centre and its own while its speed changes within a frame, px.
+fn effective_center_shift_px(radius_px: f64, change: [f64; 2], rolling: &RollingShutter) -> f64 {
     STRUCK_ERROR * radius_px * length(change) * (rolling.shutter.row_time_frames * radius_px).abs()
 }
 
-/// Returns the circle whose image is stretched and sheared.
-fn unstretched(circle: Circle, stretch: [f64; 2], change: [f64; 2]) -> Circle {
+/// Returns the circle whose stretched and sheared image was detected as `circle`. See
+/// [`RollingShutter::stretch_and_change`].
+fn unstretch_circle(circle: Circle, stretch: [f64; 2], change: [f64; 2]) -> Circle {
     let radius_px = circle.radius_px / (1.0 + 0.5 * stretch[1]).max(MIN_ROW_SPEED);
     let parts_px =
         PARTIAL_FIT_ERROR.hypot(OCCLUDED_CENTER_ERROR * (1.0 - circle.visible_fraction)) * length(stretch) * radius_px;
     let struck_px = STRUCK_ERROR * length(change) * radius_px;
-    let widen_rates = RADIUS_ERROR * length(stretch).powi(2) + 0.5 * SPEED_CHANGE_SHARE * length(change);
+    let radius_error = RADIUS_ERROR * length(stretch).powi(2) + 0.5 * SPEED_CHANGE_SHARE * length(change);
     Circle {
         radius_px,
         sigma_center_px: circle.sigma_center_px.hypot(parts_px).hypot(struck_px),
-        sigma_radius_px: circle.sigma_radius_px.hypot(parts_px).hypot(widen_rates * radius_px),
+        sigma_radius_px: circle.sigma_radius_px.hypot(parts_px).hypot(radius_error * radius_px),
         ..circle
     }
 }

@@ -7,6 +7,7 @@ use crate::results::Estimate;
 pub const ROTATING_SHARE: f64 = 0.1;
 /// The ratio between successive slower classes of rotation, each equally probable as the one before.
 const CLASS_RATIO: f64 = 0.3;
+/// The number of slower classes.
 const SLOWNESSES: i32 = 6;
 /// The uncertainty, as a share of the likely drift, below which a drift is taken as none.
 const RESOLVED_SHARE: f64 = 0.1;
@@ -22,8 +23,10 @@ pub enum Source {
     Subsets,
 }
 
-/// Returns the possible drift along x and y where it is taken as zero. Some balls rotate with a drift of the order of
-/// `likely_px`, and some more slowly.
+/// Returns the standard deviation of the drift along x and y where it is taken as zero, px per frame.
+///
+/// It is that of the posterior over balls that do not rotate out of the plane, balls with a drift of the order of
+/// `likely_px`, and balls that rotate more slowly.
 ///
 /// The slow ones count only where the rates come from outlines, since subsets would detect them.
 pub fn possible_drift(rates: [Estimate; 2], likely_px: f64, source: Source) -> [f64; 2] {

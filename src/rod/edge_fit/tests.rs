@@ -62,7 +62,7 @@ fn an_edge_is_placed_to_some_thousandths_with_its_uncertainty() {
         let at = 20.0 + 0.025 * f64::from(round);
         let slope = 0.02 - 0.001 * f64::from(round);
         let scene = Scene { at, slope, seed: 100 + round as u64, ..SCENE };
-        let edge = fit(picture(&scene).view(), &expected(at.round())).unwrap();
+        let edge = fit_step_edge(picture(&scene).view(), &expected(at.round())).unwrap();
         squares += (edge.at.value - at).powi(2) / f64::from(rounds);
         pulls += ((edge.at.value - at) / edge.at.sigma).powi(2) / f64::from(rounds);
         slope_pulls += ((edge.slope.value - slope) / edge.slope.sigma).powi(2) / f64::from(rounds);
@@ -82,10 +82,11 @@ fn the_direction_and_the_sign_are_as_expected() {
             transposed.data_mut()[x * 40 + y] = image.view().row(y)[x];
         }
     }
-    let upright = fit(image.view(), &expected(20.0)).unwrap();
-    let lying = fit(transposed.view(), &ExpectedEdge { direction: Direction::Columns, ..expected(20.0) }).unwrap();
+    let upright = fit_step_edge(image.view(), &expected(20.0)).unwrap();
+    let lying =
+        fit_step_edge(transposed.view(), &ExpectedEdge { direction: Direction::Columns, ..expected(20.0) }).unwrap();
     assert_eq!(upright, lying);
-    let other = fit(image.view(), &ExpectedEdge { sign: -1.0, ..expected(20.0) });
+    let other = fit_step_edge(image.view(), &ExpectedEdge { sign: -1.0, ..expected(20.0) });
     assert_eq!(other, Err(PointStatus::Lost));
 }
 
@@ -98,13 +99,13 @@ fn speckles_near_the_edge_do_not_move_it() {
             image.data_mut()[y * 40 + x] = 40.0;
         }
     }
-    let edge = fit(image.view(), &expected(20.0)).unwrap();
+    let edge = fit_step_edge(image.view(), &expected(20.0)).unwrap();
     assert!((edge.at.value - SCENE.at).abs() < 0.02 && edge.is_speckled, "{edge:?}");
 }
 
 #[test]
 fn what_is_no_edge_is_refused_with_its_reason() {
-    let refused = |scene: Scene, expected: ExpectedEdge| fit(picture(&scene).view(), &expected).unwrap_err();
+    let refused = |scene: Scene, expected: ExpectedEdge| fit_step_edge(picture(&scene).view(), &expected).unwrap_err();
     let near = expected(20.0);
     let flat = Scene { light: 20.0, ..SCENE };
     assert!(matches!(refused(flat, near), PointStatus::Lost | PointStatus::LowContrast | PointStatus::LowCorrelation));
@@ -118,7 +119,7 @@ fn what_is_no_edge_is_refused_with_its_reason() {
 #[test]
 fn a_picture_without_noise_is_exact() {
     for at in [19.51, 19.75, 20.0, 20.25, 20.49] {
-        let edge = fit(picture(&Scene { at, noise: 0.0, ..SCENE }).view(), &expected(20.0)).unwrap();
+        let edge = fit_step_edge(picture(&Scene { at, noise: 0.0, ..SCENE }).view(), &expected(20.0)).unwrap();
         assert!((edge.at.value - at).abs() < 5e-4, "{edge:?} at {at}");
     }
 }

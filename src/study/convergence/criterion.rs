@@ -60,7 +60,7 @@ pub(super) fn deviation(answers: &Answers, truth_px: &[[f64; 2]]) -> Option<Devi
 }
 
 /// Returns the mean of all answers; `None` if there are none.
-pub(super) fn mean(answers: &Answers) -> Option<[f64; 2]> {
+pub(super) fn mean_answer(answers: &Answers) -> Option<[f64; 2]> {
     let found: Vec<_> = answers.iter().flatten().collect();
     let along = |axis: usize| found.iter().map(|answer| answer[axis]).sum::<f64>() / found.len() as f64;
     (!found.is_empty()).then(|| [along(0), along(1)])
@@ -79,7 +79,7 @@ pub(super) struct Stage {
 }
 
 impl Stage {
-    /// Whether its answers agree with those of the previous stage.
+    /// Whether 99 % of the answers agree with those of the previous stage within the tolerance, px.
     ///
     /// An answer on a grid is only known to half a grid step. Two grids that agree more closely than that agree as
     /// grids, not as measurements: a shift too small for either reads 0 on both.
@@ -93,8 +93,9 @@ impl Stage {
     }
 }
 
-/// Returns the number of spline points from which on 99 % of the answers change by less than the tolerance.
-pub(super) fn settled(stages: &[Stage], tolerance_px: f64) -> Option<u32> {
+/// Returns the number of spline points from which on 99 % of the answers change by less than the tolerance; `None` if
+/// the last stage still changes.
+pub(super) fn converged_points(stages: &[Stage], tolerance_px: f64) -> Option<u32> {
     let last = stages.iter().rposition(|stage| !stage.agrees(tolerance_px));
     stages.get(last.map_or(0, |last| last + 1)).map(|stage| stage.spline_points)
 }
@@ -115,28 +116,28 @@ mod tests {
     #[test]
     fn the_first_stage_after_which_nothing_changes_has_converged() {
         let stages = [first(), stage(1, 0.01), stage(2, 0.0009), stage(3, 0.0004)];
-        assert_eq!(settled(&stages, 0.001), Some(2));
-        assert_eq!(settled(&stages, 0.02), Some(1));
+        assert_eq!(converged_points(&stages, 0.001), Some(2));
+        assert_eq!(converged_points(&stages, 0.02), Some(1));
         let relapse = [first(), stage(1, 0.0001), stage(2, 0.002), stage(3, 0.0004)];
-        assert_eq!(settled(&relapse, 0.001), Some(3));
-        assert_eq!(settled(&[first(), stage(1, 0.0001), stage(2, 0.002)], 0.001), None);
-        assert_eq!(settled(&[first()], 0.001), None, "one stage has nothing to agree with");
-        assert_eq!(settled(&[], 0.001), None);
+        assert_eq!(converged_points(&relapse, 0.001), Some(3));
+        assert_eq!(converged_points(&[first(), stage(1, 0.0001), stage(2, 0.002)], 0.001), None);
+        assert_eq!(converged_points(&[first()], 0.001), None, "one stage has nothing to agree with");
+        assert_eq!(converged_points(&[], 0.001), None);
     }
 
     #[test]
     fn grids_that_agree_on_zero_have_not_converged() {
         let still = |points: u32| Stage { on_grid: true, ..stage(points, 0.0) };
         let stages = [first(), still(1), still(5), still(20)];
-        assert_eq!(settled(&stages, 0.001), None);
+        assert_eq!(converged_points(&stages, 0.001), None);
         // Half a step of 1/21 px is 0.0238 px.
-        assert_eq!(settled(&stages, 0.025), Some(20));
+        assert_eq!(converged_points(&stages, 0.025), Some(20));
     }
 
     #[test]
     fn agreement_of_a_few_subsets_is_not_convergence() {
         let few = Stage { valid: 21, ..stage(2, 0.0001) };
-        assert_eq!(settled(&[first(), few], 0.001), None);
+        assert_eq!(converged_points(&[first(), few], 0.001), None);
     }
 
     #[test]
@@ -146,7 +147,8 @@ mod tests {
             (0..100).map(|k| (k != 8).then_some([1.0 + 0.001 * f64::from(k), 2.0 - 0.002 * f64::from(k)])).collect();
         let change = change(&before, &after).unwrap();
         assert_eq!(change.compared, 98);
-        // In 0..99 without 7 and 8 the 50th is 51, the upper of the two in the middle, and the 97th (96 of 97 steps) 98.
+        // In 0..99 without 7 and 8 the 50th is 51, the upper of the two in the middle, and the 97th (96 of 97 steps)
+        // 98.
         assert!((change.median_px[0] - 0.051).abs() < 1e-9 && (change.median_px[1] - 0.102).abs() < 1e-9, "{change:?}");
         assert!((change.p99_px[0] - 0.098).abs() < 1e-9 && (change.p99_px[1] - 0.196).abs() < 1e-9, "{change:?}");
         assert_eq!(super::change(&vec![None], &vec![Some([0.0; 2])]), None);
@@ -160,6 +162,6 @@ mod tests {
         let squares: f64 = 0.02 * 0.02 + 0.04 * 0.04 + 0.03 * 0.03;
         assert!((deviation.rms_px - (squares / 6.0).sqrt()).abs() < 1e-12, "{deviation:?}");
         assert_eq!(super::deviation(&vec![None, None], &[[0.0; 2]]), None);
-        assert_eq!(mean(&vec![Some([1.0, 2.0]), None, Some([3.0, 6.0])]), Some([2.0, 4.0]));
+        assert_eq!(mean_answer(&vec![Some([1.0, 2.0]), None, Some([3.0, 6.0])]), Some([2.0, 4.0]));
     }
 }

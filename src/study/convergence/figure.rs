@@ -58,23 +58,30 @@ pub(super) fn draw(heading: &str, caption: &[String], panels: &[Panel]) -> Strin
     figure.draw(WIDTH, top(panels.len()), &content)
 }
 
-/// Returns the place of an index along the horizontal axis; places are evenly spaced.
-fn x(index: usize) -> f64 {
+/// Returns the position of an index of [`SPLINE_POINTS`] along the horizontal axis, 0 to 1; positions are evenly
+/// spaced.
+fn axis_position(index: usize) -> f64 {
     (index as f64 + 0.5) / SPLINE_POINTS.len() as f64
 }
 
 impl Panel {
+    /// Returns the chart of the panel.
     fn chart(&self) -> LogChart<'_> {
         let values = |curve: &Curve| {
-            let value =
-                |(index, y): (usize, &Option<f64>)| y.map(|y| LogValue { x: x(index), y, is_incomplete: false });
+            let value = |(index, y): (usize, &Option<f64>)| {
+                y.map(|y| LogValue { x: axis_position(index), y, is_incomplete: false })
+            };
             curve.values_px.iter().enumerate().map(value).collect()
         };
         let curve = |curve: &Curve| LogCurve { style: curve.style, values: values(curve), ring: curve.ring };
         LogChart {
             title: &self.title,
             x_label: "spline points between two pixels",
-            x_ticks: SPLINE_POINTS.iter().enumerate().map(|(index, points)| (x(index), points.to_string())).collect(),
+            x_ticks: SPLINE_POINTS
+                .iter()
+                .enumerate()
+                .map(|(index, points)| (axis_position(index), points.to_string()))
+                .collect(),
             axis: LogAxis::around(self.curves.iter().flat_map(|curve| curve.values_px).flatten(), PLOT, ZERO_PX),
             curves: self.curves.iter().map(curve).collect(),
         }

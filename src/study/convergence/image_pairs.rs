@@ -68,12 +68,12 @@ pub(super) fn read(files: &Files<'_>, params: &CorrelationParams) -> Result<Subj
     Ok(Subject { pairs: vec![Pair { reference, target, truth_px: None }], points })
 }
 
-/// Renders a speckled ball without interpolation and with 2 grey levels of noise, one pair per displacement.
+/// Renders a speckled ball without interpolation and with 2 grey levels of noise, one pair per displacement, px.
 ///
 /// # Errors
 ///
 /// When the subsets are too large for the ball.
-pub(super) fn draw(displacements_px: &[[f64; 2]], params: &CorrelationParams) -> Result<Subject, Failure> {
+pub(super) fn render(displacements_px: &[[f64; 2]], params: &CorrelationParams) -> Result<Subject, Failure> {
     let ([x, y], side) = (CENTER_PX, SIDE_PX as usize);
     let points = grid::disc(x, y, 0.5 * DIAMETER_PX, params.step_px, params.subset_size_px, side, side);
     if points.is_empty() {
@@ -83,11 +83,12 @@ pub(super) fn draw(displacements_px: &[[f64; 2]], params: &CorrelationParams) ->
         ))
         .into());
     }
-    let pairs = displacements_px.iter().map(|displacement_px| draw_pair(*displacement_px));
+    let pairs = displacements_px.iter().map(|displacement_px| render_pair(*displacement_px));
     Ok(Subject { pairs: pairs.collect::<Result<_, Failure>>()?, points })
 }
 
-fn draw_pair(displacement_px: [f64; 2]) -> Result<Pair, Failure> {
+/// Renders the ball before and after a displacement, px.
+fn render_pair(displacement_px: [f64; 2]) -> Result<Pair, Failure> {
     let [u, v] = displacement_px;
     let mut scenario = Scenario::translation(u, v, 0.0);
     (scenario.camera.width_px, scenario.camera.height_px, scenario.camera.frames) = (SIDE_PX, SIDE_PX, 2);
@@ -124,13 +125,13 @@ mod tests {
     #[test]
     fn drawn_pairs_share_their_subsets_and_differ_by_noise_and_shift() {
         let params = CorrelationParams { step_px: 20, ..CorrelationParams::default() };
-        let subject = draw(&[[0.0, 0.0]], &params).unwrap();
+        let subject = render(&[[0.0, 0.0]], &params).unwrap();
         let (a, b) = (subject.pairs[0].reference.view(), subject.pairs[0].target.view());
         let differences = a.data().iter().zip(b.data()).map(|(a, b)| f64::from(a - b).powi(2));
         let rms = (differences.sum::<f64>() / a.data().len() as f64).sqrt();
         // Two rounded frames with 2 grey levels of noise each.
         assert!((rms - 2.86).abs() < 0.1, "{rms}");
         assert!(subject.points.len() >= 20, "{}", subject.points.len());
-        assert!(draw(&[[0.0, 0.0]], &CorrelationParams { subset_size_px: 107, ..params }).is_err());
+        assert!(render(&[[0.0, 0.0]], &CorrelationParams { subset_size_px: 107, ..params }).is_err());
     }
 }

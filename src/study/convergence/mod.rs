@@ -14,7 +14,7 @@ use super::output_files;
 use crate::console::{Outcome, Overwrite, UsageError, progress};
 use crate::dic::{self, CorrelationParams, Correlator, PreparedFrame, Start};
 use crate::process::Stop;
-use criterion::{Answers, Change, Deviation, change, deviation, mean};
+use criterion::{Answers, Change, Deviation, change, deviation, mean_answer};
 use image_pairs::{Files, Subject};
 
 use crate::command::field::{Roi, Size};
@@ -137,7 +137,7 @@ pub fn run(options: &ConvergenceOptions, stop: &Stop) -> Result<Outcome, Failure
             UsageError(format!("--tolerance-px {}: must be above 0 and at most 1", options.tolerance_px)).into()
         );
     }
-    let subject = subject(options)?;
+    let subject = load_subject(options)?;
     // Prepared before the work, so that a wrong path is reported at once.
     if let Some(directory) = &options.output {
         let inputs: Vec<&Path> =
@@ -154,15 +154,15 @@ pub fn run(options: &ConvergenceOptions, stop: &Stop) -> Result<Outcome, Failure
     })
 }
 
-/// Returns the frames to measure: the files, or the rendered pattern.
-fn subject(options: &ConvergenceOptions) -> Result<Subject, Failure> {
+/// Reads the files to measure, or renders the pattern.
+fn load_subject(options: &ConvergenceOptions) -> Result<Subject, Failure> {
     let params = options.params(Method::IcGn);
     // Planned for any size that has room, so that settings out of range are reported before anything is read or
     // rendered.
     Correlator::new(&params, 1 << 10, 1 << 10)?;
     let subject = match options.files() {
         Some(files) => image_pairs::read(&files, &params)?,
-        None => image_pairs::draw(&image_pairs::DRAWN_PX, &params)?,
+        None => image_pairs::render(&image_pairs::DRAWN_PX, &params)?,
     };
     Ok(subject)
 }
@@ -173,7 +173,8 @@ fn methods() -> Vec<Method> {
     [Method::IcGn].into_iter().chain(spline(Peak::Fitted)).chain(spline(Peak::Highest)).collect()
 }
 
-/// Returns the relative duration of a method: the transformed area grows with the square of the points.
+/// Returns the relative duration of a method for the progress bar: the transformed area grows with the square of the
+/// points.
 fn cost(method: Method) -> u64 {
     match method {
         Method::IcGn => 1,
@@ -181,7 +182,9 @@ fn cost(method: Method) -> u64 {
     }
 }
 
-/// Measures in a separate thread, so that a stop does not have to wait for a field; returns the completed rows.
+/// Measures the subject with every method and returns the completed rows.
+///
+/// A separate thread measures, so that a stop does not have to wait for a field.
 fn measure(
     options: &ConvergenceOptions,
     subject: Subject,
@@ -192,11 +195,11 @@ fn measure(
     let plan = |method: &Method| Ok((*method, plan(options, *method, size)?));
     let planned = methods.iter().map(plan).collect::<Result<Vec<_>, Failure>>()?;
     let (sender, receiver) = channel();
-    let worker = std::thread::spawn(move || work(planned, &subject, &sender));
+    let worker = std::thread::spawn(move || measure_methods(planned, &subject, &sender));
     let bar = progress::parts(methods.iter().map(|method| cost(*method)).sum(), "study");
     bar.enable_steady_tick(LOOK);
     let mut rows = Vec::new();
-    let is_stopped = collect(&receiver, stop, |row| {
+    let is_stopped = receive_rows(&receiver, stop, |row| {
         bar.inc(cost(row.method));
         rows.push(row);
     });
@@ -209,7 +212,7 @@ fn measure(
 }
 
 /// Receives rows until the channel closes or a stop; returns whether it was stopped.
-fn collect(receiver: &Receiver<Row>, stop: &Stop, mut take: impl FnMut(Row)) -> bool {
+fn receive_rows(receiver: &Receiver<Row>, stop: &Stop, mut take: impl FnMut(Row)) -> bool {
     loop {
         match receiver.recv_timeout(LOOK) {
             Ok(row) => take(row),
@@ -222,6 +225,7 @@ fn collect(receiver: &Receiver<Row>, stop: &Stop, mut take: impl FnMut(Row)) -> 
     }
 }
 
+/// Plans the correlator of a method for frames of this size.
 fn plan(options: &ConvergenceOptions, method: Method, size: Size) -> Result<Correlator, Failure> {
     let correlator = Correlator::new(&options.params(method), size.width, size.height)?;
     Ok(match method {
@@ -230,8 +234,8 @@ fn plan(options: &ConvergenceOptions, method: Method, size: Size) -> Result<Corr
     })
 }
 
-/// Sends one row per method, until the receiver is gone.
-fn work(planned: Vec<(Method, Correlator)>, subject: &Subject, rows: &Sender<Row>) {
+/// Measures the subject with every method and sends one row each, until the receiver is gone.
+fn measure_methods(planned: Vec<(Method, Correlator)>, subject: &Subject, rows: &Sender<Row>) {
     let truth_px: Option<Vec<_>> = subject.pairs.iter().map(|pair| pair.truth_px).collect();
     let (mut ic_gn, mut before): (Option<Answers>, Option<(Method, Answers)>) = (None, None);
     for (method, mut correlator) in planned {
@@ -244,7 +248,7 @@ fn work(planned: Vec<(Method, Correlator)>, subject: &Subject, rows: &Sender<Row
             change: follows.and_then(|(_, earlier)| change(earlier, &answers)),
             from_ic_gn: ic_gn.as_ref().and_then(|ic_gn| change(ic_gn, &answers)),
             error: truth_px.as_ref().and_then(|truth_px| deviation(&answers, truth_px)),
-            mean_px: mean(&answers).filter(|_| subject.pairs.len() == 1),
+            mean_px: mean_answer(&answers).filter(|_| subject.pairs.len() == 1),
             time_s,
         };
         if method == Method::IcGn {
@@ -263,7 +267,7 @@ fn is_next(before: Method, method: Method) -> bool {
     matches!((before, method), (Method::Spline { peak: a, .. }, Method::Spline { peak: b, .. }) if a == b)
 }
 
-/// Returns the answers of all pairs in order, and the correlation time, s.
+/// Correlates all pairs. Returns their answers in order, and the correlation time, s.
 #[expect(clippy::disallowed_methods, reason = "a study of cost reads the clock")]
 fn correlate(correlator: &mut Correlator, subject: &Subject) -> (Answers, f64) {
     let (mut answers, mut field) = (Answers::new(), Vec::new());
@@ -303,7 +307,7 @@ mod tests {
     }
 
     fn row(options: &ConvergenceOptions, displacement_px: [f64; 2], method: Method) -> Row {
-        let subject = image_pairs::draw(&[displacement_px], &options.params(Method::IcGn)).unwrap();
+        let subject = image_pairs::render(&[displacement_px], &options.params(Method::IcGn)).unwrap();
         measure(options, subject, &[method], &Stop::default()).unwrap().remove(0)
     }
 
@@ -321,7 +325,7 @@ mod tests {
     #[test]
     fn without_the_peak_fit_answers_are_multiples_of_the_grid_step() {
         let (options, method) = (options(), Method::Spline { spline_points: 2, peak: Peak::Highest });
-        let subject = image_pairs::draw(&[[0.56, -0.89]], &options.params(method)).unwrap();
+        let subject = image_pairs::render(&[[0.56, -0.89]], &options.params(method)).unwrap();
         let mut correlator = plan(&options, method, subject.size()).unwrap();
         let (answers, _) = correlate(&mut correlator, &subject);
         assert!(answers.iter().flatten().count() >= 10);
@@ -334,7 +338,7 @@ mod tests {
     fn a_stop_ends_the_study_with_the_rows_it_came_to() {
         let (stop, options) = (Stop::default(), options());
         stop.request();
-        let subject = subject(&options).unwrap();
+        let subject = load_subject(&options).unwrap();
         let rows = measure(&options, subject, &methods(), &stop).unwrap();
         assert!(rows.len() < methods().len(), "{} rows", rows.len());
     }

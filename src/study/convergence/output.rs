@@ -6,7 +6,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::criterion::{Stage, settled};
+use super::criterion::{Stage, converged_points};
 use super::figure::{self, Curve, DASHED, DISCS, DOTTED, Panel, SQUARES};
 use super::image_pairs::DRAWN_PX;
 use super::{ConvergenceOptions, Method, Peak, Row, SPLINE_POINTS};
@@ -64,8 +64,8 @@ impl Row {
 }
 
 impl Study<'_> {
-    /// Returns the rows with one treatment of the peak.
-    fn of(&self, wanted: Peak) -> Vec<(u32, &Row)> {
+    /// Returns the number of spline points and the row of each `spline-fft` method with one treatment of the peak.
+    fn rows_with_peak(&self, wanted: Peak) -> Vec<(u32, &Row)> {
         let points = |row: &Row| match row.method {
             Method::Spline { spline_points, peak } if peak == wanted => Some(spline_points),
             _ => None,
@@ -81,13 +81,13 @@ impl Study<'_> {
             change: row.change,
             on_grid: peak == Peak::Highest,
         };
-        let stages: Vec<Stage> = self.of(peak).into_iter().map(stage).collect();
-        settled(&stages, self.options.tolerance_px)
+        let stages: Vec<Stage> = self.rows_with_peak(peak).into_iter().map(stage).collect();
+        converged_points(&stages, self.options.tolerance_px)
     }
 
     /// Summarises one treatment of the peak in one line.
     fn verdict(&self, peak: Peak) -> String {
-        let (rows, settled) = (self.of(peak), self.settled(peak));
+        let (rows, settled) = (self.rows_with_peak(peak), self.settled(peak));
         let name = match peak {
             Peak::Fitted => "with the peak fit",
             Peak::Highest => "without the peak fit",
@@ -128,14 +128,15 @@ impl Study<'_> {
             settled(Peak::Fitted),
             settled(Peak::Highest)
         );
-        let mut panels = vec![self.changes()];
+        let mut panels = vec![self.changes_panel()];
         if options.reference.is_none() {
-            panels.push(self.errors());
+            panels.push(self.errors_panel());
         }
         figure::draw("Convergence of spline-fft with the number of spline points", &[of, verdict], &panels)
     }
 
-    fn changes(&self) -> Panel {
+    /// Returns the panel of the changes against the previous number of points.
+    fn changes_panel(&self) -> Panel {
         let change_px = |row: &Row| row.change.map(|change| change.p99_px[0].max(change.p99_px[1]));
         let bound_px = |points: u32| Some(0.5 / f64::from(points + 1));
         let tolerance_px = self.options.tolerance_px;
@@ -150,7 +151,8 @@ impl Study<'_> {
         }
     }
 
-    fn errors(&self) -> Panel {
+    /// Returns the panel of the errors against the truth.
+    fn errors_panel(&self) -> Panel {
         let mut curves = self.curves(|row| row.error.map(|error| error.rms_px));
         let ic_gn = self.rows.iter().find(|row| row.method == Method::IcGn).and_then(|row| row.error);
         let values_px = [ic_gn.map(|error| error.rms_px); SPLINE_POINTS.len()];
@@ -161,7 +163,7 @@ impl Study<'_> {
     /// Returns a curve with and one without the peak fit, ringed at convergence.
     fn curves(&self, value_px: impl Fn(&Row) -> Option<f64>) -> Vec<Curve> {
         let curve = |(style, peak, name): (CurveStyle, Peak, &str)| {
-            let rows = self.of(peak);
+            let rows = self.rows_with_peak(peak);
             let row = |wanted: u32| rows.iter().find(|(points, _)| *points == wanted);
             Curve {
                 style,
@@ -186,6 +188,7 @@ impl Study<'_> {
         Ok(Report { files, printed })
     }
 
+    /// Formats table and verdicts for the terminal.
     fn as_text(&self) -> String {
         let px = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.5}"));
         let has_truth = self.options.reference.is_none();
@@ -220,6 +223,7 @@ impl Study<'_> {
         format!("{explanation}\n{}\n{fitted}\n{highest}", table(&lines))
     }
 
+    /// Returns options, verdicts and rows as one JSON object.
     fn as_json(&self, table: &Table) -> Value {
         let (options, files) = (self.options, self.options.files());
         json!({

@@ -30,7 +30,7 @@ struct Change {
 pub(super) struct Advice {
     /// The description of the change.
     pub(super) words: String,
-    /// Scatter of each number of [`judged`] after the change, relative to the present one.
+    /// Scatter of each number of [`judged_numbers`] after the change, relative to the present one.
     pub(super) ratios: Vec<(String, f64)>,
     /// Geometric mean of the ratios.
     pub(super) mean: f64,
@@ -43,8 +43,8 @@ impl Advice {
     }
 }
 
-/// Returns the names of the numbers that a change is judged by.
-pub(super) fn judged(rows: &[Expected]) -> Vec<String> {
+/// Returns the names of the predicted numbers that a change is judged by.
+pub(super) fn judged_numbers(rows: &[Expected]) -> Vec<String> {
     let wanted = [
         "motion.vn_m_s",
         "motion.omega_rad_s",
@@ -58,23 +58,25 @@ pub(super) fn judged(rows: &[Expected]) -> Vec<String> {
     wanted.iter().filter(is_predicted).map(|name| (*name).to_owned()).collect()
 }
 
-/// Tries every change and returns the feasible ones, best first; `None` after a stop.
+/// Predicts the rig after every change and returns the feasible changes, best first; `None` after a stop.
+///
+/// Each prediction takes `films` films. `tick` is called after each.
 ///
 /// # Errors
 ///
 /// When the rig itself cannot be predicted.
-pub(super) fn advice(
+pub(super) fn try_changes(
     rig: &Rig,
     films: u64,
     stop: &Stop,
     mut tick: impl FnMut(),
 ) -> Result<Option<Vec<Advice>>, Failure> {
-    let Some(now) = Prediction::of(rig, films, stop)? else { return Ok(None) };
-    let names = judged(&now.rows);
+    let Some(now) = Prediction::compute(rig, films, stop)? else { return Ok(None) };
+    let names = judged_numbers(&now.rows);
     let mut found = Vec::new();
     for Change { words, rig: changed } in changes(rig) {
         // A change that makes the rig unusable is left out.
-        match Prediction::of(&changed, films, stop) {
+        match Prediction::compute(&changed, films, stop) {
             Ok(None) => return Ok(None),
             Ok(Some(then)) => found.extend(compare(words, &names, &now, &then)),
             Err(_) => {}
@@ -85,6 +87,7 @@ pub(super) fn advice(
     Ok(Some(found))
 }
 
+/// Compares the predicted scatter `then`, after a change, with that of `now`; `None` if a number cannot be predicted.
 fn compare(words: String, names: &[String], now: &Prediction, then: &Prediction) -> Option<Advice> {
     let ratio = |name: &String| Some((name.clone(), then.sigma(name)? / now.sigma(name)?));
     let ratios = names.iter().map(ratio).collect::<Option<Vec<_>>>()?;
@@ -93,12 +96,12 @@ fn compare(words: String, names: &[String], now: &Prediction, then: &Prediction)
     Some(Advice { words, ratios, mean })
 }
 
-/// Returns the number of changes.
-pub(super) fn count(rig: &Rig) -> u64 {
+/// Returns the number of changes that are tried for a rig.
+pub(super) fn change_count(rig: &Rig) -> u64 {
     changes(rig).len() as u64
 }
 
-/// Returns the changes to try.
+/// Returns the changes to try for a rig.
 fn changes(rig: &Rig) -> Vec<Change> {
     let camera = &rig.scenario.camera;
     let mut changes = vec![double_frame_rate(rig)];
@@ -140,12 +143,13 @@ fn changes(rig: &Rig) -> Vec<Change> {
     changes
 }
 
+/// Sets the exposure of scenario and configuration.
 fn set_exposure(rig: &mut Rig, exposure_us: f64) {
     rig.scenario.camera.exposure_us = exposure_us;
     rig.config.camera.exposure_us = Some(exposure_us);
 }
 
-/// Replaces the speckle pattern by others.
+/// Returns the rig with each of [`PATTERNS`] instead of its own.
 fn exchange_pattern(rig: &Rig) -> Vec<Change> {
     let own = &rig.scenario.body.pattern;
     let describe = |pattern: &PatternSetup| {
@@ -164,7 +168,7 @@ fn exchange_pattern(rig: &Rig) -> Vec<Change> {
     PATTERNS.iter().filter_map(|name| with(name)).collect()
 }
 
-/// Doubles the frame rate for the same motion.
+/// Returns the rig with twice the frame rate for the same motion.
 fn double_frame_rate(rig: &Rig) -> Change {
     let mut changed = rig.clone();
     let camera = &mut changed.scenario.camera;
@@ -180,7 +184,7 @@ fn double_frame_rate(rig: &Rig) -> Change {
     Change { words: format!("twice the frame rate ({rate_hz:.0} Hz){exposed}"), rig: changed }
 }
 
-/// Lengthens the flight before and after a collision.
+/// Returns the rig with a longer flight before and after a collision, or a film of twice the length without one.
 fn lengthen_film(rig: &Rig) -> Change {
     let mut changed = rig.clone();
     let camera = &mut changed.scenario.camera;
@@ -196,7 +200,7 @@ fn lengthen_film(rig: &Rig) -> Change {
     Change { words: "a longer film: twice the flight before contact, and as much more after it".into(), rig: changed }
 }
 
-/// Changes the settings of the measurement.
+/// Returns the rig with other settings of the measurement.
 fn change_method(rig: &Rig) -> Vec<Change> {
     let mut changes = Vec::new();
     if let Some(window) = rig.config.velocity.window_frames {
@@ -218,7 +222,7 @@ fn change_method(rig: &Rig) -> Vec<Change> {
     changes
 }
 
-/// Magnifies the scene.
+/// Returns the rig with a magnified scene; `None` for a rod.
 fn magnify(rig: &Rig) -> Option<Change> {
     let mut changed = rig.clone();
     let Rig { config, scenario } = &mut changed;

@@ -10,12 +10,12 @@ use crate::results::{BodyStep, Circle};
 use crate::synth::SimulatedFilm;
 use std::ops::Range;
 
-/// Measures every step of a few frames of a film.
+/// Renders a few frames of a film, measures them and returns every step between them.
 ///
 /// # Errors
 ///
 /// When the settings cannot be used.
-pub(super) fn steps(
+pub(super) fn measure_steps(
     params: &MeasureParams,
     film: &SimulatedFilm,
     frames: Range<u64>,
@@ -31,8 +31,8 @@ pub(super) fn steps(
     Ok(rows.into_iter().map(|row| row.step).collect())
 }
 
-/// Returns the pixels of a ball used in whole-body matching.
-pub(super) fn pixels_of(rig: &Rig, center_px: [f64; 2]) -> Region {
+/// Returns the region of a ball centred at a position that whole-body matching uses.
+pub(super) fn ball_region(rig: &Rig, center_px: [f64; 2]) -> Region {
     let [x_px, y_px] = center_px;
     let radius_px = rig.scenario.radius_px();
     let (sigma_center_px, sigma_radius_px, visible_fraction) = (0.0, 0.0, 1.0);

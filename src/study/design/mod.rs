@@ -61,7 +61,7 @@ pub struct DesignOptions {
 /// When the rig cannot film or track its scenario.
 pub fn predict(config: &Config, stop: &Stop) -> Result<Vec<Expected>, Failure> {
     let rig = Rig::new(config.clone(), None, None)?;
-    Ok(Prediction::of(&rig, FILMS, stop)?.map_or_else(Vec::new, |prediction| prediction.rows))
+    Ok(Prediction::compute(&rig, FILMS, stop)?.map_or_else(Vec::new, |prediction| prediction.rows))
 }
 
 /// Predicts the uncertainty of a rig, tries changes and prints the results.
@@ -84,12 +84,12 @@ pub fn run(options: &DesignOptions, stop: &Stop) -> Result<Outcome, Failure> {
     }
     let rig = Rig::new(config, options.scenario.as_deref(), options.noise_dn)?;
     let stopped = || Outcome::Lost { count: 1, cause: Some("stopped before the prediction was complete".into()) };
-    let bar = progress::parts(if options.no_advice { 1 } else { 1 + advice::count(&rig) }, "design");
-    let Some(prediction) = Prediction::of(&rig, FILMS, stop)? else { return Ok(stopped()) };
+    let bar = progress::parts(if options.no_advice { 1 } else { 1 + advice::change_count(&rig) }, "design");
+    let Some(prediction) = Prediction::compute(&rig, FILMS, stop)? else { return Ok(stopped()) };
     bar.inc(1);
     let advice = match options.no_advice {
         true => Some(Vec::new()),
-        false => advice::advice(&rig, FILMS_OF_A_CHANGE, stop, || bar.inc(1))?,
+        false => advice::try_changes(&rig, FILMS_OF_A_CHANGE, stop, || bar.inc(1))?,
     };
     bar.finish_and_clear();
     let Some(advice) = advice else { return Ok(stopped()) };

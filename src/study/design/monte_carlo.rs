@@ -3,7 +3,7 @@
 //! The simulated steps, truth plus noise, go through the rig's own tracker. Its local fits, flights and contact laws
 //! propagate the noise (Monte Carlo propagation of distributions, JCGM 101).
 
-use super::pose_noise::Noise;
+use super::pose_noise::PoseNoise;
 use super::rig::Rig;
 use crate::dic::STALE_DEG;
 use crate::motion::subset_walk;
@@ -18,10 +18,10 @@ use crate::track::{Tracker, TrackerParams, TrackerRows};
 /// Purpose of these random numbers in the key of the generator.
 const STEPS: u64 = 60;
 
-/// The path of the body and the simulated measurement.
+/// The simulation of measured films: the true path of the body and the noise of its measurement.
 #[derive(Debug, Clone)]
-pub(super) struct Course {
-    noise: Noise,
+pub(super) struct FilmSimulation {
+    noise: PoseNoise,
     /// The truth of each frame, and the angle, deg.
     frames: Vec<(VelocitySample, f64)>,
     /// Whether the reference is updated in each frame.
@@ -30,8 +30,9 @@ pub(super) struct Course {
     params: TrackerParams,
 }
 
-impl Course {
-    pub(super) fn new(rig: &Rig, world: &SimulatedFilm, noise: Noise) -> Self {
+impl FilmSimulation {
+    /// Prepares simulations of a film that a rig measures with this noise.
+    pub(super) fn new(rig: &Rig, world: &SimulatedFilm, noise: PoseNoise) -> Self {
         let (measure, mut params) = analysis_params(&rig.config, &rig.format());
         params.motion.truncate(1);
         let frames: Vec<_> = (0..world.frames()).map(|index| (world.truth(index), world.angle_deg(index))).collect();
@@ -48,15 +49,15 @@ impl Course {
         Self { noise, frames, renewed, intervals: measure.intervals_frames, params }
     }
 
-    /// Returns the tracker's rows for one film with its own noise.
-    pub(super) fn rows(&self, run: u64) -> TrackerRows {
+    /// Simulates the film with the noise of this run and returns the tracker's rows.
+    pub(super) fn simulate(&self, run: u64) -> TrackerRows {
         let mut stream = Stream::new(key(1, STEPS, run));
-        let white: Vec<[f64; 3]> = (0..self.frames.len()).map(|index| self.white(index, &mut stream)).collect();
+        let white: Vec<[f64; 3]> = (0..self.frames.len()).map(|index| self.white_noise(index, &mut stream)).collect();
         let (mut tracker, mut rows) = (Tracker::new(&self.params), TrackerRows::default());
         for index in 0..self.frames.len() {
-            let seen = self.seen(index, &mut stream);
+            let seen = self.simulated_outline(index, &mut stream);
             for interval in &self.intervals {
-                let step = self.step(index, *interval, &white, &mut stream);
+                let step = self.simulated_step(index, *interval, &white, &mut stream);
                 tracker.push(&BodyStep { interval_frames: *interval, motion: step, ..seen }, &mut rows);
             }
         }
@@ -64,17 +65,17 @@ impl Course {
         rows
     }
 
-    /// Returns the scatter of a pose, which grows when the body is partly occluded.
-    fn sigma(&self, index: usize) -> [f64; 3] {
+    /// Returns the scatter of the pose in a frame (px, px, deg), which grows when the body is partly occluded.
+    fn pose_sigma(&self, index: usize) -> [f64; 3] {
         let truth = &self.frames[index].0;
         let share = truth.visible_fraction.unwrap_or(1.0).max(0.05);
         // The frame that this one is matched with.
         let reference = self.renewed[..=index].iter().rposition(|renewed| *renewed).unwrap_or(0);
-        self.noise.pose_at(self.moved(reference, index)).map(|sigma| sigma / share.sqrt())
+        self.noise.pose_at(self.motion_between(reference, index)).map(|sigma| sigma / share.sqrt())
     }
 
     /// Returns the motion of the centre between two frames, px.
-    fn moved(&self, from: usize, to: usize) -> [f64; 2] {
+    fn motion_between(&self, from: usize, to: usize) -> [f64; 2] {
         let place = |at: usize| {
             let truth = &self.frames[at].0;
             [truth.center_x_px, truth.center_y_px].map(Option::unwrap_or_default)
@@ -83,16 +84,18 @@ impl Course {
         [there[0] - here[0], there[1] - here[1]]
     }
 
-    fn white(&self, index: usize, stream: &mut Stream) -> [f64; 3] {
-        self.sigma(index).map(|sigma| sigma * stream.normal())
+    /// Draws the error of the pose in a frame, px, px and deg.
+    fn white_noise(&self, index: usize, stream: &mut Stream) -> [f64; 3] {
+        self.pose_sigma(index).map(|sigma| sigma * stream.normal())
     }
 
+    /// Whether the body is visible in a frame.
     fn is_seen(&self, index: usize) -> bool {
         self.frames.get(index).is_some_and(|(truth, _)| truth.status == PointStatus::Valid)
     }
 
-    /// Returns the outline in a frame, without a motion.
-    fn seen(&self, index: usize, stream: &mut Stream) -> BodyStep {
+    /// Returns the step of a frame with a simulated outline, without a motion.
+    fn simulated_outline(&self, index: usize, stream: &mut Stream) -> BodyStep {
         let (truth, _) = &self.frames[index];
         let (is_seen, like) = (self.is_seen(index), &self.noise.step);
         let place = [truth.center_x_px, truth.center_y_px].map(Option::unwrap_or_default);
@@ -126,7 +129,16 @@ impl Course {
         }
     }
 
-    fn step(&self, index: usize, interval: u32, white: &[[f64; 3]], stream: &mut Stream) -> Option<RigidStep> {
+    /// Returns the simulated step from a frame over an interval; `None` if the body is not visible at both ends.
+    ///
+    /// It is the true motion plus the difference of the `white` errors of both poses and a random walk.
+    fn simulated_step(
+        &self,
+        index: usize,
+        interval: u32,
+        white: &[[f64; 3]],
+        stream: &mut Stream,
+    ) -> Option<RigidStep> {
         // Drawn in any case, so that every variant of a rig has the same noise.
         let walk: [f64; 3] = std::array::from_fn(|_| stream.normal());
         let to = index + interval as usize;
@@ -143,7 +155,7 @@ impl Course {
                 std::array::from_fn(|k| share[k] * self.noise.walk[k] * self.noise.pose[k])
             }
         };
-        let (first, second, frames) = (self.sigma(index), self.sigma(to), f64::from(interval));
+        let (first, second, frames) = (self.pose_sigma(index), self.pose_sigma(to), f64::from(interval));
         let moved = |k: usize| (truth[k] + white[to][k] - white[index][k] + left[k] * walk[k]) / frames;
         let sigma = |k: usize| self.noise.stated[k] * first[k].hypot(second[k]) / frames;
         Some(RigidStep {

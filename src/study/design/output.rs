@@ -56,6 +56,7 @@ impl Study<'_> {
         Ok(Report { files, printed })
     }
 
+    /// Returns rig, expected uncertainties and advice as one JSON object.
     fn as_json(&self, expected: &Table) -> Value {
         let Self { rig, prediction, advice, .. } = self;
         let camera = &rig.scenario.camera;
@@ -76,10 +77,12 @@ impl Study<'_> {
         })
     }
 
+    /// Returns the motion of the fastest point during the exposure, px.
     fn blur_px(&self) -> f64 {
         1e-6 * self.rig.scenario.camera.exposure_us * self.rig.speed_px_s()
     }
 
+    /// Formats rig, expected uncertainties and advice for the terminal.
     fn as_text(&self) -> String {
         let Self { rig, prediction, .. } = self;
         let (camera, noise) = (&rig.scenario.camera, &prediction.noise);
@@ -102,7 +105,7 @@ impl Study<'_> {
         };
         let pose = format!("pose noise ({method}): {x:.5} px, {y:.5} px, {angle:.5} deg (1 sigma)");
         let header = ["result", "true", "scatter (1 sigma)", "relative", "mean error", ""].map(str::to_owned).to_vec();
-        let rows: Vec<_> = std::iter::once(header).chain(prediction.rows.iter().map(cells)).collect();
+        let rows: Vec<_> = std::iter::once(header).chain(prediction.rows.iter().map(row_cells)).collect();
         let mut text = format!("{rig}\n{pose}\n\n{}", table(&rows));
         let worst = prediction.rows.iter().max_by(|a, b| a.outliers.total_cmp(&b.outliers));
         if let Some(row) = worst.filter(|row| row.outliers > 0.0) {
@@ -115,6 +118,7 @@ impl Study<'_> {
         text
     }
 
+    /// Formats the helpful changes as a table.
     fn advice_text(&self) -> String {
         let helpful: Vec<&Advice> = self.advice.iter().filter(|advice| advice.helps()).collect();
         let Some(first) = helpful.first() else { return "no change reduces the scatter by more than 3 %".to_owned() };
@@ -131,12 +135,13 @@ impl Study<'_> {
     }
 }
 
+/// Formats a fraction as a whole percentage.
 fn percent(share: f64) -> String {
     format!("{:.0} %", 100.0 * share)
 }
 
-/// Formats three significant digits, with times in ms.
-fn cells(expected: &Expected) -> Vec<String> {
+/// Formats the row of one result with three significant digits, with times in ms.
+fn row_cells(expected: &Expected) -> Vec<String> {
     let (factor, unit) = if expected.unit == "s" { (1e3, "ms") } else { (1.0, expected.unit) };
     let digits = |value: f64| {
         let leading = (value.abs().max(1e-12)).log10().floor();

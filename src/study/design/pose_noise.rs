@@ -1,6 +1,6 @@
 //! The scatter of a pose, estimated from rendered frames of the rig.
 
-use super::films::{pixels_of, steps};
+use super::films::{ball_region, measure_steps};
 use super::rig::Rig;
 use super::{reference_renewal, subset_noise};
 use crate::console::UsageError;
@@ -23,7 +23,7 @@ const MIN_VISIBLE: f64 = 0.97;
 
 /// The uncertainty of a pose.
 #[derive(Debug, Clone)]
-pub(super) struct Noise {
+pub(super) struct PoseNoise {
     /// Scatter of a pose: x px, y px, angle deg.
     pub(super) pose: [f64; 3],
     /// Random-walk error added by an update of the reference in whole-body matching, in the same units.
@@ -45,8 +45,9 @@ pub(super) struct Noise {
 /// Maximum of the reduction.
 const MAX_SMOOTHING: f64 = 0.4;
 
-impl Noise {
-    /// Returns the scatter of a pose of a body that has moved by `moved_px` since its reference was taken.
+impl PoseNoise {
+    /// Returns the scatter (px, px, deg) of a pose of a body that has moved by `moved_px` since its reference was
+    /// taken.
     pub(super) fn pose_at(&self, moved_px: [f64; 2]) -> [f64; 3] {
         let left = (1.0 - self.smoothing * between_pixels(moved_px)).sqrt();
         self.pose.map(|sigma| left * sigma)
@@ -58,7 +59,7 @@ impl Noise {
     /// # Errors
     ///
     /// When the body cannot be tracked in the rendered frames.
-    pub(super) fn of(rig: &Rig, world: &SimulatedFilm) -> Result<Self, Failure> {
+    pub(super) fn estimate(rig: &Rig, world: &SimulatedFilm) -> Result<Self, Failure> {
         let origin = &rig.config.origin;
         let longest = u64::from(rig.config.intervals_frames[0]);
         let is_seen = |index: &u64| {
@@ -71,7 +72,7 @@ impl Noise {
         let Some(first) = first else {
             return Err(UsageError(format!("{origin}: the body is never fully visible for {pictures} frames")).into());
         };
-        let steps = measured(rig, world, first..first + pictures)?;
+        let steps = measure_shortest_steps(rig, world, first..first + pictures)?;
         let found: Vec<&BodyStep> = steps.iter().filter(|step| step.motion.is_some()).collect();
         let Some(step) = found.first().map(|step| **step) else {
             let status = steps.first().map_or(PointStatus::Lost, |step| step.status);
@@ -85,16 +86,16 @@ impl Noise {
         let mut smoothing = 0.0;
         let (pose, renewal, walk, stated) = match step.method {
             MotionMethod::WholeBody => {
-                let bound = bound(rig, &light, center_px, pixel_dn)?;
+                let bound = noise_bound(rig, &light, center_px, pixel_dn)?;
                 let last =
                     (first..first + RENEWED_FRAMES).take_while(|index| *index < world.frames() && is_seen(index));
                 let last = last.last().unwrap_or(first);
-                let matched = reference_renewal::matched(rig, world, first..=last)?;
-                smoothing = smoothed(&matched.poses, &bound);
+                let matched = reference_renewal::observe_matches(rig, world, first..=last)?;
+                smoothing = fit_smoothing(&matched.poses, &bound);
                 (bound, matched.renewal, [1.0; 3], [1.0; 3])
             }
             MotionMethod::Subsets | MotionMethod::Outlines => {
-                let (stated, seen) = (stated(&found), subset_noise::stepped(rig, world, first)?);
+                let (stated, seen) = (reported_sigmas(&found), subset_noise::observe_steps(rig, world, first)?);
                 let over = |k: usize| if seen.pose[k] > 0.0 { stated[k] / seen.pose[k] } else { 1.0 };
                 (seen.pose, [0.0; 3], seen.walk, [0, 1, 2].map(over))
             }
@@ -104,26 +105,34 @@ impl Noise {
     }
 }
 
-/// Returns the steps of a few frames over the shortest interval, measured as the rig does.
-fn measured(rig: &Rig, world: &SimulatedFilm, frames: Range<u64>) -> Result<Vec<BodyStep>, Failure> {
+/// Measures a few frames as the rig does and returns the steps over the shortest interval.
+fn measure_shortest_steps(rig: &Rig, world: &SimulatedFilm, frames: Range<u64>) -> Result<Vec<BodyStep>, Failure> {
     let (params, _) = analysis_params(&rig.config, &rig.format());
-    let mut rows = steps(&params, world, frames)?;
+    let mut rows = measure_steps(&params, world, frames)?;
     rows.retain(|step| step.interval_frames == rig.config.intervals_frames[0]);
     Ok(rows)
 }
 
-/// Returns the lower bound of the scatter for this texture; half of a match's variance belongs to the other frame.
-fn bound(rig: &Rig, light: &Image, center_px: [f64; 2], pixel_dn: f64) -> Result<[f64; 3], Failure> {
+/// Returns the lower bound of the scatter of a whole-body pose for this texture, px, px and deg.
+///
+/// `light` is a frame without noise. Half of a match's variance belongs to the other frame.
+///
+/// # Errors
+///
+/// When the body cannot be matched.
+fn noise_bound(rig: &Rig, light: &Image, center_px: [f64; 2], pixel_dn: f64) -> Result<[f64; 3], Failure> {
     let [x_px, y_px] = center_px;
     let correlator = Correlator::new(&rig.config.correlation(), light.view().width(), light.view().height())?;
-    let body = RigidBody::new(&correlator.prepare(light.view()), &pixels_of(rig, center_px)).map_err(|status| {
+    let body = RigidBody::new(&correlator.prepare(light.view()), &ball_region(rig, center_px)).map_err(|status| {
         UsageError(format!("{}: cannot match the whole body: {}", rig.config.origin, status.as_str()))
     })?;
     Ok(body.expected_sigma(Point { x_px, y_px }, pixel_dn).map(|sigma| sigma * std::f64::consts::FRAC_1_SQRT_2))
 }
 
-/// Fits the reduction of the variance of a pose by interpolation half-way between pixels, by least squares.
-fn smoothed(poses: &[([f64; 3], [f64; 2])], bound: &[f64; 3]) -> f64 {
+/// Fits the reduction of the variance of a pose by interpolation half-way between pixels, by least squares: 0 to 0.4.
+///
+/// `poses` holds variances and motions since the reference, and `bound` the scatter without interpolation.
+fn fit_smoothing(poses: &[([f64; 3], [f64; 2])], bound: &[f64; 3]) -> f64 {
     let (mut squares, mut products) = (0.0, 0.0);
     for (variances, moved) in poses {
         let missing = 1.0 - variances.iter().zip(bound).map(|(seen, bound)| seen / bound.powi(2)).sum::<f64>() / 3.0;
@@ -133,13 +142,17 @@ fn smoothed(poses: &[([f64; 3], [f64; 2])], bound: &[f64; 3]) -> f64 {
     if squares > 0.0 { (products / squares).clamp(0.0, MAX_SMOOTHING) } else { 0.0 }
 }
 
-/// Returns how far a displacement is from whole pixels: 0 where both components are whole, 2 where both are half-way.
+/// Returns a measure of the distance of a displacement from whole pixels: sin^2(pi u) + sin^2(pi v).
+///
+/// It is 0 where both components are whole and 2 where both are half-way.
 fn between_pixels(moved: [f64; 2]) -> f64 {
     moved.iter().map(|part| (std::f64::consts::PI * part).sin().powi(2)).sum()
 }
 
-/// Returns the reported sigma of subset fits, root mean square per pose; a step has the noise of two poses.
-fn stated(steps: &[&BodyStep]) -> [f64; 3] {
+/// Returns the root mean square of the sigmas that subset fits report, per pose: px, px and deg.
+///
+/// A step has the noise of two poses.
+fn reported_sigmas(steps: &[&BodyStep]) -> [f64; 3] {
     let mut sums = [0.0; 3];
     for (step, frames) in steps.iter().filter_map(|step| Some((step.motion?, f64::from(step.interval_frames)))) {
         for (sum, sigma) in sums.iter_mut().zip([step.sigma_dx_px, step.sigma_dy_px, step.sigma_dtheta_deg]) {
@@ -149,7 +162,7 @@ fn stated(steps: &[&BodyStep]) -> [f64; 3] {
     sums.map(|sum| (sum / steps.len().max(1) as f64).sqrt())
 }
 
-/// Returns the noise of the body's pixels, weighted by their squared gradients.
+/// Returns the noise of the body's pixels, DN, weighted by their squared gradients.
 fn pixel_noise_dn(rig: &Rig, light: &Image, center_px: [f64; 2]) -> f64 {
     let [x_px, y_px] = center_px;
     let (view, radius_px) = (light.view(), rig.scenario.radius_px());

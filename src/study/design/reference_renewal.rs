@@ -4,7 +4,7 @@
 //! them is interpolated once as a target and used as is as a reference. The effect depends on how finely the pattern
 //! is sampled, so it is observed on rendered frames of this rig with independent noise.
 
-use super::films::pixels_of;
+use super::films::ball_region;
 use super::rig::Rig;
 use crate::camera::simulated;
 use crate::dic::{Correlator, PlanarMotion, Point, PreparedFrame, RigidBody};
@@ -41,7 +41,7 @@ struct Take {
 }
 
 /// Variance shared by all frames of a rendering, and of each frame alone.
-struct Parts {
+struct VarianceParts {
     shared: f64,
     own: Vec<f64>,
 }
@@ -55,7 +55,11 @@ struct Parts {
 /// # Errors
 ///
 /// When a film cannot be rendered or the settings cannot be used.
-pub(super) fn matched(rig: &Rig, world: &SimulatedFilm, interval: RangeInclusive<u64>) -> Result<Matched, Failure> {
+pub(super) fn observe_matches(
+    rig: &Rig,
+    world: &SimulatedFilm,
+    interval: RangeInclusive<u64>,
+) -> Result<Matched, Failure> {
     let (first, last) = interval.into_inner();
     let (width, height) = (world.width_px() as usize, world.height_px() as usize);
     let correlator = Correlator::new(&rig.config.correlation(), width, height)?;
@@ -67,28 +71,29 @@ pub(super) fn matched(rig: &Rig, world: &SimulatedFilm, interval: RangeInclusive
     let (mut closures, mut straight) = (vec![Vec::new(); renewed.len()], Vec::new());
     for take in 1..=TAKES {
         let film = world.retake(rig.scenario.motion.clone(), take)?;
-        let pictures = frames.iter().map(|index| picture(&film, &correlator, *index)).collect::<Result<Vec<_>, _>>()?;
-        if let Some(take) = follow(rig, &film, &frames, &pictures, renewed.len()) {
+        let pictures =
+            frames.iter().map(|index| render_prepared(&film, &correlator, *index)).collect::<Result<Vec<_>, _>>()?;
+        if let Some(take) = match_frames(rig, &film, &frames, &pictures, renewed.len()) {
             closures.iter_mut().zip(take.closures).for_each(|(all, own)| all.push(own));
             straight.push(take.straight);
         }
     }
-    let own = [0, 1, 2].map(|k| parts(&straight, k).own);
+    let own = [0, 1, 2].map(|k| separate_variances(&straight, k).own);
     let place = |frame: u64| {
         let truth = world.truth(frame);
         [truth.center_x_px, truth.center_y_px].map(Option::unwrap_or_default)
     };
     let moved = |frame: u64| [0, 1].map(|k| place(frame)[k] - place(first)[k]);
     let poses = (0..own[0].len()).map(|at| (own.each_ref().map(|own| own[at]), moved(frames[at + 1]))).collect();
-    let left = |k: usize| closures.iter().map(|takes| parts(takes, k).shared).sum::<f64>();
+    let left = |k: usize| closures.iter().map(|takes| separate_variances(takes, k).shared).sum::<f64>();
     Ok(Matched { renewal: [0, 1, 2].map(|k| (left(k) / closures.len().max(1) as f64).sqrt()), poses })
 }
 
-/// Separates the variance over renderings into a shared part and a part of each frame.
-fn parts(takes: &[Vec<[f64; 3]>], k: usize) -> Parts {
+/// Separates the variance of coordinate `k` over renderings into a part shared by all frames and a part of each frame.
+fn separate_variances(takes: &[Vec<[f64; 3]>], k: usize) -> VarianceParts {
     let (count, frames) = (takes.len(), takes.first().map_or(0, Vec::len));
     if count < 2 || frames == 0 {
-        return Parts { shared: 0.0, own: Vec::new() };
+        return VarianceParts { shared: 0.0, own: Vec::new() };
     }
     let mean = |frame: usize| takes.iter().map(|take| take[frame][k]).sum::<f64>() / count as f64;
     let means: Vec<f64> = (0..frames).map(mean).collect();
@@ -101,29 +106,36 @@ fn parts(takes: &[Vec<[f64; 3]>], k: usize) -> Parts {
     }
     let free = (count - 1) as f64;
     if frames == 1 {
-        return Parts { shared: between / free, own: Vec::new() };
+        return VarianceParts { shared: between / free, own: Vec::new() };
     }
     let own: Vec<f64> = within.iter().map(|sum| sum * frames as f64 / (free * (frames - 1) as f64)).collect();
     let mean = own.iter().sum::<f64>() / frames as f64;
-    Parts { shared: (between / free - mean / frames as f64).max(0.0), own }
+    VarianceParts { shared: (between / free - mean / frames as f64).max(0.0), own }
 }
 
-fn picture(film: &SimulatedFilm, correlator: &Correlator, index: u64) -> Result<PreparedFrame, Failure> {
+/// Renders a frame of a film and prepares it for correlation.
+fn render_prepared(film: &SimulatedFilm, correlator: &Correlator, index: u64) -> Result<PreparedFrame, Failure> {
     let (mut bytes, mut image) = (vec![0; film.frame_bytes()], Image::default());
     film.render(index, &mut bytes);
     Frame { meta: simulated::meta(film, index), bytes: &bytes }.unpack(&mut image)?;
     Ok(correlator.prepare(image.view()))
 }
 
-/// Matches every frame with the first, and the last frames with each updated reference; returns `None` if a match
-/// fails.
-fn follow(rig: &Rig, film: &SimulatedFilm, frames: &[u64], pictures: &[PreparedFrame], renewed: usize) -> Option<Take> {
+/// Matches every frame with the first, and the last frames with each of the `renewed` updated references, which follow
+/// the first frame; `None` if a match fails.
+fn match_frames(
+    rig: &Rig,
+    film: &SimulatedFilm,
+    frames: &[u64],
+    pictures: &[PreparedFrame],
+    renewed: usize,
+) -> Option<Take> {
     let pose = |index: &u64| {
         let truth = film.truth(*index);
         Some([truth.center_x_px?, truth.center_y_px?, film.angle_deg(*index)])
     };
     let poses = frames.iter().map(pose).collect::<Option<Vec<_>>>()?;
-    let body = |at: usize| RigidBody::new(&pictures[at], &pixels_of(rig, [poses[at][0], poses[at][1]])).ok();
+    let body = |at: usize| RigidBody::new(&pictures[at], &ball_region(rig, [poses[at][0], poses[at][1]])).ok();
     let step = |body: &mut RigidBody, from: usize, to: usize| {
         let [x, y, _] = poses[from];
         let [u_px, v_px, angle_deg] = std::array::from_fn(|k| poses[to][k] - poses[from][k]);
@@ -158,7 +170,7 @@ mod tests {
         };
         for (shared, own) in [(0.3, 0.5), (0.5, 0.0), (0.0, 0.5)] {
             let takes: Vec<_> = (0..4000).map(|_| take(&mut stream, shared, own)).collect();
-            let [first, second] = [0, 1].map(|k| parts(&takes, k));
+            let [first, second] = [0, 1].map(|k| separate_variances(&takes, k));
             assert!((first.shared - shared * shared).abs() < 0.01, "{shared}, {own}: {}", first.shared);
             assert!(first.own.iter().all(|seen| (seen - own * own).abs() < 0.03), "{shared}, {own}: {:?}", first.own);
             assert_eq!((second.shared.to_bits(), second.own), (0, vec![0.0; 4]));

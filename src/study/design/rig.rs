@@ -52,7 +52,7 @@ impl Rig {
             Some(Source::Genicam | Source::V4l2) | None => {
                 let name = scenario.unwrap_or("lacrosse");
                 let film = simulated::load_scenario(name).map_err(|error| UsageError(error.to_string()))?;
-                seen_by(&config, film).map_err(|why| refuse(&why))?
+                adapt_to_camera(&config, film).map_err(|why| refuse(&why))?
             }
         };
         if let Some(noise_dn) = noise_dn {
@@ -91,7 +91,7 @@ impl Rig {
         }
     }
 
-    /// Returns the speed of the body's fastest point, px/s.
+    /// Returns the speed of the body's fastest point in the image, px/s.
     pub(super) fn speed_px_s(&self) -> f64 {
         let Scenario { camera, scale, motion, .. } = &self.scenario;
         match motion {
@@ -157,8 +157,12 @@ impl Rig {
     }
 }
 
-/// Converts a scenario to the view of this rig's camera.
-fn seen_by(config: &Config, mut scenario: Scenario) -> Result<Scenario, String> {
+/// Converts a scenario to the view of this rig's camera: its size, rate, exposure, bit depth and scale.
+///
+/// # Errors
+///
+/// The reason, when the scale of the rig is unknown.
+fn adapt_to_camera(config: &Config, mut scenario: Scenario) -> Result<Scenario, String> {
     let Some(Scale::MmPerPx(mm_per_px)) = config.scale else {
         return Err("scale.mm_per_px is needed to predict the size of the body in the image".into());
     };

@@ -1,7 +1,7 @@
 //! Scatter and mean error of every result over many films.
 
-use super::monte_carlo::Course;
-use super::pose_noise::Noise;
+use super::monte_carlo::FilmSimulation;
+use super::pose_noise::PoseNoise;
 use super::rig::Rig;
 use crate::config::BodyKind;
 use crate::failure::Failure;
@@ -69,8 +69,10 @@ struct Scatter {
 }
 
 impl Errors {
-    /// Computes mean and variance without outliers. A single film that selects another contact law would dominate the
-    /// plain variance, although it also reports a large sigma.
+    /// Computes mean and variance without outliers; `None` for fewer than two errors.
+    ///
+    /// A single film that selects another contact law would dominate the plain variance, although it also reports a
+    /// large sigma.
     fn scatter(&self) -> Option<Scatter> {
         let mut sorted = self.0.clone();
         sorted.sort_by(f64::total_cmp);
@@ -99,7 +101,7 @@ pub fn spread(
     let mut rows = Vec::new();
     for (phase, prefix) in PHASES {
         for column in VELOCITIES.iter().filter(|column| !(is_rod && column.name == "omega_rad_s")) {
-            let expected = of_velocity(column, phase, truth, films);
+            let expected = velocity_scatter(column, phase, truth, films);
             rows.extend(expected.map(|expected| Expected { name: format!("{prefix}.{}", column.name), ..expected }));
         }
     }
@@ -107,13 +109,15 @@ pub fn spread(
     for (name, exact) in impact.numbers() {
         let is_spin = name.starts_with("omega") || name == "restitution_tangential" || name == "slip_end_s";
         if let Some(exact) = exact.filter(|_| !(is_rod && is_spin)) {
-            rows.extend(of_impact(name, exact.value, films));
+            rows.extend(impact_scatter(name, exact.value, films));
         }
     }
     rows
 }
 
-fn of_velocity(
+/// Returns scatter and mean error of a velocity over the frames of a phase; `None` if no frame has enough films with
+/// it.
+fn velocity_scatter(
     column: &VelocityColumn,
     phase: Phase,
     truth: &[VelocitySample],
@@ -134,7 +138,7 @@ fn of_velocity(
     }
     (frames > 0.0).then(|| Expected {
         name: column.name.into(),
-        unit: unit(column.name),
+        unit: unit_of(column.name),
         sigma: f64::sqrt(variance / frames),
         offset: f64::sqrt(offset / frames),
         truth: size / frames,
@@ -143,7 +147,8 @@ fn of_velocity(
     })
 }
 
-fn of_impact(name: &'static str, exact: f64, films: &[TrackerRows]) -> Option<Expected> {
+/// Returns scatter and mean error of a number of the first impact; `None` if too few films have it.
+fn impact_scatter(name: &'static str, exact: f64, films: &[TrackerRows]) -> Option<Expected> {
     let measured = films.iter().filter_map(|film| {
         let last = film.impacts.iter().filter(|impact| impact.number == 0).max_by_key(|impact| impact.revision)?;
         last.get(name)
@@ -153,7 +158,7 @@ fn of_impact(name: &'static str, exact: f64, films: &[TrackerRows]) -> Option<Ex
     let Scatter { mean, variance, outliers } = errors.scatter().filter(|_| fraction >= MIN_FRACTION)?;
     Some(Expected {
         name: name.into(),
-        unit: unit(name),
+        unit: unit_of(name),
         sigma: variance.sqrt(),
         offset: mean,
         truth: exact,
@@ -163,7 +168,7 @@ fn of_impact(name: &'static str, exact: f64, films: &[TrackerRows]) -> Option<Ex
 }
 
 /// Returns the unit from the end of a column's name.
-fn unit(name: &str) -> &'static str {
+fn unit_of(name: &str) -> &'static str {
     let units = [("_rad_s", "rad/s"), ("_m_s2", "m/s^2"), ("_m_s", "m/s"), ("_mm", "mm"), ("_s", "s")];
     units.iter().find(|(end, _)| name.ends_with(end)).map_or("", |(_, unit)| unit)
 }
@@ -171,7 +176,7 @@ fn unit(name: &str) -> &'static str {
 /// The noise of a rig's poses and the predicted uncertainty of its results.
 #[derive(Debug, Clone)]
 pub(super) struct Prediction {
-    pub(super) noise: Noise,
+    pub(super) noise: PoseNoise,
     pub(super) rows: Vec<Expected>,
 }
 
@@ -181,13 +186,13 @@ impl Prediction {
     /// # Errors
     ///
     /// When the rig cannot film or track the body.
-    pub(super) fn of(rig: &Rig, films: u64, stop: &Stop) -> Result<Option<Self>, Failure> {
+    pub(super) fn compute(rig: &Rig, films: u64, stop: &Stop) -> Result<Option<Self>, Failure> {
         rig.check()?;
         let world = rig.world()?;
-        let noise = Noise::of(rig, &world)?;
-        let course = Course::new(rig, &world, noise.clone());
-        let Some(films) = all(&course, films, stop)? else { return Ok(None) };
-        let rows = spread(&truth(&world), world.impact().as_ref(), &films, rig.config.bodies[0].kind);
+        let noise = PoseNoise::estimate(rig, &world)?;
+        let simulation = FilmSimulation::new(rig, &world, noise.clone());
+        let Some(films) = simulate_films(&simulation, films, stop)? else { return Ok(None) };
+        let rows = spread(&true_velocities(&world), world.impact().as_ref(), &films, rig.config.bodies[0].kind);
         Ok(Some(Self { noise, rows }))
     }
 
@@ -197,19 +202,20 @@ impl Prediction {
     }
 }
 
-fn truth(world: &SimulatedFilm) -> Vec<VelocitySample> {
+/// Returns the true velocity in each frame of a film.
+fn true_velocities(world: &SimulatedFilm) -> Vec<VelocitySample> {
     (0..world.frames()).map(|index| world.truth(index)).collect()
 }
 
-/// Simulates all films on all cores, in order.
-fn all(course: &Course, films: u64, stop: &Stop) -> Result<Option<Vec<TrackerRows>>, Failure> {
+/// Simulates all films on all cores and returns their rows in order; `None` after a stop.
+fn simulate_films(simulation: &FilmSimulation, films: u64, stop: &Stop) -> Result<Option<Vec<TrackerRows>>, Failure> {
     let threads = std::thread::available_parallelism().map_or(1, NonZeroUsize::get).min(films.max(1) as usize);
     let share = |thread: usize| (thread as u64..films).step_by(threads);
     let measured = std::thread::scope(|scope| {
         let work = |thread| {
             scope.spawn(move || {
                 let films = share(thread).take_while(|_| !stop.requested());
-                films.map(|film| (film, course.rows(film))).collect::<Vec<_>>()
+                films.map(|film| (film, simulation.simulate(film))).collect::<Vec<_>>()
             })
         };
         let workers: Vec<_> = (0..threads).map(work).collect();

@@ -4,7 +4,7 @@
 //! is the permanent error of the steps, and the remaining scatter of a step is the noise of its two poses. Both
 //! depend on how finely the pattern is sampled, so they are observed on films of this rig.
 
-use super::films::steps;
+use super::films::measure_steps;
 use super::rig::Rig;
 use crate::failure::Failure;
 use crate::motion::subset_walk;
@@ -33,7 +33,7 @@ pub(super) struct Stepped {
 /// # Errors
 ///
 /// When a film cannot be rendered or the settings cannot be used.
-pub(super) fn stepped(rig: &Rig, world: &SimulatedFilm, first: u64) -> Result<Stepped, Failure> {
+pub(super) fn observe_steps(rig: &Rig, world: &SimulatedFilm, first: u64) -> Result<Stepped, Failure> {
     let intervals = &rig.config.intervals_frames;
     let short = intervals[0];
     let long = intervals.get(1).copied().unwrap_or(short * LONG);
@@ -43,7 +43,7 @@ pub(super) fn stepped(rig: &Rig, world: &SimulatedFilm, first: u64) -> Result<St
     let frames = first..first + count * u64::from(long) + 1;
     let mut takes = Vec::new();
     for take in 1..=TAKES {
-        takes.push(steps(&params, &world.retake(rig.scenario.motion.clone(), take)?, frames.clone())?);
+        takes.push(measure_steps(&params, &world.retake(rig.scenario.motion.clone(), take)?, frames.clone())?);
     }
     let shares = |from: u64, interval: u32| {
         let pose = |frame: u64| {
@@ -53,17 +53,17 @@ pub(super) fn stepped(rig: &Rig, world: &SimulatedFilm, first: u64) -> Result<St
         let (here, there) = (pose(from), pose(from + u64::from(interval)));
         subset_walk([0, 1, 2].map(|k| there[k] - here[k]))
     };
-    let mut parts = [Parts::default(); 3];
+    let mut parts = [VarianceSums::default(); 3];
     for start in (0..count).map(|at| first + at * u64::from(long)) {
         let shorts: Vec<u64> = (start..start + u64::from(long)).step_by(short as usize).collect();
         let closures: Vec<_> = takes.iter().filter_map(|rows| closure(rows, start, short, long)).collect();
         let whole = shares(start, long);
         for (k, parts) in parts.iter_mut().enumerate() {
             let each: f64 = shorts.iter().map(|from| shares(*from, short)[k].powi(2)).sum();
-            parts.close(&closures, k, each + whole[k].powi(2));
+            parts.add_closures(&closures, k, each + whole[k].powi(2));
             for from in &shorts {
-                let moved: Vec<_> = takes.iter().filter_map(|rows| moved(rows, *from, short)).collect();
-                parts.step(&moved, k, shares(*from, short)[k].powi(2));
+                let moved: Vec<_> = takes.iter().filter_map(|rows| step_motion(rows, *from, short)).collect();
+                parts.add_steps(&moved, k, shares(*from, short)[k].powi(2));
             }
         }
     }
@@ -73,7 +73,7 @@ pub(super) fn stepped(rig: &Rig, world: &SimulatedFilm, first: u64) -> Result<St
 
 /// Sums of variances and of the squared expected errors.
 #[derive(Debug, Clone, Copy, Default)]
-struct Parts {
+struct VarianceSums {
     closed: f64,
     closed_shares: f64,
     stepped: f64,
@@ -81,14 +81,17 @@ struct Parts {
     steps: f64,
 }
 
-impl Parts {
-    fn close(&mut self, off: &[[f64; 3]], k: usize, shares: f64) {
+impl VarianceSums {
+    /// Adds the variance of coordinate `k` over the `closures` of all renderings; `shares` is its squared expected
+    /// error.
+    fn add_closures(&mut self, off: &[[f64; 3]], k: usize, shares: f64) {
         if let Some(variance) = variance(off.iter().map(|off| off[k])) {
             (self.closed, self.closed_shares) = (self.closed + variance, self.closed_shares + shares);
         }
     }
 
-    fn step(&mut self, moved: &[[f64; 3]], k: usize, shares: f64) {
+    /// Adds the variance of coordinate `k` over one step of all renderings; `shares` is its squared expected error.
+    fn add_steps(&mut self, moved: &[[f64; 3]], k: usize, shares: f64) {
         if let Some(variance) = variance(moved.iter().map(|moved| moved[k])) {
             (self.stepped, self.stepped_shares) = (self.stepped + variance, self.stepped_shares + shares);
             self.steps += 1.0;
@@ -105,22 +108,22 @@ impl Parts {
 
 /// Returns the sum of the short steps minus the long one; `None` if one is missing.
 fn closure(rows: &[BodyStep], start: u64, short: u32, long: u32) -> Option<[f64; 3]> {
-    let mut sum = moved(rows, start, long)?.map(|whole| -whole);
+    let mut sum = step_motion(rows, start, long)?.map(|whole| -whole);
     for from in (start..start + u64::from(long)).step_by(short as usize) {
-        let step = moved(rows, from, short)?;
+        let step = step_motion(rows, from, short)?;
         sum = [0, 1, 2].map(|k| sum[k] + step[k]);
     }
     Some(sum)
 }
 
-/// Returns the motion of a step over this interval.
-fn moved(rows: &[BodyStep], from: u64, interval: u32) -> Option<[f64; 3]> {
+/// Returns the motion (px, px, deg) of the step from a frame over this interval; `None` if it is missing.
+fn step_motion(rows: &[BodyStep], from: u64, interval: u32) -> Option<[f64; 3]> {
     let row = rows.iter().find(|row| row.frame == from && row.interval_frames == interval)?;
     let step = row.motion?;
     Some([step.dx_px, step.dy_px, step.dtheta_deg].map(|mean| mean * f64::from(interval)))
 }
 
-/// Returns the variance about the mean, which all renderings share.
+/// Returns the sample variance of values; `None` for fewer than three.
 fn variance(values: impl Iterator<Item = f64> + Clone) -> Option<f64> {
     let (count, sum) = values.clone().fold((0.0, 0.0), |(count, sum), value| (count + 1.0, sum + value));
     let mean = sum / count;
@@ -148,9 +151,9 @@ mod tests {
                 }
                 closures.push([sum; 3]);
             }
-            let mut parts = Parts::default();
-            parts.close(&closures, 0, (STEPS + 1) as f64 * share.powi(2));
-            steps.iter().for_each(|steps| parts.step(steps, 0, share.powi(2)));
+            let mut parts = VarianceSums::default();
+            parts.add_closures(&closures, 0, (STEPS + 1) as f64 * share.powi(2));
+            steps.iter().for_each(|steps| parts.add_steps(steps, 0, share.powi(2)));
             let [white, walk] = parts.estimate();
             assert!((white / pose - 1.0).abs() < 0.03, "{pose}: {white}");
             assert!((walk - left / pose).abs() < 0.04, "{pose}, {left}: {walk}");

@@ -75,7 +75,7 @@ impl Figure<'_> {
         figure.draw((across * self.speeds.len() as f64).max(760.0), top + 3.0 * down, &content)
     }
 
-    /// Returns the axis, which both sets of speeds share, and so do x and y.
+    /// Returns the vertical axis of a row of panels. Both sets of speeds share it, and so do x and y.
     fn axis(&self, row: usize) -> LogAxis {
         let rows = if row == 2 { 2..3 } else { 0..2 };
         let paper = best_of_the_paper(self.study);
@@ -85,6 +85,7 @@ impl Figure<'_> {
         LogAxis::around(ends.chain(known), PLOT, 0.0)
     }
 
+    /// Draws the panel of one error (x, y or rotation) and one set of speeds.
     fn panel(&self, row: usize, speeds: Speeds, plot: PlotArea) -> Markup {
         let PlotArea { left, top, width } = plot;
         let axis = self.axis(row);
@@ -108,7 +109,7 @@ impl Figure<'_> {
         }
     }
 
-    /// Draws the bars of the method at `place` in its list.
+    /// Returns the bars of the method at `place` in the list, for one error (x, y or rotation) and one set of speeds.
     fn bars(&self, place: usize, row: usize, speeds: Speeds, plot: PlotArea) -> Bars {
         let (method, axis) = (self.methods[place], self.axis(row));
         let mut drawn = Bars::default();

@@ -44,7 +44,7 @@ pub(super) fn radius_px(pattern: usize) -> f64 {
 /// # Errors
 ///
 /// [`ScenarioError`] when the noise is out of range.
-pub(super) fn ball(pattern: usize, filming: &Filming) -> Result<SimulatedFilm, ScenarioError> {
+pub(super) fn static_ball(pattern: usize, filming: &Filming) -> Result<SimulatedFilm, ScenarioError> {
     let mut scenario = Scenario::translation(0.0, 0.0, 0.0);
     scenario.seed = filming.seed.wrapping_add(pattern as u64);
     let camera = &mut scenario.camera;
@@ -59,12 +59,12 @@ pub(super) fn ball(pattern: usize, filming: &Filming) -> Result<SimulatedFilm, S
     SimulatedFilm::new(&scenario)
 }
 
-/// Returns the film of a moving ball, with a subpixel start position of its own.
+/// Returns the film of a ball that moves as planned, with a subpixel start position of its own.
 ///
 /// # Errors
 ///
 /// [`ScenarioError`] when the velocity is out of range.
-pub(super) fn film(ball: &SimulatedFilm, film: &Film, filming: &Filming) -> Result<RenderedFilm, ScenarioError> {
+pub(super) fn moving_ball(ball: &SimulatedFilm, film: &Film, filming: &Filming) -> Result<RenderedFilm, ScenarioError> {
     let take = 1 + film.number as u64 + if film.speeds == Speeds::Paper { 0 } else { TAKES };
     let [vx_px_frame, vy_px_frame] = film.velocity.px_frame;
     let half = 0.5 * (filming.frames - 1) as f64;
@@ -92,7 +92,7 @@ pub(super) struct RenderedFilm {
 }
 
 impl RenderedFilm {
-    /// Renders a frame into reused memory.
+    /// Renders the frame with this index into reused memory.
     ///
     /// # Errors
     ///
@@ -122,7 +122,7 @@ mod tests {
     #[test]
     fn every_pattern_of_the_paper_can_be_rendered() {
         for (name, pattern) in patterns() {
-            let world = ball(pattern, &FILMING).unwrap_or_else(|error| panic!("{name}: {error}"));
+            let world = static_ball(pattern, &FILMING).unwrap_or_else(|error| panic!("{name}: {error}"));
             assert_eq!(world.scenario().body.pattern, PatternSetup::paper(name).unwrap());
             let wanted = if name.starts_with(['e', 'f']) { 61.5 } else { 57.0 };
             assert!((world.scenario().radius_px() - wanted).abs() < 1e-9, "{name}");
@@ -131,13 +131,13 @@ mod tests {
 
     #[test]
     fn films_move_as_planned_start_at_different_subpixel_positions_and_have_their_own_noise() {
-        let world = ball(13, &FILMING).unwrap();
+        let world = static_ball(13, &FILMING).unwrap();
         let films = SpeckleStudy::Translation.plan(&[13], &Speeds::ALL);
         let mut fractions = Vec::new();
         let (mut bytes, mut image) = (Vec::new(), Image::default());
         let mut pictures = Vec::new();
         for plan in &films {
-            let rendered = film(&world, plan, &FILMING).unwrap();
+            let rendered = moving_ball(&world, plan, &FILMING).unwrap();
             let [from, to] = [0, 2].map(|index| rendered.center_px(index).map(Option::unwrap));
             for axis in 0..2 {
                 assert!((to[axis] - from[axis] - 2.0 * plan.velocity.px_frame[axis]).abs() < 1e-9, "{plan:?}");

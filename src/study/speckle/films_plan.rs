@@ -130,7 +130,7 @@ impl SpeckleStudy {
     }
 
     /// Returns the lines that explain the figure.
-    pub(super) fn reading(self) -> impl Iterator<Item = &'static str> {
+    pub(super) fn explanation(self) -> impl Iterator<Item = &'static str> {
         const BARS: &str =
             "Logarithmic axes; thin lines: mean +- standard deviation of the films; ! where answers are missing.";
         const BEST: &str = "Dashed line: the paper's best ball, where its text reports a number.";
@@ -171,8 +171,8 @@ impl SpeckleStudy {
         }
     }
 
-    /// Returns the case of the paper's figure.
-    pub(super) fn figure(self) -> Case {
+    /// Returns the case of motion that the figure shows.
+    pub(super) fn figure_case(self) -> Case {
         match self {
             Self::Translation | Self::Peak => Case::OneAxis,
             Self::Translation2 => Case::TwoAxes,
@@ -182,7 +182,7 @@ impl SpeckleStudy {
     }
 
     /// Whether the study includes films of this case.
-    pub(super) fn has(self, case: Case) -> bool {
+    pub(super) fn includes(self, case: Case) -> bool {
         match self {
             Self::Translation => matches!(case, Case::Rest | Case::OneAxis),
             Self::Translation2 => case == Case::TwoAxes,
@@ -201,11 +201,13 @@ impl SpeckleStudy {
             Film { pattern, speeds, number, case, velocity, level }
         };
         let velocities: Vec<Velocity> = match self {
-            Self::Peak => (0..PEAK_FILMS * PEAK_TAKES).map(|number| speeds.peak(number / PEAK_TAKES)).collect(),
+            Self::Peak => {
+                (0..PEAK_FILMS * PEAK_TAKES).map(|number| speeds.peak_velocity(number / PEAK_TAKES)).collect()
+            }
             Self::Noise | Self::Blur | Self::Rate => self.level_motions(),
             _ => (0..FILMS).map(|number| speeds.velocity(number)).collect(),
         };
-        velocities.into_iter().enumerate().map(film).filter(|film| self.has(film.case)).collect()
+        velocities.into_iter().enumerate().map(film).filter(|film| self.includes(film.case)).collect()
     }
 
     /// Returns the motions at every level of a study over a setting.
@@ -254,7 +256,7 @@ impl Speeds {
     pub(super) fn describe(self, study: SpeckleStudy) -> String {
         let listed = |values: &[f64]| values.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
         if study == SpeckleStudy::Peak {
-            let steps: Vec<f64> = (0..PEAK_FILMS).map(|step| self.peak(step).px_frame[0]).collect();
+            let steps: Vec<f64> = (0..PEAK_FILMS).map(|step| self.peak_velocity(step).px_frame[0]).collect();
             return format!("{}, {}, ... {} px/frame", steps[0], steps[1], steps[PEAK_FILMS - 1]);
         }
         let (speeds, spins) = (listed(&self.px_frame()[1..]), listed(&self.deg_frame()[1..]));
@@ -271,7 +273,8 @@ impl Speeds {
         }
     }
 
-    /// Returns the velocity of a film of the first four studies; the spin varies fastest, then y, then x.
+    /// Returns the velocity of the film with this number in the first four studies. The spin varies fastest, then y,
+    /// then x.
     fn velocity(self, number: usize) -> Velocity {
         let (speeds, spins) = (self.px_frame(), self.deg_frame());
         let [x, y] = [number / SPINS_DEG / SPEEDS_PX, number / SPINS_DEG % SPEEDS_PX];
@@ -279,7 +282,7 @@ impl Speeds {
     }
 
     /// Returns the velocity of a step of the peak study: tenths of a pixel, or a little less.
-    fn peak(self, step: usize) -> Velocity {
+    fn peak_velocity(self, step: usize) -> Velocity {
         let offset_px = if self == Self::Paper { 0.0 } else { -0.017 };
         // Rounded, because 0.1 * 3 is not 0.3.
         let speed_px = ((100.0 * (step + 1) as f64 + 1000.0 * offset_px).round()) / 1000.0;
@@ -299,6 +302,7 @@ impl Case {
         }
     }
 
+    /// Returns the case of a motion with this velocity.
     fn of(velocity: &Velocity) -> Self {
         let axes = velocity.px_frame.iter().filter(|speed| **speed > 0.0).count();
         match (axes, velocity.deg_frame.abs() > 0.0) {
@@ -317,7 +321,7 @@ impl Case {
 /// # Errors
 ///
 /// [`UsageError`] naming the option, the unknown or repeated value and the allowed ones.
-pub(super) fn chosen<T: Copy + PartialEq>(
+pub(super) fn resolve_words<T: Copy + PartialEq>(
     option: &str,
     given: &[String],
     allowed: &[(&'static str, T)],
@@ -363,7 +367,7 @@ mod tests {
             assert_eq!(counts.iter().sum::<usize>(), FILMS);
         }
         let shown = |study: SpeckleStudy| {
-            study.films(3, Speeds::Paper).into_iter().filter(|film| film.case == study.figure()).count()
+            study.films(3, Speeds::Paper).into_iter().filter(|film| film.case == study.figure_case()).count()
         };
         // The paper's numbers: 25 velocities along both axes, spins of 1 to 3 deg, 75 of both together.
         assert_eq!(shown(SpeckleStudy::Translation), 10);
@@ -375,7 +379,7 @@ mod tests {
     #[test]
     fn off_grid_speeds_lie_off_the_grid_of_5_points_and_of_every_other_number_up_to_10() {
         let on = |speeds: Speeds| speeds.px_frame().into_iter().skip(1);
-        let peak = (0..PEAK_FILMS).map(|step| Speeds::OffGrid.peak(step).px_frame[0]);
+        let peak = (0..PEAK_FILMS).map(|step| Speeds::OffGrid.peak_velocity(step).px_frame[0]);
         let apart = |speed: f64, per_px: f64| (speed * per_px - (speed * per_px).round()).abs() / per_px;
         for speed in on(Speeds::OffGrid) {
             assert!((1..=11).all(|per_px| apart(speed, f64::from(per_px)) >= 0.002), "{speed}");
@@ -419,7 +423,7 @@ mod tests {
         let allowed = [("x", 1), ("y", 2)];
         let chosen = |words: &[&str]| {
             let words: Vec<String> = words.iter().map(|word| (*word).to_owned()).collect();
-            super::chosen("--of", &words, &allowed).map_err(|error| error.to_string())
+            super::resolve_words("--of", &words, &allowed).map_err(|error| error.to_string())
         };
         assert_eq!(chosen(&["y", "x"]), Ok(vec![2, 1]));
         assert_eq!(chosen(&["z"]), Err("--of \"z\": allowed are x, y".to_owned()));

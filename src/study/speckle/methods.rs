@@ -1,7 +1,7 @@
 //! The compared methods: each measures the motion of the ball's centre from two frames.
 
 use super::film::FramePair;
-use super::plain_correlation::Plain;
+use super::plain_correlation::PlainCorrelator;
 use crate::ball::{BallFinder, BallParams};
 use crate::console::UsageError;
 use crate::dic::{
@@ -112,7 +112,7 @@ pub(super) struct Evaluator {
 /// The correlator of a method.
 enum Engine {
     Correlator(Box<Correlator>),
-    Plain(Plain),
+    Plain(PlainCorrelator),
 }
 
 impl Evaluator {
@@ -124,7 +124,7 @@ impl Evaluator {
     pub(super) fn new(methods: &[Method], windows: Windows, side_px: u32) -> Result<Self, Failure> {
         let side_px = side_px as usize;
         let engine = |method: &Method| -> Result<(Method, Engine), Failure> {
-            Ok((*method, engine(*method, windows, side_px)?))
+            Ok((*method, plan_engine(*method, windows, side_px)?))
         };
         Ok(Self {
             methods: methods.iter().map(engine).collect::<Result<_, Failure>>()?,
@@ -154,7 +154,7 @@ impl Evaluator {
             visible_fraction: 1.0,
         };
         let Windows { subset_size_px, step_px } = self.windows;
-        let count = points(&circle, self.windows, self.side_px).len();
+        let count = window_centers(&circle, self.windows, self.side_px).len();
         if count > MIN_WINDOWS {
             return Ok(());
         }
@@ -184,7 +184,7 @@ impl Evaluator {
                 correlator.prepare_into(image, frame);
             }
         }
-        let points = points(&circle, *windows, *side_px);
+        let points = window_centers(&circle, *windows, *side_px);
         let answer = |(method, engine): &mut (Method, Engine)| {
             match engine {
                 Engine::Correlator(correlator) => {
@@ -192,24 +192,24 @@ impl Evaluator {
                 }
                 Engine::Plain(plain) => {
                     let vectors: Vec<CenterVector> =
-                        points.iter().filter_map(|at| plain.vector(pair, *at, &circle)).collect();
-                    return as_the_paper(&vectors, *windows, PointStatus::LowCorrelation);
+                        points.iter().filter_map(|at| plain.displacement(pair, *at, &circle)).collect();
+                    return evaluate_like_paper(&vectors, *windows, PointStatus::LowCorrelation);
                 }
             }
-            let status = why_not(field);
+            let status = most_frequent_failure(field);
             if matches!(method, Method::Paper | Method::PaperFit | Method::PeakSpline | Method::PeakPlain) {
                 let center = Point::new(circle.x_px, circle.y_px);
                 let vectors: Vec<_> =
                     field.iter().filter_map(|point| CenterVector::from_point(point, center)).collect();
-                return as_the_paper(&vectors, *windows, status);
+                return evaluate_like_paper(&vectors, *windows, status);
             }
             let Some(near) = rigid_fit(field, circle.x_px, circle.y_px, windows.subset_size_px) else {
-                return none(status);
+                return no_answer(status);
             };
             match method {
-                Method::Ring => with_ring(ring, reference, target, &circle, near),
-                Method::Rigid => whole(reference, target, &circle, &near),
-                _ => of(&near),
+                Method::Ring => answer_with_ring(ring, reference, target, &circle, near),
+                Method::Rigid => match_whole_ball(reference, target, &circle, &near),
+                _ => answer_from(&near),
             }
         };
         methods.iter_mut().map(answer).collect()
@@ -218,13 +218,13 @@ impl Evaluator {
     /// Correlates the windows of one method on the last measured frames; returns their number.
     pub(super) fn correlate_again(&mut self, place: usize, pair: FramePair<'_>) -> usize {
         let Some(circle) = self.finder.find(pair.before) else { return 0 };
-        let points = points(&circle, self.windows, self.side_px);
+        let points = window_centers(&circle, self.windows, self.side_px);
         match &mut self.methods[place].1 {
             Engine::Correlator(correlator) => {
                 correlator.correlate(&self.frames[0], &self.frames[1], &points, Start::Search, &mut self.field);
             }
             Engine::Plain(plain) => {
-                let found = points.iter().filter_map(|at| plain.vector(pair, *at, &circle));
+                let found = points.iter().filter_map(|at| plain.displacement(pair, *at, &circle));
                 std::hint::black_box(found.count());
             }
         }
@@ -232,7 +232,8 @@ impl Evaluator {
     }
 }
 
-fn engine(method: Method, windows: Windows, side_px: usize) -> Result<Engine, Failure> {
+/// Plans the correlator of a method.
+fn plan_engine(method: Method, windows: Windows, side_px: usize) -> Result<Engine, Failure> {
     let correlation = match method {
         Method::Paper | Method::PaperFit => dic::Method::SplineFft,
         Method::PeakSpline | Method::PeakPlain => dic::Method::PeakSpline,
@@ -249,20 +250,20 @@ fn engine(method: Method, windows: Windows, side_px: usize) -> Result<Engine, Fa
     };
     let correlator = Correlator::new(&params, side_px, side_px)?;
     Ok(match method {
-        Method::PeakPlain => Engine::Plain(Plain::new(windows.subset_size_px, SPLINE_POINTS)),
+        Method::PeakPlain => Engine::Plain(PlainCorrelator::new(windows.subset_size_px, SPLINE_POINTS)),
         Method::Paper => Engine::Correlator(Box::new(correlator.without_peak_fit())),
         _ => Engine::Correlator(Box::new(correlator)),
     })
 }
 
-/// Returns the windows on a ball.
-fn points(circle: &Circle, windows: Windows, side_px: usize) -> Vec<GridPoint> {
+/// Returns the centres of the windows on a ball.
+fn window_centers(circle: &Circle, windows: Windows, side_px: usize) -> Vec<GridPoint> {
     let radius_px = circle.radius_px * (1.0 - RIM_CLEARANCE);
     grid::disc(circle.x_px, circle.y_px, radius_px, windows.step_px, windows.subset_size_px, side_px, side_px)
 }
 
-/// Replaces the rotation of the windows by that of the ring around the centre.
-fn with_ring(
+/// Returns the motion of the windows with their rotation replaced by that of the ring around the centre.
+fn answer_with_ring(
     ring: &mut PolarCorrelator,
     reference: &PreparedFrame,
     target: &PreparedFrame,
@@ -273,31 +274,32 @@ fn with_ring(
     let moved = Point::new(circle.x_px + near.u_px, circle.y_px + near.v_px);
     let radii = Radii { inner_px: RING_SHARE * circle.radius_px, outer_px: circle.radius_px * (1.0 - RIM_CLEARANCE) };
     let turn = ring.rotation(from, CenteredFrame { frame: target, center: moved }, radii, Some(near.angle_deg));
-    turn.map_or_else(none, |turn| {
-        of(&RigidMotion { angle_deg: turn.angle_deg, sigma_angle_deg: turn.sigma_deg, ..near })
+    turn.map_or_else(no_answer, |turn| {
+        answer_from(&RigidMotion { angle_deg: turn.angle_deg, sigma_angle_deg: turn.sigma_deg, ..near })
     })
 }
 
 /// Matches all pixels of the ball, starting from the motion of the windows.
-fn whole(reference: &PreparedFrame, target: &PreparedFrame, circle: &Circle, near: &RigidMotion) -> Answer {
+fn match_whole_ball(reference: &PreparedFrame, target: &PreparedFrame, circle: &Circle, near: &RigidMotion) -> Answer {
     let radius_px = circle.radius_px * (1.0 - RIM_CLEARANCE);
     let region = Region::Disc { x_px: circle.x_px, y_px: circle.y_px, radius_px };
     let center = Point::new(circle.x_px, circle.y_px);
     let found = RigidBody::new(reference, &region).and_then(|mut body| body.find(target, center, near.planar()));
-    found.map_or_else(none, |found| of(&found.motion))
+    found.map_or_else(no_answer, |found| answer_from(&found.motion))
 }
 
 /// Evaluates a field like the paper: interpolated at the ball's centre, with the mean rotation of the windows about
 /// it.
 ///
 /// Returns the status `otherwise` if there are too few vectors.
-fn as_the_paper(valid: &[CenterVector], windows: Windows, otherwise: PointStatus) -> Answer {
+fn evaluate_like_paper(valid: &[CenterVector], windows: Windows, otherwise: PointStatus) -> Answer {
     // The paper reports no uncertainty.
-    let answer = |motion: RigidMotion| Answer { sigma: None, ..of(&motion) };
-    center_fit(valid, windows.step_px, windows.subset_size_px).map_or_else(|| none(otherwise), answer)
+    let answer = |motion: RigidMotion| Answer { sigma: None, ..answer_from(&motion) };
+    center_fit(valid, windows.step_px, windows.subset_size_px).map_or_else(|| no_answer(otherwise), answer)
 }
 
-fn of(motion: &RigidMotion) -> Answer {
+/// Returns the answer with this motion.
+fn answer_from(motion: &RigidMotion) -> Answer {
     Answer {
         step: Some([motion.u_px, motion.v_px, motion.angle_deg]),
         sigma: Some([motion.sigma_u_px, motion.sigma_v_px, motion.sigma_angle_deg]),
@@ -306,12 +308,13 @@ fn of(motion: &RigidMotion) -> Answer {
     }
 }
 
-fn none(status: PointStatus) -> Answer {
+/// Returns the answer without a motion.
+fn no_answer(status: PointStatus) -> Answer {
     Answer { step: None, sigma: None, points: 0, status }
 }
 
-/// Returns the most frequent status of windows without an answer.
-fn why_not(field: &[FieldPoint]) -> PointStatus {
+/// Returns the most frequent status of the windows without an answer; `Lost` if all have one.
+fn most_frequent_failure(field: &[FieldPoint]) -> PointStatus {
     let count = |status: PointStatus| field.iter().filter(|point| point.status == status).count();
     let failures = PointStatus::ALL.into_iter().filter(|status| *status != PointStatus::Valid);
     failures.max_by_key(|status| count(*status)).filter(|status| count(*status) > 0).unwrap_or(PointStatus::Lost)
@@ -338,7 +341,7 @@ mod tests {
         let filming = Filming { frames: 2, noise_dn: 2.0, blur_px: 0.7, seed: 1 };
         let velocity = Velocity { px_frame: [0.06, 0.06], deg_frame: 0.0 };
         let plan = Film { pattern: 13, speeds: Speeds::OffGrid, number: 3, case: Case::TwoAxes, velocity, level: 0 };
-        let rendered = film::film(&film::ball(13, &filming).unwrap(), &plan, &filming).unwrap();
+        let rendered = film::moving_ball(&film::static_ball(13, &filming).unwrap(), &plan, &filming).unwrap();
         let (mut bytes, mut images) = (Vec::new(), [crate::image::Image::default(), crate::image::Image::default()]);
         for (index, image) in images.iter_mut().enumerate() {
             rendered.draw(index as u64, &mut bytes, image).unwrap();

@@ -138,7 +138,11 @@ pub fn run(study: SpeckleStudy, options: &SpeckleOptions, stop: &Stop) -> Result
     Ok(Outcome::Clean)
 }
 
-/// Resolves the films and methods of the options.
+/// Resolves the films, methods and settings of the options.
+///
+/// # Errors
+///
+/// [`UsageError`] when an option is invalid.
 fn job(study: SpeckleStudy, options: &SpeckleOptions) -> Result<Job, UsageError> {
     let single = study == SpeckleStudy::Peak || !study.levels().is_empty();
     let or_default = |given: &[String], otherwise: &[&str]| -> Vec<String> {
@@ -158,8 +162,8 @@ fn job(study: SpeckleStudy, options: &SpeckleOptions) -> Result<Job, UsageError>
     }
     let sets: &[&str] = if study.levels().is_empty() { &Speeds::ALL.map(Speeds::as_str) } else { &["off-grid"] };
     let speeds = or_default(&options.speeds, sets);
-    let speeds = films_plan::chosen("--speeds", &speeds, &Speeds::ALL.map(|speeds| (speeds.as_str(), speeds)))?;
-    let patterns = films_plan::chosen("--patterns", &patterns, &names)?;
+    let speeds = films_plan::resolve_words("--speeds", &speeds, &Speeds::ALL.map(|speeds| (speeds.as_str(), speeds)))?;
+    let patterns = films_plan::resolve_words("--patterns", &patterns, &names)?;
     if !(2..=12).contains(&options.frames) {
         return Err(UsageError(format!("--frames {}: must be 2 to 12", options.frames)));
     }
@@ -173,7 +177,7 @@ fn job(study: SpeckleStudy, options: &SpeckleOptions) -> Result<Job, UsageError>
     Ok(Job {
         study,
         films: study.plan(&patterns, &speeds),
-        methods: films_plan::chosen("--methods", &methods, &Method::WORDS)?,
+        methods: films_plan::resolve_words("--methods", &methods, &Method::WORDS)?,
         windows: Windows { subset_size_px: options.subset_size_px, step_px: options.step_px },
         filming: Filming { frames: options.frames, noise_dn, blur_px: BLUR_PX, seed: options.seed },
     })

@@ -9,7 +9,7 @@ use super::bar_figure::Figure;
 use super::film::{DIAMETERS_PX, Filming, SIDE_PX};
 use super::films_plan::{SpeckleStudy, Speeds};
 use super::methods::Method;
-use super::summary::{self, EXPLANATION, Group, number, summary_cell, translation};
+use super::summary::{self, EXPLANATION, Group, format_error, summary_cell, translation_error};
 use super::{Finished, peak_figure, sweep_figure};
 use crate::study::output_files::{Report, Table, cross_table, rounded};
 use crate::synth::PatternSetup;
@@ -35,9 +35,9 @@ impl Finished<'_> {
     pub(super) fn publish(&self) -> Result<(), Failure> {
         let study = self.job.study;
         let results = match study {
-            SpeckleStudy::Peak => self.peak()?,
-            SpeckleStudy::Noise | SpeckleStudy::Blur | SpeckleStudy::Rate => self.levels(),
-            _ => self.pattern_groups(),
+            SpeckleStudy::Peak => self.peak_results()?,
+            SpeckleStudy::Noise | SpeckleStudy::Blur | SpeckleStudy::Rate => self.level_results(),
+            _ => self.pattern_results(),
         };
         let mut files = vec![(format!("{}.svg", study.as_str()), results.figure.into_bytes())];
         for (ending, table) in &results.tables {
@@ -48,14 +48,16 @@ impl Finished<'_> {
         Report { files, printed }.publish(self.options.output.as_deref(), Overwrite::ALLOWED)
     }
 
+    /// Returns the statistics of each pattern, set of speeds, case and method.
     fn groups(&self) -> Vec<Group> {
         summary::groups(&self.job.films, &self.job.methods, self.rows)
     }
 
-    fn pattern_groups(&self) -> Results {
+    /// Returns the results of a study over patterns.
+    fn pattern_results(&self) -> Results {
         let (study, groups) = (self.job.study, self.groups());
         let table = Table::new(groups.iter().map(Group::cells));
-        let shown: Vec<Group> = groups.into_iter().filter(|group| group.case == study.figure()).collect();
+        let shown: Vec<Group> = groups.into_iter().filter(|group| group.case == study.figure_case()).collect();
         let (patterns, speeds, caption) = (self.patterns(), self.speeds(), self.caption(&shown));
         let figure = Figure {
             study,
@@ -73,7 +75,12 @@ impl Finished<'_> {
         }
     }
 
-    fn peak(&self) -> Result<Results, Failure> {
+    /// Returns the results of the peak study.
+    ///
+    /// # Errors
+    ///
+    /// When the film for the timings cannot be rendered.
+    fn peak_results(&self) -> Result<Results, Failure> {
         let points = peak_figure::points(self.job, self.rows);
         let costs = peak_figure::costs(self.job)?;
         let table = Table::new(points.iter().map(peak_figure::Point::cells));
@@ -86,7 +93,8 @@ impl Finished<'_> {
         })
     }
 
-    fn levels(&self) -> Results {
+    /// Returns the results of a study over a setting of the camera.
+    fn level_results(&self) -> Results {
         let points = sweep_figure::points(self.job, self.rows);
         let table = Table::new(points.iter().map(|point| point.cells(self.job.study)));
         Results {
@@ -97,6 +105,7 @@ impl Finished<'_> {
         }
     }
 
+    /// Returns the patterns of the films.
     fn patterns(&self) -> Vec<usize> {
         let mut patterns: Vec<usize> = self.job.films.iter().map(|film| film.pattern).collect();
         // The films of a pattern are consecutive.
@@ -104,6 +113,7 @@ impl Finished<'_> {
         patterns
     }
 
+    /// Returns the sets of speeds of the films.
     fn speeds(&self) -> Vec<Speeds> {
         let has = |speeds: &Speeds| self.job.films.iter().any(|film| film.speeds == *speeds);
         Speeds::ALL.into_iter().filter(has).collect()
@@ -130,7 +140,7 @@ impl Finished<'_> {
         ));
         let points = "5 points between pixels where windows or peaks are splined";
         caption.push(format!("Windows of {} px, {} px apart; {points}.", windows.subset_size_px, windows.step_px));
-        caption.extend(study.reading().map(str::to_owned));
+        caption.extend(study.explanation().map(str::to_owned));
         let set = |speeds: &Speeds| format!("{}: {}", speeds.as_str(), speeds.describe(study));
         caption.push(speeds.iter().map(set).collect::<Vec<_>>().join("; "));
         let missing: usize = shown.iter().map(|group| group.missing).sum();
@@ -160,10 +170,12 @@ impl Finished<'_> {
         sets.iter().flat_map(|speeds| self.job.methods.iter().flat_map(move |method| of(*speeds, *method))).collect()
     }
 
+    /// Returns the methods with their names.
     fn methods(&self) -> Vec<(String, Method)> {
         self.job.methods.iter().map(|method| (method.as_str().to_owned(), *method)).collect()
     }
 
+    /// Formats the errors of every pattern and the best patterns for the terminal.
     fn pattern_text(&self, shown: &[Group]) -> String {
         let pattern = |pattern: usize| (PatternSetup::PAPER[pattern].to_owned(), pattern);
         let patterns: Vec<_> = self.patterns().into_iter().map(pattern).collect();
@@ -203,6 +215,7 @@ impl Finished<'_> {
         format!("{EXPLANATION}\n{errors}\n\n{best}")
     }
 
+    /// Formats the errors at every speed and the cost of the methods for the terminal.
     fn peak_text(&self, points: &[peak_figure::Point], costs: &[peak_figure::Cost]) -> String {
         let methods = self.methods();
         let mut text = String::new();
@@ -215,7 +228,7 @@ impl Finished<'_> {
                 let is_here = |point: &&peak_figure::Point| {
                     of(point) && point.method == *method && (point.speed_px_frame - step).abs() < 1e-9
                 };
-                number(points.iter().find(is_here).and_then(|point| point.error).map(|error| error.mean))
+                format_error(points.iter().find(is_here).and_then(|point| point.error).map(|error| error.mean))
             });
             text += &format!("mean absolute error along x, px/frame; {} speeds\n{table}\n", speeds.as_str());
         }
@@ -241,9 +254,10 @@ impl Measure {
         }
     }
 
-    fn of(self, group: &Group) -> Option<f64> {
+    /// Returns the mean error of a group by this measure.
+    fn error_of(self, group: &Group) -> Option<f64> {
         match self {
-            Self::Translation => translation(&group.errors),
+            Self::Translation => translation_error(&group.errors),
             Self::Rotation => group.errors[2].map(|error| error.mean),
         }
     }
@@ -264,7 +278,8 @@ struct Best {
 /// Returns the group with the smallest mean error among those without missing answers.
 fn best(groups: &[Group], speeds: Speeds, method: Method, of: Measure) -> Option<Best> {
     let whole = groups.iter().filter(|group| (group.speeds, group.method, group.missing) == (speeds, method, 0));
-    let (group, mean) = whole.filter_map(|group| Some((group, of.of(group)?))).min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let (group, mean) =
+        whole.filter_map(|group| Some((group, of.error_of(group)?))).min_by(|a, b| a.1.total_cmp(&b.1))?;
     let pattern = PatternSetup::PAPER[group.pattern];
     Some(Best { speeds: speeds.as_str(), method: method.as_str(), of: of.as_str(), pattern, mean: rounded(mean) })
 }

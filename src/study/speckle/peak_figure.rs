@@ -92,7 +92,7 @@ pub(super) fn points(job: &Job, rows: &[Row]) -> Vec<Point> {
                     speed_px_frame: *speed,
                     pairs: errors.len(),
                     missing: errors.len() - known.len(),
-                    error: ErrorStatistics::of(&known),
+                    error: ErrorStatistics::compute(&known),
                 });
             }
         }
@@ -108,7 +108,7 @@ pub(super) fn points(job: &Job, rows: &[Row]) -> Vec<Point> {
 #[expect(clippy::disallowed_methods, reason = "a study of cost reads the clock")]
 pub(super) fn costs(job: &Job) -> Result<Vec<Cost>, Failure> {
     let Some(plan) = job.films.first() else { return Ok(Vec::new()) };
-    let rendered = film::film(&film::ball(plan.pattern, &job.filming)?, plan, &job.filming)?;
+    let rendered = film::moving_ball(&film::static_ball(plan.pattern, &job.filming)?, plan, &job.filming)?;
     let (mut bytes, mut before, mut after) = (Vec::new(), Image::default(), Image::default());
     rendered.draw(0, &mut bytes, &mut before)?;
     rendered.draw(1, &mut bytes, &mut after)?;

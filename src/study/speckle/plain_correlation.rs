@@ -16,9 +16,9 @@ const REACH_PX: usize = 6;
 /// Number of shifts along each axis.
 const SIDE: usize = 2 * REACH_PX + 1;
 
-/// The plan and its buffers.
+/// The plan of the correlation and its buffers.
 #[derive(Debug)]
-pub(super) struct Plain {
+pub(super) struct PlainCorrelator {
     subset_size_px: usize,
     /// Grid points per px on the splined peak.
     per_px: u32,
@@ -26,7 +26,7 @@ pub(super) struct Plain {
     surface: Image,
 }
 
-impl Plain {
+impl PlainCorrelator {
     /// Returns a plan for windows of this size with a number of spline points between two samples of the peak.
     pub(super) fn new(subset_size_px: u32, spline_points: u32) -> Self {
         Self {
@@ -37,19 +37,20 @@ impl Plain {
         }
     }
 
-    /// Returns the displacement of one window, at its position relative to the ball's centre. Returns `None` when the
-    /// window exceeds the image or the peak lies at the maximum shift.
-    pub(super) fn vector(&mut self, pair: FramePair<'_>, at: GridPoint, circle: &Circle) -> Option<CenterVector> {
+    /// Returns the displacement of one window with its position relative to the ball's centre.
+    ///
+    /// `None` when the window exceeds the image or the peak lies at the maximum shift.
+    pub(super) fn displacement(&mut self, pair: FramePair<'_>, at: GridPoint, circle: &Circle) -> Option<CenterVector> {
         for (window, image) in self.windows.iter_mut().zip([pair.before, pair.after]) {
-            cut(image, at, self.subset_size_px, window)?;
+            copy_window(image, at, self.subset_size_px, window)?;
         }
         self.correlate();
-        let [u_px, v_px] = self.top()?;
+        let [u_px, v_px] = self.peak()?;
         let (x_px, y_px) = (f64::from(at.x) - circle.x_px, f64::from(at.y) - circle.y_px);
         Some(CenterVector { x_px, y_px, u_px, v_px, sigma_px: 0.0 })
     }
 
-    /// Computes the sum of products at every shift.
+    /// Computes the sum of products of both windows at every shift.
     fn correlate(&mut self) {
         let (size, reach) = (self.subset_size_px as isize, REACH_PX as isize);
         let [before, after] = &self.windows;
@@ -73,8 +74,9 @@ impl Plain {
         }
     }
 
-    /// Returns the highest grid point of the splined surface around its highest sample.
-    fn top(&self) -> Option<[f64; 2]> {
+    /// Returns the displacement of the highest grid point of the splined surface around its highest sample, px; `None`
+    /// at the maximum shift.
+    fn peak(&self) -> Option<[f64; 2]> {
         let data = self.surface.view().data();
         let best = (0..data.len()).fold(0, |best, index| if data[index] > data[best] { index } else { best });
         let (column, row) = (best % SIDE, best / SIDE);
@@ -89,7 +91,7 @@ impl Plain {
             for i in -fine..=fine {
                 let place = |sample: usize, step: i32| sample as f64 + f64::from(step) / f64::from(fine);
                 let (x, y) = (place(column, i), place(row, j));
-                let height = surface.at(x, y);
+                let height = surface.level_at(x, y);
                 if height > highest {
                     (highest, top) = (height, [x - REACH_PX as f64, y - REACH_PX as f64]);
                 }
@@ -100,7 +102,7 @@ impl Plain {
 }
 
 /// Copies a window and subtracts its mean; returns `None` when it exceeds the image.
-fn cut(image: ImageView<'_>, at: GridPoint, size: usize, window: &mut Vec<f32>) -> Option<()> {
+fn copy_window(image: ImageView<'_>, at: GridPoint, size: usize, window: &mut Vec<f32>) -> Option<()> {
     let corner = |place: u32| (place as usize).checked_sub(size / 2);
     let (left, top) = (corner(at.x)?, corner(at.y)?);
     if left + size > image.width() || top + size > image.height() {
@@ -132,10 +134,10 @@ mod tests {
     #[test]
     fn every_sum_is_that_of_its_overlap() {
         let (before, after) = (pattern(0), pattern(1));
-        let mut plain = Plain::new(9, 5);
+        let mut plain = PlainCorrelator::new(9, 5);
         let at = GridPoint { x: 30, y: 31 };
         for (window, image) in plain.windows.iter_mut().zip([&before, &after]) {
-            cut(image.view(), at, 9, window).unwrap();
+            copy_window(image.view(), at, 9, window).unwrap();
         }
         plain.correlate();
         let [f, g] = &plain.windows;
@@ -164,15 +166,19 @@ mod tests {
             sigma_radius_px: 0.0,
             visible_fraction: 1.0,
         };
-        let mut plain = Plain::new(25, 5);
+        let mut plain = PlainCorrelator::new(25, 5);
         let still = plain
-            .vector(FramePair { before: image.view(), after: image.view() }, GridPoint { x: 32, y: 29 }, &circle)
+            .displacement(FramePair { before: image.view(), after: image.view() }, GridPoint { x: 32, y: 29 }, &circle)
             .unwrap();
         assert!(still.u_px.abs() < 1e-9 && still.v_px.abs() < 1e-9, "{still:?}");
         assert!((still.x_px - 2.0).abs() < 1e-9 && (still.y_px + 1.0).abs() < 1e-9, "{still:?}");
         assert!(
             plain
-                .vector(FramePair { before: image.view(), after: image.view() }, GridPoint { x: 11, y: 29 }, &circle)
+                .displacement(
+                    FramePair { before: image.view(), after: image.view() },
+                    GridPoint { x: 11, y: 29 },
+                    &circle
+                )
                 .is_none()
         );
     }

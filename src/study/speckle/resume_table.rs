@@ -99,6 +99,10 @@ impl ResumeTable {
 }
 
 /// Compares the settings of an existing table with these, or writes them next to a new one.
+///
+/// # Errors
+///
+/// When the settings differ, or cannot be read or written.
 fn check_settings(path: &Path, table: &Path, settings: &Value) -> Result<(), Failure> {
     if !table.exists() {
         let text = format!("{settings:#}\n");
@@ -123,7 +127,11 @@ fn check_settings(path: &Path, table: &Path, settings: &Value) -> Result<(), Fai
     }
 }
 
-/// Reads the rows of the complete films at the beginning of a table, and their length in bytes.
+/// Reads the rows of the complete films at the beginning of a table, and returns them with their length in bytes.
+///
+/// # Errors
+///
+/// When a line is not a row of this study.
 fn read_completed(path: &Path, bytes: &[u8], contents: &Contents<'_>) -> Result<(Vec<Row>, u64), Failure> {
     let foreign = |line: u64| {
         let reason = "is not a row of this study; delete the file to start again";

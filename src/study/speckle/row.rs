@@ -43,6 +43,7 @@ pub(super) struct Row {
 }
 
 impl Row {
+    /// Returns the row of a method's answer on a pair of frames that starts with `frame`.
     pub(super) fn new(study: SpeckleStudy, film: &Film, frame: u64, method: Method, answer: &Answer) -> Self {
         let part = |values: Option<[f64; 3]>, axis: usize| values.map(|values| rounded(values[axis]));
         let [vx_px_frame, vy_px_frame] = film.velocity.px_frame;
@@ -86,6 +87,7 @@ impl Row {
         ]
     }
 
+    /// Returns the columns that identify the row.
     fn key(&self) -> (&str, &str, &str, usize, u64, &str) {
         (&self.pattern, &self.speeds, &self.case, self.film, self.frame, &self.method)
     }

@@ -44,9 +44,9 @@ impl SplineSurface {
     }
 
     /// Returns the interpolated grey level at a position, px; outside the image that of its border.
-    pub(super) fn at(&self, x_px: f64, y_px: f64) -> f64 {
-        let (column, across) = place(x_px, self.width);
-        let (row, down) = place(y_px, self.height);
+    pub(super) fn level_at(&self, x_px: f64, y_px: f64) -> f64 {
+        let (column, across) = taps_and_weights(x_px, self.width);
+        let (row, down) = taps_and_weights(y_px, self.height);
         (0..4)
             .map(|step| {
                 let start = mirrored(row + step, self.height) * self.width;
@@ -59,8 +59,8 @@ impl SplineSurface {
     }
 }
 
-/// Returns the first of four coefficients, counted from one before the image, and their weights.
-fn place(place_px: f64, length: usize) -> (usize, [f64; 4]) {
+/// Returns the first of the four coefficients at a position, px, counted from one before the image, and their weights.
+fn taps_and_weights(place_px: f64, length: usize) -> (usize, [f64; 4]) {
     let inside = place_px.clamp(0.0, (length - 1) as f64);
     let first = inside.floor();
     let t = inside - first;
@@ -74,7 +74,8 @@ fn place(place_px: f64, length: usize) -> (usize, [f64; 4]) {
     (first as usize, weights)
 }
 
-/// Returns the index of a coefficient counted from one before the image, which is mirrored at its border pixels.
+/// Converts the index of a coefficient, counted from one before the image, to one in the image, which is mirrored at
+/// its border pixels.
 fn mirrored(index: usize, length: usize) -> usize {
     match index {
         0 => 1,
@@ -122,7 +123,7 @@ mod tests {
         let (image, _) = pair([0.0, 0.0]);
         let surface = SplineSurface::new(image.view());
         for (index, level) in image.view().data().iter().enumerate() {
-            let found = surface.at((index % 150) as f64, (index / 150) as f64);
+            let found = surface.level_at((index % 150) as f64, (index / 150) as f64);
             assert!((found - f64::from(*level)).abs() < 1e-3, "{level} {found}");
         }
     }
@@ -136,7 +137,7 @@ mod tests {
             for y in 15..135 {
                 for x in 15..135 {
                     let at = |x: usize, y: usize| f64::from(expected.at(x, y).unwrap());
-                    let difference = surface.at(x as f64 - u, y as f64 - v) - at(x, y);
+                    let difference = surface.level_at(x as f64 - u, y as f64 - v) - at(x, y);
                     let slope = [0.5 * (at(x + 1, y) - at(x - 1, y)), 0.5 * (at(x, y + 1) - at(x, y - 1))];
                     power += difference * difference;
                     for axis in 0..2 {

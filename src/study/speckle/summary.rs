@@ -24,7 +24,8 @@ pub(super) struct ErrorStatistics {
 }
 
 impl ErrorStatistics {
-    pub(super) fn of(errors: &[f64]) -> Option<Self> {
+    /// Computes the statistics of errors; `None` without any.
+    pub(super) fn compute(errors: &[f64]) -> Option<Self> {
         let count = errors.len() as f64;
         let mean = errors.iter().map(|error| error.abs()).sum::<f64>() / count;
         let squares: f64 = errors.iter().map(|error| (error.abs() - mean).powi(2)).sum();
@@ -75,7 +76,7 @@ pub(super) fn statistics_cells(axis: usize, error: Option<ErrorStatistics>) -> [
 }
 
 /// Formats a number with 4 decimals, or a dash.
-pub(super) fn number(value: Option<f64>) -> String {
+pub(super) fn format_error(value: Option<f64>) -> String {
     value.map_or_else(|| "-".to_owned(), |value| format!("{value:.4}"))
 }
 
@@ -83,15 +84,15 @@ pub(super) fn number(value: Option<f64>) -> String {
 pub(super) const EXPLANATION: &str =
     "mean absolute error: px/frame (mean of x and y) / deg/frame; ! where answers are missing";
 
-/// Returns the mean of the errors along x and y.
-pub(super) fn translation(errors: &[Option<ErrorStatistics>; 3]) -> Option<f64> {
+/// Returns the mean of the mean absolute errors along x and y, px/frame; `None` if either is missing.
+pub(super) fn translation_error(errors: &[Option<ErrorStatistics>; 3]) -> Option<f64> {
     let [x, y, _] = errors.map(|error| error.map(|error| error.mean));
     x.zip(y).map(|(x, y)| 0.5 * (x + y))
 }
 
 /// Formats the errors of translation and rotation, marked if answers are missing.
 pub(super) fn summary_cell(errors: &[Option<ErrorStatistics>; 3], missing: usize) -> String {
-    let (px, deg) = (number(translation(errors)), number(errors[2].map(|error| error.mean)));
+    let (px, deg) = (format_error(translation_error(errors)), format_error(errors[2].map(|error| error.mean)));
     format!("{px} / {deg}{}", if missing > 0 { "!" } else { "" })
 }
 
@@ -124,25 +125,31 @@ pub(super) fn groups(films: &[Film], methods: &[Method], rows: &[Row]) -> Vec<Gr
         }
         let place = groups[begin..].iter().position(|(group, _)| group.case == film.case).map(|place| begin + place);
         let place = place.unwrap_or_else(|| {
-            groups.extend(methods.iter().map(|method| (empty(film, *method), Default::default())));
+            groups.extend(methods.iter().map(|method| (empty_group(film, *method), Default::default())));
             groups.len() - methods.len()
         });
         for (number, (group, errors)) in groups[place..place + methods.len()].iter_mut().enumerate() {
             group.films += 1;
-            rows.iter().skip(number).step_by(methods.len()).for_each(|row| add(group, errors, row));
+            rows.iter().skip(number).step_by(methods.len()).for_each(|row| add_row(group, errors, row));
         }
     }
-    let finish =
-        |(group, errors): (Group, [Vec<f64>; 3])| Group { errors: errors.map(|e| ErrorStatistics::of(&e)), ..group };
+    let finish = |(group, errors): (Group, [Vec<f64>; 3])| Group {
+        errors: errors.map(|e| ErrorStatistics::compute(&e)),
+        ..group
+    };
     groups.into_iter().map(finish).collect()
 }
 
-fn empty(film: &Film, method: Method) -> Group {
+/// Returns the group of a film and a method without any row.
+fn empty_group(film: &Film, method: Method) -> Group {
     let Film { pattern, speeds, case, .. } = *film;
     Group { pattern, speeds, case, method, films: 0, pairs: 0, missing: 0, errors: [None; 3] }
 }
 
-fn add(group: &mut Group, errors: &mut [Vec<f64>; 3], row: &Row) {
+/// Adds a row to a group, and its errors to those along x, y and of the rotation.
+///
+/// In the one-axis cases the axis without motion is skipped.
+fn add_row(group: &mut Group, errors: &mut [Vec<f64>; 3], row: &Row) {
     group.pairs += 1;
     let is_across = |speed: f64| matches!(group.case, Case::OneAxis | Case::OneAxisSpin) && speed <= 0.0;
     let skipped = [is_across(row.vx_px_frame), is_across(row.vy_px_frame), false];

@@ -7,7 +7,7 @@ use super::films_plan::SpeckleStudy;
 use super::method_style::{self, LEGEND};
 use super::methods::Method;
 use super::row::Row;
-use super::summary::{ErrorStatistics, statistics_cells, summary_cell, translation};
+use super::summary::{ErrorStatistics, statistics_cells, summary_cell, translation_error};
 use super::workers::Job;
 use crate::plot::{Figure, LogAxis, LogChart, LogCurve, LogValue, PlotArea};
 use crate::study::output_files::{Cell, cross_table, rounded};
@@ -32,11 +32,13 @@ pub(super) struct Point {
 
 impl Point {
     /// Computes the statistics of a method at a level.
-    fn of(method: Method, level: f64, rows: &[&Row]) -> Self {
-        let errors: Vec<[f64; 3]> = rows.iter().filter_map(|row| known(row)).collect();
-        let along = |axis: usize| ErrorStatistics::of(&errors.iter().map(|error| error[axis]).collect::<Vec<_>>());
+    fn compute(method: Method, level: f64, rows: &[&Row]) -> Self {
+        let errors: Vec<[f64; 3]> = rows.iter().filter_map(|row| complete_error(row)).collect();
+        let along = |axis: usize| ErrorStatistics::compute(&errors.iter().map(|error| error[axis]).collect::<Vec<_>>());
         let share = |of: fn(&Row, [f64; 3]) -> f64| {
-            ErrorStatistics::of(&rows.iter().filter_map(|row| Some(of(row, known(row)?))).collect::<Vec<_>>())
+            ErrorStatistics::compute(
+                &rows.iter().filter_map(|row| Some(of(row, complete_error(row)?))).collect::<Vec<_>>(),
+            )
         };
         Self {
             method,
@@ -69,12 +71,13 @@ impl Point {
     fn shown(&self, study: SpeckleStudy) -> [Option<f64>; 2] {
         match study {
             SpeckleStudy::Rate => self.shares.map(|share| share.map(|share| 100.0 * share.mean)),
-            _ => [translation(&self.errors), self.errors[2].map(|error| error.mean)],
+            _ => [translation_error(&self.errors), self.errors[2].map(|error| error.mean)],
         }
     }
 }
 
-fn known(row: &Row) -> Option<[f64; 3]> {
+/// Returns the errors of a row along x, y (px) and of the rotation (deg); `None` if one is missing.
+fn complete_error(row: &Row) -> Option<[f64; 3]> {
     let [x, y, turn] = row.error();
     Some([x?, y?, turn?])
 }
@@ -84,24 +87,24 @@ pub(super) fn points(job: &Job, rows: &[Row]) -> Vec<Point> {
     let point = |method: Method, level: f64| {
         let is_of =
             |row: &&Row| row.method == method.as_str() && row.level().is_some_and(|at| (at - level).abs() < 1e-9);
-        Point::of(method, level, &rows.iter().filter(is_of).collect::<Vec<_>>())
+        Point::compute(method, level, &rows.iter().filter(is_of).collect::<Vec<_>>())
     };
     job.methods.iter().flat_map(|method| job.study.levels().iter().map(move |level| point(*method, *level))).collect()
 }
 
-/// Returns the printed table.
+/// Formats the errors of every method at every level for the terminal.
 pub(super) fn printed_table(job: &Job, points: &[Point]) -> String {
     let levels: Vec<(String, f64)> = job.study.levels().iter().map(|level| (level.to_string(), *level)).collect();
     let methods: Vec<(String, Method)> =
         job.methods.iter().map(|method| (method.as_str().to_owned(), *method)).collect();
-    cross_table(label(job.study), &levels, &methods, |level, method| {
+    cross_table(level_label(job.study), &levels, &methods, |level, method| {
         let is_at = |point: &&Point| point.method == *method && (point.level - level).abs() < 1e-9;
         points.iter().find(is_at).map_or_else(String::new, |point| summary_cell(&point.errors, point.missing))
     })
 }
 
 /// Returns the label of the varied setting.
-fn label(study: SpeckleStudy) -> &'static str {
+fn level_label(study: SpeckleStudy) -> &'static str {
     match study {
         SpeckleStudy::Noise => "noise, grey levels of 255",
         SpeckleStudy::Blur => "lens blur, px",
@@ -127,6 +130,7 @@ pub(super) fn draw(job: &Job, points: &[Point], caption: &[String]) -> String {
     figure.draw(2.0 * across, top + PLOT + LogChart::LABELS, &content)
 }
 
+/// Returns the chart of translation (panel 0) or rotation (panel 1).
 fn chart<'a>(job: &Job, points: &[Point], panel: usize, title: &'a str) -> LogChart<'a> {
     let levels = job.study.levels();
     let x = |place: usize| (place as f64 + 0.5) / levels.len() as f64;
@@ -140,7 +144,7 @@ fn chart<'a>(job: &Job, points: &[Point], panel: usize, title: &'a str) -> LogCh
     };
     LogChart {
         title,
-        x_label: label(job.study),
+        x_label: level_label(job.study),
         x_ticks: levels.iter().enumerate().map(|(place, level)| (x(place), level.to_string())).collect(),
         axis: LogAxis::around(points.iter().filter_map(|point| point.shown(job.study)[panel]), PLOT, 0.0),
         curves: job.methods.iter().map(curve).collect(),

@@ -49,7 +49,7 @@ impl Job {
         let balls = self.balls(first)?;
         std::thread::scope(|scope| {
             let (sender, receiver) = sync_channel(2 * threads);
-            let work = |sender: SyncSender<Done>| self.work(&balls, &next, stop, &sender);
+            let work = |sender: SyncSender<Done>| self.run_worker(&balls, &next, stop, &sender);
             let workers: Vec<_> = (0..threads)
                 .map(|_| {
                     let sender = sender.clone();
@@ -57,7 +57,7 @@ impl Job {
                 })
                 .collect();
             drop(sender);
-            let given = in_order(first, receiver, &mut take);
+            let given = deliver_in_order(first, receiver, &mut take);
             for worker in workers {
                 worker.join().map_err(|_| Failure::internal("a measuring thread panicked"))??;
             }
@@ -72,16 +72,16 @@ impl Job {
     /// Any error of the film.
     pub(super) fn measure_single(&self, number: usize) -> Result<Vec<Row>, Failure> {
         let film = &self.films[number];
-        let ball = film::ball(film.pattern, &self.filming_of(film))?;
+        let ball = film::static_ball(film.pattern, &self.filming_of(film))?;
         self.measure(&mut Evaluator::new(&self.methods, self.windows, SIDE_PX)?, &ball, film)
     }
 
-    /// Returns the balls that are still needed, per pattern and level.
+    /// Returns the balls that the films from `first` on need, per pattern and level.
     fn balls(&self, first: usize) -> Result<Balls, Failure> {
         let mut balls = Balls::new();
         for film in &self.films[first..] {
             if let Entry::Vacant(place) = balls.entry((film.pattern, film.level)) {
-                place.insert(film::ball(film.pattern, &self.filming_of(film))?);
+                place.insert(film::static_ball(film.pattern, &self.filming_of(film))?);
             }
         }
         Ok(balls)
@@ -98,7 +98,13 @@ impl Job {
     }
 
     /// Runs one thread: takes the next film until there are none, a stop, or the receiver is gone.
-    fn work(&self, balls: &Balls, next: &AtomicUsize, stop: &Stop, sender: &SyncSender<Done>) -> Result<(), Failure> {
+    fn run_worker(
+        &self,
+        balls: &Balls,
+        next: &AtomicUsize,
+        stop: &Stop,
+        sender: &SyncSender<Done>,
+    ) -> Result<(), Failure> {
         let mut evaluator = Evaluator::new(&self.methods, self.windows, SIDE_PX)?;
         while !stop.requested() {
             let number = next.fetch_add(1, Ordering::Relaxed);
@@ -113,7 +119,7 @@ impl Job {
 
     /// Renders one film and measures it with every method.
     fn measure(&self, evaluator: &mut Evaluator, ball: &SimulatedFilm, plan: &Film) -> Result<Vec<Row>, Failure> {
-        let rendered = film::film(ball, plan, &self.filming)?;
+        let rendered = film::moving_ball(ball, plan, &self.filming)?;
         let (mut bytes, mut before, mut after) = (Vec::new(), Image::default(), Image::default());
         rendered.draw(0, &mut bytes, &mut before)?;
         let mut rows = Vec::new();
@@ -132,8 +138,8 @@ impl Job {
     }
 }
 
-/// Passes results to `take` in order.
-fn in_order(
+/// Passes the results of films from `first` on to `take` in order, whatever the order of their arrival.
+fn deliver_in_order(
     first: usize,
     receiver: Receiver<Done>,
     take: &mut impl FnMut(Vec<Row>) -> Result<(), Failure>,

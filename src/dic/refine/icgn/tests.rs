@@ -44,7 +44,7 @@ fn the_answer_is_where_the_statistical_correlation_is_highest() {
     let slow = |warp: &Warp| {
         let sample = |(dx, dy): &(i32, i32)| {
             let (x, y) = warp.apply(f64::from(*dx), f64::from(*dy));
-            target.interpolated.at(45.0 + x, 44.0 + y)
+            target.interpolated.value_at(45.0 + x, 44.0 + y)
         };
         let g: Vec<f32> = offsets.iter().map(sample).collect();
         zncc(ImageView::new(&f, 31, 31).unwrap(), ImageView::new(&g, 31, 31).unwrap()).unwrap()

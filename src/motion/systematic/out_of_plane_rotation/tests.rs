@@ -193,7 +193,7 @@ fn turning(drift_px: f64) -> OutlineDrift {
 fn what_turns_beside_its_steps_is_taken_out_where_it_surely_tumbles() {
     let measured = |drift_px: f64| {
         let drift = turning(drift_px);
-        let rates = PixelRates { x: NONE, y: NONE, theta: NONE, window_frames: 9, order: 2 };
+        let rates = PixelRates { x: NO_DRIFT, y: NO_DRIFT, theta: NO_DRIFT, window_frames: 9, order: 2 };
         OutlineDrift::apply_to_rates(rates, &drift.here(&node(20), FLIGHT)).theta
     };
     let (tumbles, flat) = (measured(0.2), measured(0.0));
