@@ -24,7 +24,7 @@ impl Lanes {
         Self([value; LANES])
     }
 
-    /// Returns the sum in double precision.
+    /// Returns the sum of the lanes in double precision.
     #[inline(always)]
     pub fn sum(self) -> f64 {
         self.0.iter().map(|value| f64::from(*value)).sum()

@@ -130,7 +130,8 @@ impl Examination<'_> {
         }
     }
 
-    /// Returns the kind of the mover.
+    /// Returns the kind of the mover: a ball or a rod if it was found in enough frames, else a patch if it is visible
+    /// in the first frame.
     pub fn finish(self) -> Identified {
         let needed = ((MIN_SHARE * self.examined.len() as f64).ceil() as usize).max(MIN_FRAMES);
         let circles = self.agreeing_circles();

@@ -65,7 +65,7 @@ pub struct Appearance {
 }
 
 impl Mover {
-    /// Returns this and another mover as one.
+    /// Returns this and another mover as one: the region of both and all their appearances.
     #[must_use]
     pub fn joined(&self, other: &Self) -> Self {
         let [a, b] = [self.bounds_px, other.bounds_px];

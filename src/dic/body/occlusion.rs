@@ -68,7 +68,7 @@ fn gradients<'a>(body: &Refiner<'a>) -> [&'a [Lanes]; 2] {
 }
 
 impl OcclusionSearch {
-    /// Plans for a body of these pixels.
+    /// Prepares for a body with the pixels of `window`, none of them occluded.
     pub(in crate::dic) fn plan(&mut self, window: &SubsetMask) {
         self.visibility.plan(window);
         self.visible.clear();
@@ -173,7 +173,7 @@ impl OcclusionSearch {
         BodyMotion { motion, zncc: found.zncc, visible_fraction, light_deg }
     }
 
-    /// Clears the occlusion of the last frame.
+    /// Clears the occlusion found in the last frame, so that [`Self::occlusion_map`] returns `None`.
     pub(in crate::dic) fn clear_occlusion(&mut self) {
         self.visible.clear();
     }

@@ -270,7 +270,7 @@ struct MaskedSearch {
 }
 
 impl MaskedSearch {
-    /// Computes the spectra of a target.
+    /// Computes the spectra of a whole target and of its squares.
     fn new(target: &PreparedFrame) -> Self {
         let (width, height) = (target.width(), target.height());
         let mut fft = Fft2d::new(fast_size(width.max(height)));

@@ -70,7 +70,8 @@ pub(in crate::dic) struct VisibilityMap {
 }
 
 impl VisibilityMap {
-    /// Plans for a body of these pixels.
+    /// Prepares for a body with the pixels of `window`: counts the pixels of each neighbourhood and places the noise
+    /// sample.
     pub(in crate::dic) fn plan(&mut self, window: &SubsetMask) {
         self.load(window, &[], &[]);
         let (len, stride) = (self.mask.len(), self.stride);

@@ -114,7 +114,7 @@ impl Warp {
         product(self, before) / product(before, before)
     }
 
-    /// Returns the step multiplied by a factor.
+    /// Returns the step with displacement and gradients multiplied by a factor.
     pub(in crate::dic) fn scaled(&self, factor: f64) -> Self {
         let Self { u, ux, uy, v, vx, vy } = *self;
         Self { u: u * factor, ux: ux * factor, uy: uy * factor, v: v * factor, vx: vx * factor, vy: vy * factor }

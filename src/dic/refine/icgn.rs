@@ -406,7 +406,7 @@ impl Refiner<'_> {
 }
 
 vectorized! {
-    /// See [`Refiner::sums_with`].
+    /// Returns the sums over the exactly sampled target under a warp, for its kernel: see [`Refiner::sums_with`].
     fn sums_of(refiner: &Refiner<'_>, warp: &Warp, values: &mut [Lanes]) -> Sums = sums_with
 }
 
@@ -420,12 +420,12 @@ fn sums_with<V: Vector>(refiner: &Refiner<'_>, warp: &Warp, values: &mut [Lanes]
 }
 
 vectorized! {
-    /// See [`Refiner::tiled_sums_with`].
+    /// Returns the sums over the target sampled in tiles, for its kernel: see [`Refiner::tiled_sums_with`].
     fn tiled_sums_of(refiner: &Refiner<'_>, warp: &Warp) -> Sums = tiled_sums_with
 }
 
 vectorized! {
-    /// See [`Refiner::stored_sums_with`].
+    /// Returns the sums over stored samples: see [`Refiner::stored_sums_with`].
     fn stored_sums_of(refiner: &Refiner<'_>, mean: f32, samples: &[Lanes]) -> Sums = stored_sums_with
 }
 

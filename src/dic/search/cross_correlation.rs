@@ -16,6 +16,7 @@ pub(in crate::dic) struct CrossCorrelation {
 }
 
 impl CrossCorrelation {
+    /// Plans correlations of `size` x `size` pixels, zero-padding included.
     pub(in crate::dic) fn new(size: usize) -> Self {
         let fft = Fft2d::new(size);
         Self { data: fft.memory(), product: fft.memory(), fft }
@@ -85,6 +86,7 @@ impl CrossCorrelation {
         self.fft.inverse(&mut self.data);
     }
 
+    /// Fills the memory with NaN, so that a test finds whatever is read before it is written.
     #[cfg(test)]
     pub(in crate::dic) fn spoil(&mut self) {
         for plane in [&mut self.data, &mut self.product] {
@@ -145,6 +147,7 @@ impl LocalContrast {
         Self { sums: vec![0.0; count], squares: vec![0.0; count] }
     }
 
+    /// Fills the memory with NaN, so that a test finds whatever is read before it is written.
     #[cfg(test)]
     pub(in crate::dic) fn spoil(&mut self) {
         self.sums.fill(f64::NAN);

@@ -31,6 +31,7 @@ pub(in crate::dic) struct Surface<'a> {
 }
 
 impl Surface<'_> {
+    /// Returns the number of rows.
     fn rows(&self) -> usize {
         self.data.len() / self.columns
     }

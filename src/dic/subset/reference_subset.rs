@@ -17,7 +17,7 @@ pub(in crate::dic) enum Unusable {
 }
 
 impl Unusable {
-    /// Converts the reason to a status.
+    /// Converts the reason to the status of a point.
     pub(in crate::dic) fn status(self) -> PointStatus {
         match self {
             Self::OutOfFrame => PointStatus::OutOfFrame,

@@ -140,7 +140,7 @@ fn eighth_difference(rows: [&[f32]; EIGHTH.len()], out: &mut [f32]) {
     }
 }
 
-/// Returns the dot product of two rows.
+/// Returns the dot product of two rows in double precision.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
 fn dot(a: &[f32], b: &[f32]) -> f64 {
     let mut sums = [0.0_f64; LANES];

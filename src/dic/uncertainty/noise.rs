@@ -80,7 +80,7 @@ pub(in crate::dic) struct VarianceFactor {
 }
 
 impl NoisePool {
-    /// Clears all sums.
+    /// Clears all sums, for the next pair of frames.
     pub(in crate::dic) fn clear(&mut self) {
         for sums in [&mut self.residual, &mut self.pairs, &mut self.gradient_x, &mut self.gradient_y] {
             sums.fill(0.0);

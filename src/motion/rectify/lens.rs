@@ -82,7 +82,7 @@ impl Lens {
         None
     }
 
-    /// Returns the pixel of a ray, px.
+    /// Projects a ray (x/z, y/z) to its distorted pixel, px.
     pub fn pixel(&self, ray: [f64; 2]) -> [f64; 2] {
         let [x, y] = self.distortion.distort(ray);
         [self.center_px[0] + self.focal_px[0] * x, self.center_px[1] + self.focal_px[1] * y]

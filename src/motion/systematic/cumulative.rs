@@ -60,7 +60,7 @@ impl<const N: usize> CumulativeSums<N> {
         }
     }
 
-    /// Returns all sums in order of time.
+    /// Returns the sums of all kept frames in order of time.
     pub fn seen(&self) -> &[[Sample; N]] {
         &self.seen
     }

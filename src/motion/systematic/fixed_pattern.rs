@@ -33,7 +33,7 @@ pub struct RunningBias {
 }
 
 impl RunningBias {
-    /// Takes the share of one more frame.
+    /// Includes the share estimated in one more frame; one that is not finite is ignored.
     pub fn push(&mut self, share: f64) {
         if !share.is_finite() {
             return;

@@ -102,7 +102,7 @@ impl OutlineDrift {
         Self { common_error_share: if rolling.rolls() { 1.0 } else { 0.0 }, ..Self::default() }
     }
 
-    /// Takes the outline detected in a node's frame.
+    /// Records the offset of the outline detected in a node's frame from the node's pose.
     pub fn push(&mut self, node: &Pose, circle: &Circle) {
         let sigma = circle.sigma_center_px;
         let apart = [circle.x_px - node.pose[0], circle.y_px - node.pose[1]];
@@ -114,7 +114,7 @@ impl OutlineDrift {
         push_bounded(&mut self.seen, apart.map(|value| Sample { time_frames, component, value, sigma, walk: 0.0 }));
     }
 
-    /// Takes the drift that the step from a frame shows.
+    /// Records the drift and the surface speed that the step from a frame shows.
     pub fn push_step(&mut self, time_frames: f64, step: &BodyStep) {
         let Some(moved) = step.motion else { return };
         let speed_px = moved.dx_px.hypot(moved.dy_px);
@@ -320,7 +320,9 @@ impl OutlineDrift {
         }
     }
 
-    /// Returns the known drift at a node.
+    /// Returns the drift at a node as far as it is known: from the interval of uniform drift around it.
+    ///
+    /// In contact, the drift of the flight before is used, and its sigma includes the change of the spin.
     pub fn here(&self, node: &Pose, regime: Regime) -> LocalDrift {
         let ((from_frames, to_frames), scatter, lines) = self.uniform_interval(node, regime);
         let rates = self.combined_rates(from_frames, to_frames, lines.as_ref());

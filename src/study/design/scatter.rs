@@ -196,7 +196,7 @@ impl Prediction {
         Ok(Some(Self { noise, rows }))
     }
 
-    /// Returns the predicted scatter of a result.
+    /// Returns the predicted scatter of the result with this name; `None` if it is not predicted.
     pub(super) fn sigma(&self, name: &str) -> Option<f64> {
         self.rows.iter().find(|row| row.name == name).map(|row| row.sigma)
     }

@@ -232,7 +232,11 @@ impl Evaluator {
     }
 }
 
-/// Plans the correlator of a method.
+/// Plans the correlator of a method for square frames of this side, px.
+///
+/// # Errors
+///
+/// When the size or the step of the windows is out of range.
 fn plan_engine(method: Method, windows: Windows, side_px: usize) -> Result<Engine, Failure> {
     let correlation = match method {
         Method::Paper | Method::PaperFit => dic::Method::SplineFft,
@@ -308,7 +312,7 @@ fn answer_from(motion: &RigidMotion) -> Answer {
     }
 }
 
-/// Returns the answer without a motion.
+/// Returns the answer without a motion, for the reason `status`.
 fn no_answer(status: PointStatus) -> Answer {
     Answer { step: None, sigma: None, points: 0, status }
 }
