@@ -215,7 +215,7 @@ pub fn parse_from(args: impl IntoIterator<Item = impl Into<OsString> + Clone>) -
     }
 }
 
-/// Joins clap's message into one line, without the usage that `--help` repeats.
+/// Joins clap's message into one line, without its `error:` prefix and the usage that `--help` repeats.
 fn one_line(text: &str) -> String {
     let message = text.lines().take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more"));
     let words = message.flat_map(str::split_whitespace).collect::<Vec<_>>().join(" ");

@@ -45,28 +45,28 @@ pub struct Field {
     #[arg(long, value_name = "PX")]
     step: Option<u32>,
     /// Correlation method.
-    #[arg(long, value_parser = words(&Method::WORDS))]
+    #[arg(long, value_parser = name_parser(&Method::WORDS))]
     method: Option<Method>,
     /// Shape function of the subsets (method ic-gn).
-    #[arg(long, value_parser = words(&Shape::WORDS))]
+    #[arg(long, value_parser = name_parser(&Shape::WORDS))]
     shape: Option<Shape>,
     /// Shape of the subset window.
-    #[arg(long, value_parser = words(&WindowShape::WORDS))]
+    #[arg(long, value_parser = name_parser(&WindowShape::WORDS))]
     window: Option<WindowShape>,
     /// Interpolation of the target; bicubic matches OpenCorr and is less accurate.
-    #[arg(long, value_parser = words(&Interpolation::WORDS))]
+    #[arg(long, value_parser = name_parser(&Interpolation::WORDS))]
     interpolation: Option<Interpolation>,
     /// Search range: maximum displacement, px.
     #[arg(long, value_name = "PX")]
     search: Option<u32>,
     /// Initial guess; any-angle first searches the whole region at every angle in the whole target.
-    #[arg(long, value_parser = words(&Begin::WORDS), default_value = "neighbor")]
+    #[arg(long, value_parser = name_parser(&Begin::WORDS), default_value = "neighbor")]
     start: Begin,
     /// PNG picture of the vectors over the reference.
     #[arg(long)]
     picture: Option<PathBuf>,
     /// Draw a colour map of this quantity instead of the vectors.
-    #[arg(long, value_parser = words(&Quantity::WORDS), requires = "picture")]
+    #[arg(long, value_parser = name_parser(&Quantity::WORDS), requires = "picture")]
     map: Option<Quantity>,
     /// Whether an output that exists is replaced.
     #[command(flatten)]
@@ -76,10 +76,12 @@ pub struct Field {
     json: bool,
 }
 
-/// Parses one of the listed names into its value.
-fn words<T: Copy + Send + Sync + 'static>(words: &'static [(&'static str, T)]) -> impl TypedValueParser<Value = T> {
-    PossibleValuesParser::new(words.iter().map(|(word, _)| *word))
-        .try_map(|word| words.iter().find(|(known, _)| *known == word).map(|(_, meaning)| *meaning).ok_or(word))
+/// Returns a parser that accepts one of the listed names and returns its value.
+fn name_parser<T: Copy + Send + Sync + 'static>(
+    names: &'static [(&'static str, T)],
+) -> impl TypedValueParser<Value = T> {
+    PossibleValuesParser::new(names.iter().map(|(word, _)| *word))
+        .try_map(|word| names.iter().find(|(known, _)| *known == word).map(|(_, value)| *value).ok_or(word))
 }
 
 impl Field {

@@ -19,8 +19,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 
-/// Length of each worker's queue, frames.
-const WAITING: usize = 16;
+/// The length of each worker's queue, frames.
+const QUEUE_FRAMES: usize = 16;
 
 /// The options of `ricochet analyze`.
 #[derive(Debug, Clone, PartialEq, clap::Args)]
@@ -75,6 +75,10 @@ pub fn run(options: &AnalyzeOptions, stop: &Stop) -> Result<Outcome, Failure> {
 }
 
 /// Opens a film with the chosen rig file, within the chosen interval.
+///
+/// # Errors
+///
+/// When the film or the rig file cannot be used, or there is nothing to measure.
 pub(super) fn open(options: &AnalyzeOptions, inputs: &[PathBuf]) -> Result<Film, Failure> {
     let span = span(options.from_s, options.to_s)?;
     let film =
@@ -93,6 +97,10 @@ pub(super) fn open(options: &AnalyzeOptions, inputs: &[PathBuf]) -> Result<Film,
 }
 
 /// Measures an opened film into a results file and prints its impacts.
+///
+/// # Errors
+///
+/// When the results exist or cannot be written, or the film cannot be read.
 pub(super) fn measure_and_print(
     film: Film,
     options: &AnalyzeOptions,
@@ -138,7 +146,9 @@ fn free_results_path(inputs: &[PathBuf], camera: Option<&str>) -> PathBuf {
     (1..u32::MAX).map(numbered).find(|path| !path.exists()).unwrap_or_else(|| numbered(u32::MAX))
 }
 
+/// A frame for all workers.
 type Job = Arc<(FrameMeta, Vec<u8>)>;
+/// The steps and fields that a worker has measured after a frame.
 type Answer = Result<Vec<Measured>, MeasureError>;
 
 /// A measured film.
@@ -190,8 +200,8 @@ pub(super) fn measure(film: Film, output: &Path, stop: &Stop) -> Result<Measured
         let (answers, results) = channel();
         let mut workers = Vec::new();
         for index in 0..config.workers.count {
-            let (jobs, todo) = sync_channel(WAITING);
-            let mut measurer = plan(&measure_params, index, config.workers.count, &format)?;
+            let (jobs, todo) = sync_channel(QUEUE_FRAMES);
+            let mut measurer = plan_measurer(&measure_params, index, config.workers.count, &format)?;
             reference.iter().try_for_each(|picture| measurer.set_reference(picture))?;
             let answers = answers.clone();
             scope.spawn(move || run_worker(measurer, &todo, &answers));
@@ -226,10 +236,12 @@ pub(super) fn measure(film: Film, output: &Path, stop: &Stop) -> Result<Measured
     Ok(MeasuredFilm { path: finished.path, missing, runs })
 }
 
-fn plan(params: &MeasureParams, index: u32, of: u32, format: &StreamFormat) -> Result<Measurer, MeasureError> {
+/// Plans the measurer of worker `index` of `of`.
+fn plan_measurer(params: &MeasureParams, index: u32, of: u32, format: &StreamFormat) -> Result<Measurer, MeasureError> {
     Measurer::new(params, Share { index, of }, format.width_px as usize, format.height_px as usize)
 }
 
+/// Sends a frame to every worker, and waits where a queue is full.
 fn send_to_all(workers: &[SyncSender<Job>], job: &Job) {
     for worker in workers {
         // A worker that has ended has sent its error.
@@ -237,6 +249,7 @@ fn send_to_all(workers: &[SyncSender<Job>], job: &Job) {
     }
 }
 
+/// Measures the frames of a queue until it closes, and sends the results of each.
 fn run_worker(mut measurer: Measurer, todo: &Receiver<Job>, answers: &Sender<Answer>) {
     for job in todo {
         let (meta, bytes) = job.as_ref();
@@ -252,6 +265,7 @@ fn run_worker(mut measurer: Measurer, todo: &Receiver<Job>, answers: &Sender<Ans
     let _ = answers.send(Ok(measured));
 }
 
+/// Adds the results of a worker to the results file.
 fn write_measured(shot: &mut Shot, answer: Answer) -> Result<(), Failure> {
     for measured in answer? {
         shot.step(0, measured.step, measured.field)?;
@@ -264,10 +278,11 @@ pub(super) fn last_revisions(recording: &Recording) -> Result<Vec<Impact>, Recor
     Ok(report::last_revisions(recording.impacts()?.collect::<Result<_, _>>()?))
 }
 
+/// Prints the impacts with their uncertainties, and the measured frames of each body, as text or JSON.
 fn print_results(impacts: &[Impact], bodies: &[BodySummary], results: &Recording, options: &AnalyzeOptions) {
     let path = results.path();
     if options.json {
-        let rows: Vec<_> = impacts.iter().map(|impact| as_json(impact, results)).collect();
+        let rows: Vec<_> = impacts.iter().map(|impact| impact_as_json(impact, results)).collect();
         let bodies: Vec<_> = bodies.iter().map(BodySummary::json).collect();
         print_line(&serde_json::json!({ "results": path, "impacts": rows, "bodies": bodies }).to_string());
         return;
@@ -288,7 +303,8 @@ fn print_results(impacts: &[Impact], bodies: &[BodySummary], results: &Recording
     bodies.iter().for_each(|body| print_note(&body.line()));
 }
 
-fn as_json(impact: &Impact, results: &Recording) -> serde_json::Value {
+/// Returns an impact as a JSON object: the body, then each number with its uncertainty.
+fn impact_as_json(impact: &Impact, results: &Recording) -> serde_json::Value {
     let mut row = serde_json::Map::new();
     row.insert("body".into(), results.body_name(impact.body).into());
     row.extend(json_cells(impact, &Impact::pairs()).map(|(name, value)| (name.to_owned(), value)));

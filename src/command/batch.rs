@@ -37,16 +37,16 @@ impl Fatal for FailedFilms {
 pub fn run(options: &AnalyzeOptions, shard: Shard, stop: &Stop) -> Result<Outcome, Failure> {
     let folder = options.output.clone().unwrap_or_else(|| PathBuf::from("."));
     std::fs::create_dir_all(&folder)?;
-    let films = films(&options.inputs)?;
+    let films = list_films(&options.inputs)?;
     let named = results_by_film(&films, &folder)?;
-    let _lock = lock(&folder, shard)?;
+    let _lock = lock_share(&folder, shard)?;
     let (mut lost, mut empty, mut failures, mut tried) = (0, 0, Vec::new(), 0);
     for (film, results) in named.iter().skip(shard.index - 1).step_by(shard.of) {
         if stop.requested() {
             break;
         }
         tried += 1;
-        match measure(options, film, results, stop) {
+        match measure_film(options, film, results, stop) {
             Ok(Outcome::Clean) => {}
             Ok(Outcome::Lost { count, .. }) => lost += count,
             Ok(Outcome::NothingMeasured { count, .. }) => {
@@ -68,7 +68,7 @@ pub fn run(options: &AnalyzeOptions, shard: Shard, stop: &Stop) -> Result<Outcom
 }
 
 /// Returns the films of the arguments. A text file (`.txt` or `.list`) has the path of a film on each line.
-fn films(inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
+fn list_films(inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     let mut films = Vec::new();
     for input in inputs {
         if !input.extension().is_some_and(|extension| extension == "txt" || extension == "list") {
@@ -102,8 +102,8 @@ fn results_by_film(films: &[PathBuf], folder: &Path) -> Result<Vec<(PathBuf, Pat
     Ok(named)
 }
 
-/// Locks a share, so that two processes never measure the same film.
-fn lock(folder: &Path, shard: Shard) -> Result<std::fs::File, Failure> {
+/// Locks a share, so that two processes never measure the same film. The lock ends with the returned file.
+fn lock_share(folder: &Path, shard: Shard) -> Result<std::fs::File, Failure> {
     let path = folder.join(format!(".shard-{}-of-{}", shard.index, shard.of));
     let file = std::fs::File::create(&path)?;
     file.try_lock().map_err(|_| {
@@ -113,10 +113,15 @@ fn lock(folder: &Path, shard: Shard) -> Result<std::fs::File, Failure> {
     Ok(file)
 }
 
-fn measure(options: &AnalyzeOptions, film: &Path, results: &Path, stop: &Stop) -> Result<Outcome, Failure> {
+/// Measures a film into its results file, unless that is complete.
+///
+/// # Errors
+///
+/// When the results are those of other settings, or the film cannot be measured.
+fn measure_film(options: &AnalyzeOptions, film: &Path, results: &Path, stop: &Stop) -> Result<Outcome, Failure> {
     let inputs = [film.to_owned()];
     let mut opened = analyze::open(options, &inputs)?;
-    let settings = settings(options, &opened.config, film);
+    let settings = settings_checksum(options, &opened.config, film);
     if let Ok(made) = Recording::open(results) {
         let is_same = made.metadata().get(SETTINGS) == Some(&settings);
         if is_same && made.truncated().is_none() {
@@ -131,8 +136,8 @@ fn measure(options: &AnalyzeOptions, film: &Path, results: &Path, stop: &Stop) -
     analyze::measure_and_print(opened, options, &inputs, results, stop)
 }
 
-/// Returns the version, and a checksum of all that results depend on besides the frames.
-fn settings(options: &AnalyzeOptions, config: &Config, film: &Path) -> String {
+/// Returns the version, and a checksum of everything that results depend on except the frames.
+fn settings_checksum(options: &AnalyzeOptions, config: &Config, film: &Path) -> String {
     let bytes = film.metadata().map_or(0, |metadata| metadata.len());
     let given = (&options.camera, options.fps, options.order.reverse, options.from_s, options.to_s, bytes);
     let checksum = crc32fast::hash(format!("{given:?} {}", config.text).as_bytes());

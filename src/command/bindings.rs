@@ -22,15 +22,15 @@ pub enum Language {
 /// When standard output is closed.
 pub fn run(language: Language) -> Result<Outcome, Failure> {
     let text = match language {
-        Language::Python => python(),
-        Language::C => c(),
+        Language::Python => python_module(),
+        Language::C => c_header(),
     };
     print_line(text.trim_end());
     Ok(Outcome::Clean)
 }
 
-/// Returns the names of each numbered word.
-fn words() -> Vec<(&'static str, Vec<(u32, &'static str)>)> {
+/// Returns the enumerations of the messages: name, then number and name of each value.
+fn enumerations() -> Vec<(&'static str, Vec<(u32, &'static str)>)> {
     macro_rules! words {
         ($name:literal, $Enum:ident) => {
             ($name, $Enum::ALL.map(|word| (word as u32, word.as_str())).to_vec())
@@ -46,18 +46,19 @@ fn words() -> Vec<(&'static str, Vec<(u32, &'static str)>)> {
     ]
 }
 
-/// Returns the name of a message without the word that says that it is one.
-fn short(name: &str) -> &str {
+/// Returns the name of a message without its ending `Message`.
+fn name_without_suffix(name: &str) -> &str {
     name.strip_suffix("Message").unwrap_or(name)
 }
 
-fn python() -> String {
+/// Returns the module with a ctypes structure for each message and a dictionary for each enumeration.
+fn python_module() -> String {
     let mut text = String::from(
         "\"\"\"The messages of a rig in shared memory, made by `ricochet bindings python`.\"\"\"\n\nimport ctypes\n",
     );
     for layout in layouts() {
         let MessageLayout { name, type_name, size_bytes, alignment_bytes, fields } = layout;
-        let _ = write!(text, "\n\nclass {}(ctypes.Structure):\n    _fields_ = [\n", short(name));
+        let _ = write!(text, "\n\nclass {}(ctypes.Structure):\n    _fields_ = [\n", name_without_suffix(name));
         for field in &fields {
             let _ = writeln!(text, "        (\"{}\", {}),", field.name, python_type(&field.kind));
         }
@@ -67,7 +68,7 @@ fn python() -> String {
              def type_name():\n        return \"{type_name}\"\n"
         );
     }
-    for (name, words) in words() {
+    for (name, words) in enumerations() {
         let _ = write!(text, "\n\n{name} = {{\n");
         for (number, word) in words {
             let _ = writeln!(text, "    {number}: {word:?},");
@@ -77,6 +78,7 @@ fn python() -> String {
     text
 }
 
+/// Returns the type of a field in ctypes.
 fn python_type(kind: &FieldKind) -> String {
     match kind {
         FieldKind::U8 => "ctypes.c_uint8".into(),
@@ -85,11 +87,12 @@ fn python_type(kind: &FieldKind) -> String {
         FieldKind::F32 => "ctypes.c_float".into(),
         FieldKind::F64 => "ctypes.c_double".into(),
         FieldKind::Array(kind, count) => format!("{} * {count}", python_type(kind)),
-        FieldKind::Message(name) => short(name).into(),
+        FieldKind::Message(name) => name_without_suffix(name).into(),
     }
 }
 
-fn c() -> String {
+/// Returns the header with a struct for each message, an enum for each enumeration, and assertions of their layout.
+fn c_header() -> String {
     let mut text = String::from(
         "/* The messages of a rig in shared memory, made by `ricochet bindings c`. */\n#ifndef RICOCHET_H\n#define \
          RICOCHET_H\n\n#include <assert.h>\n#include <stddef.h>\n#include <stdint.h>\n\n#ifdef __cplusplus\nextern \"C\" \
@@ -109,7 +112,7 @@ fn c() -> String {
             let _ = writeln!(text, "static_assert(offsetof({name}_t, {field}) == {offset}, \"layout\");");
         }
     }
-    for (name, words) in words() {
+    for (name, words) in enumerations() {
         let _ = write!(text, "\nenum {{\n");
         for (number, word) in words {
             let word: String =
@@ -121,10 +124,10 @@ fn c() -> String {
     text + "\n#ifdef __cplusplus\n}\n#endif\n\n#endif\n"
 }
 
-/// Returns `ricochet_field_header` for `FieldHeader`.
+/// Returns the name of a struct in C: `ricochet_field_header` for `FieldHeader`.
 fn c_name(name: &str) -> String {
     let mut words = String::from("ricochet");
-    for letter in short(name).chars() {
+    for letter in name_without_suffix(name).chars() {
         if letter.is_uppercase() {
             words.push('_');
         }
@@ -133,6 +136,7 @@ fn c_name(name: &str) -> String {
     words
 }
 
+/// Returns the type of a field in C, and the dimension that follows its name.
 fn c_type(kind: &FieldKind) -> (String, String) {
     match kind {
         FieldKind::U8 => ("uint8_t".into(), String::new()),

@@ -42,14 +42,14 @@ pub(super) struct FilmShape {
     pub(super) first_frame: u64,
 }
 
-/// Counts the velocity rows of each body.
+/// Counts the velocity rows of each body, and finds the most frequent reason why it was not measured.
 pub(super) fn of_rows<'a>(
     rows: impl Iterator<Item = &'a VelocitySample> + Clone,
     config: &Config,
     film: &FilmShape,
 ) -> Vec<BodySummary> {
     let summary = |(index, body): (u32, &crate::config::Body)| {
-        let counted = MeasuredFrames::of(rows.clone().filter(|row| row.body == index));
+        let counted = MeasuredFrames::count(rows.clone().filter(|row| row.body == index));
         let cause = counted.reason.and_then(|frequent| {
             let reason = frequent.status.reason(body.kind)?;
             Some(Cause {
@@ -108,7 +108,7 @@ impl BodySummary {
         self.cause.is_none()
     }
 
-    /// Returns the most frequent status of the frames in which it was not.
+    /// Returns the most frequent status of the frames in which the body was not measured; `None` if it was in all.
     pub(super) fn frequent_status(&self) -> Option<PointStatus> {
         Some(self.cause.as_ref()?.frequent.status)
     }
@@ -137,7 +137,7 @@ impl BodySummary {
         line
     }
 
-    /// Returns the summary as an object.
+    /// Returns the summary as a JSON object.
     pub(super) fn json(&self) -> Value {
         let MeasuredFrames { total_frames, measured_frames, .. } = self.counted;
         let cause = self.cause.as_ref();

@@ -29,10 +29,10 @@ pub fn run(options: &CamerasOptions) -> Result<Outcome, Failure> {
         print_features(id, options)?;
         return Ok(Outcome::Clean);
     }
-    let kernels = v4l2::list();
+    let kernel_cameras = v4l2::list();
     let genicam = match list() {
         Ok(cameras) => cameras,
-        Err(error) if kernels.is_empty() => return Err(error.into()),
+        Err(error) if kernel_cameras.is_empty() => return Err(error.into()),
         Err(error) => {
             log::warn!("cannot list GenICam cameras: {error}");
             Vec::new()
@@ -41,13 +41,13 @@ pub fn run(options: &CamerasOptions) -> Result<Outcome, Failure> {
     let genicam: Vec<_> = genicam.into_iter().map(|camera| (describe(&camera), camera)).collect();
     if options.json {
         let cameras = genicam.iter().map(|(details, camera)| camera_as_json(camera, details));
-        let cameras: Vec<_> = cameras.chain(kernels.iter().map(kernel_camera_as_json)).collect();
+        let cameras: Vec<_> = cameras.chain(kernel_cameras.iter().map(kernel_camera_as_json)).collect();
         print_line(&json!({ "cameras": cameras }).to_string());
-    } else if genicam.is_empty() && kernels.is_empty() {
+    } else if genicam.is_empty() && kernel_cameras.is_empty() {
         print_line("no camera found on any network interface or USB port, and no V4L2 device");
     } else {
         genicam.iter().for_each(|(details, camera)| print_line(&camera_as_text(camera, details)));
-        kernels.iter().for_each(|camera| print_line(&kernel_camera_as_text(camera)));
+        kernel_cameras.iter().for_each(|camera| print_line(&kernel_camera_as_text(camera)));
     }
     Ok(Outcome::Clean)
 }
@@ -60,17 +60,17 @@ pub(super) struct FoundCamera {
     pub description: String,
 }
 
-/// Returns the cameras at hand; none of GenICam where its library is missing.
-pub(super) fn found() -> Vec<FoundCamera> {
+/// Returns the cameras at hand. Those of GenICam are missing where its library is.
+pub(super) fn find_cameras() -> Vec<FoundCamera> {
     let genicam = list().unwrap_or_default().into_iter().map(|camera| FoundCamera {
         description: format!("{} ({} {}, {})", camera.id, camera.vendor, camera.model, camera.protocol),
         id: camera.id,
     });
-    let kernels = v4l2::list().into_iter().filter(|camera| camera.unavailable.is_none()).map(|camera| {
+    let kernel_cameras = v4l2::list().into_iter().filter(|camera| camera.unavailable.is_none()).map(|camera| {
         let id = camera.path.display().to_string();
         FoundCamera { description: format!("{id} ({})", camera.capability.card), id }
     });
-    genicam.chain(kernels).collect()
+    genicam.chain(kernel_cameras).collect()
 }
 
 /// Prints the features of one camera; of a V4L2 camera also its formats, sizes and rates.
@@ -122,6 +122,7 @@ fn kernel_camera_as_text(camera: &v4l2::CameraListing) -> String {
     lines.join("\n")
 }
 
+/// Returns a V4L2 camera as JSON, with its formats, sizes in px and rates in Hz.
 fn kernel_camera_as_json(camera: &v4l2::CameraListing) -> Value {
     let size = |size: &v4l2::FrameSize| json!([size.width_px, size.height_px]);
     let sizes = |sizes: &v4l2::Sizes| match sizes {
@@ -178,6 +179,7 @@ fn camera_as_text(camera: &CameraListing, details: &Result<CameraDetails, Camera
     lines.join("\n")
 }
 
+/// Returns a GenICam camera as JSON, with an error in place of its details if it did not reply.
 fn camera_as_json(camera: &CameraListing, details: &Result<CameraDetails, CameraError>) -> Value {
     let mut value = json!({
         "id": camera.id, "vendor": camera.vendor, "model": camera.model, "serial": camera.serial,
@@ -213,6 +215,7 @@ fn feature_as_text(line: &FeatureLine) -> String {
     format!("{indent}{}{value}{unit} ({}{access}{allowed})", line.name, line.kind.as_str())
 }
 
+/// Returns a feature as JSON.
 fn feature_as_json(line: &FeatureLine) -> Value {
     json!({
         "depth": line.depth, "name": line.name, "type": line.kind.as_str(), "value": line.value,

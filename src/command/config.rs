@@ -54,8 +54,9 @@ pub fn run(command: &ConfigCommand) -> Result<Outcome, Failure> {
     Ok(Outcome::Clean)
 }
 
+/// Prints the reference of one key, of a table, or of all tables, as text or JSON.
 fn explain(options: &ExplainOptions) -> Result<(), Failure> {
-    let entry = options.key.as_deref().map(find).transpose()?;
+    let entry = options.key.as_deref().map(find_entry).transpose()?;
     if options.json {
         let value = match entry {
             None => config::reference().iter().map(Section::to_json).collect(),
@@ -76,7 +77,12 @@ fn explain(options: &ExplainOptions) -> Result<(), Failure> {
     Ok(())
 }
 
-fn find(name: &str) -> Result<Entry, UsageError> {
+/// Finds a key or a table by its name.
+///
+/// # Errors
+///
+/// [`UsageError`] with the nearest name.
+fn find_entry(name: &str) -> Result<Entry, UsageError> {
     config::find(name).map_err(|nearest| UsageError(format!("no key or table {name:?}; the nearest is {nearest}")))
 }
 
@@ -87,6 +93,7 @@ fn print_overview(section: &Section) {
     print_line(&format!("{}\n{about}\n{}\n", section.header(), wrapped(&names.join(", "), 4)));
 }
 
+/// Prints a key under this name: type, meaning, allowed values and default.
 fn print_key(name: &str, key: &Key) {
     let facts = [key.meaning(), format!("Must be {}.", key.allowed), format!("Default: {}.", key.default)];
     let facts: Vec<String> = facts.iter().map(|fact| wrapped(fact, 2)).collect();

@@ -7,6 +7,7 @@ use crate::message::{Command, Event, EventKind, Reply, ReplyCode, Role};
 use crate::process::Stop;
 use std::time::Duration;
 
+/// The maximum wait for the reply of the rig.
 const PATIENCE: Duration = Duration::from_secs(2);
 const PAUSE: Duration = Duration::from_millis(20);
 
@@ -65,7 +66,7 @@ pub fn trigger(options: &TriggerOptions, stop: &Stop) -> Result<Outcome, Failure
 
 fn ask(bus: &Bus, command: Command) -> Result<Reply, Failure> {
     let reply = bus.control_client()?.ask(command, PATIENCE)?;
-    Ok(reply.ok_or_else(|| no_answer(bus))?)
+    Ok(reply.ok_or_else(|| no_answer_error(bus))?)
 }
 
 /// Waits for the next recording and returns its path.
@@ -105,8 +106,8 @@ fn report(options: &RigOptions, reply: &Reply, recording: Option<&str>) -> Resul
     Ok(Outcome::Clean)
 }
 
-/// Returns the reason why nobody replies.
-fn no_answer(bus: &Bus) -> BusError {
+/// Returns the error of a rig from which nobody replies: it is silent, or there is none.
+fn no_answer_error(bus: &Bus) -> BusError {
     let rig = bus.rig().to_owned();
     match bus.roles().iter().find(|role| role.name == Role::Record.as_str()) {
         Some(role) => BusError::Silent { rig, pid: role.pid },

@@ -48,6 +48,7 @@ pub(super) struct SurveyedBody {
 }
 
 impl FilmFiles {
+    /// Opens the film at its first frame.
     pub(super) fn open(&self) -> Result<OpenedFilm, Failure> {
         result_film::open(&self.inputs, self.camera.as_deref(), self.fps, self.order)
     }
@@ -106,7 +107,7 @@ pub(super) fn survey(film: &FilmFiles, stop: &Stop) -> Result<Surveyed, Failure>
     warnings.iter().for_each(|warning| log::warn!("{warning}"));
     drop(opened.frames);
     let bar = progress::frames(3 * announced, "survey");
-    let (sampler, count) = sample(film, announced, &bar, stop)?;
+    let (sampler, count) = sample_frames(film, announced, &bar, stop)?;
     let size_px = sampler.0;
     let movement = sampler.1.movement();
     let kinds = match &movement {
@@ -135,10 +136,11 @@ fn with_body(mut bodies: Vec<SurveyedBody>, body: SurveyedBody) -> Vec<SurveyedB
     bodies
 }
 
+/// The size of the frames, px, the samples, and the number of frames.
 type Sampled = (([usize; 2], Sampler), u64);
 
 /// Samples the film; returns the size of its frames, the samples and the number of frames.
-fn sample(film: &FilmFiles, announced: u64, bar: &ProgressBar, stop: &Stop) -> Result<Sampled, Failure> {
+fn sample_frames(film: &FilmFiles, announced: u64, bar: &ProgressBar, stop: &Stop) -> Result<Sampled, Failure> {
     let mut sampled: Option<([usize; 2], Sampler)> = None;
     let (mut image, mut count) = (Image::default(), 0);
     film.visit(stop, |index, meta, bytes| {

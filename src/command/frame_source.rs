@@ -57,8 +57,8 @@ impl Film {
         let placed = self.frames.map(move |frame| (place(&frame), frame));
         let inside = placed.skip_while(|(place, _)| place.is_lt()).take_while(|(place, _)| !place.is_gt());
         self.frames = Box::new(inside.map(|(_, frame)| frame));
-        let most = (span.to_s - span.from_s) * self.format.frame_rate_hz;
-        self.count = self.count.min(most.ceil() as u64);
+        let max_frames = (span.to_s - span.from_s) * self.format.frame_rate_hz;
+        self.count = self.count.min(max_frames.ceil() as u64);
         self
     }
 
@@ -142,6 +142,7 @@ impl Film {
         })
     }
 
+    /// Opens footage of another program, which needs a rig file.
     fn footage(inputs: &[PathBuf], config: Option<&Path>, fps: Option<f64>, order: Order) -> Result<Self, Failure> {
         let Some(config) = config else {
             let first = inputs.first().map_or_else(String::new, |path| path.display().to_string());
@@ -214,6 +215,7 @@ struct Part {
 }
 
 impl Part {
+    /// Opens a recording at its first frame, which has to be readable.
     fn open(recording: Recording) -> Result<Self, Failure> {
         let mut frames = recording.frames()?.peekable();
         let first = match frames.peek() {
@@ -262,7 +264,7 @@ pub(super) fn span(from_s: Option<f64>, to_s: Option<f64>) -> Result<TimeRange, 
     Ok(TimeRange { from_s, to_s })
 }
 
-/// Recomputes the time stamp of a frame from a frame rate given by the user.
+/// Returns a frame with its time stamp recomputed from the number of frames since the first and a rate in Hz.
 pub(super) fn restamped(meta: FrameMeta, first: &FrameMeta, fps: f64) -> FrameMeta {
     let since_ns = meta.sequence.saturating_sub(first.sequence) as f64 * 1e9 / fps;
     FrameMeta { stamp_ns: first.stamp_ns.saturating_add(since_ns.round() as u64), ..meta }

@@ -50,7 +50,7 @@ pub struct Imported {
 pub fn run(options: &ImportOptions) -> Result<Imported, Failure> {
     let footage = import::open_in_order(&options.inputs, options.fps, options.order.order())?;
     report_footage(&footage);
-    let mut metadata = metadata(&footage);
+    let mut metadata = collect_metadata(&footage);
     let names = options.inputs.first().and_then(|path| path.file_name());
     metadata.insert("imported_from".into(), names.unwrap_or_default().to_string_lossy().into_owned());
     let info = RecordingInfo { metadata: metadata.clone(), ..RecordingInfo::default() };
@@ -80,7 +80,7 @@ pub fn run(options: &ImportOptions) -> Result<Imported, Failure> {
 }
 
 /// Collects the properties that the file states, and what was done with them.
-fn metadata(footage: &Footage) -> BTreeMap<String, String> {
+fn collect_metadata(footage: &Footage) -> BTreeMap<String, String> {
     let mut metadata = footage.description.clone();
     let Provenance { rate, missing, orientation, pixel_aspect, bits, grey_rule, .. } = &footage.provenance;
     let grey_rule = if grey_rule.is_empty() { "grey" } else { grey_rule };

@@ -144,7 +144,7 @@ pub fn run(options: &InfoOptions) -> Result<Info, RecordingError> {
     let info = inspect(&Recording::open(&options.file)?)?;
     let mut text = match options.json {
         true => serde_json::to_string_pretty(&info).unwrap_or_default(),
-        false => table(&info),
+        false => info_text(&info),
     };
     text.push('\n');
     let written = io::stdout().lock().write_all(text.as_bytes());
@@ -160,7 +160,7 @@ pub fn run(options: &InfoOptions) -> Result<Info, RecordingError> {
 pub fn inspect(recording: &Recording) -> Result<Info, RecordingError> {
     let FramesRead { info: frames, error: frames_error, stamps_ns } = read_frames(recording)?;
     let half_period_ns = frames.as_ref().and_then(|frames| Some((0.5e9 / frames.frame_rate_hz?) as u64)).unwrap_or(0);
-    let camera = |name| camera(recording, name, &stamps_ns, half_period_ns);
+    let camera = |name| inspect_camera(recording, name, &stamps_ns, half_period_ns);
     let topics = recording.topics().into_iter();
     Ok(Info {
         file: recording.path().to_path_buf(),
@@ -181,7 +181,8 @@ pub fn inspect(recording: &Recording) -> Result<Info, RecordingError> {
     })
 }
 
-fn camera(
+/// Reads the frames of a further camera, and matches their times with those of the first camera, `firsts`, ns.
+fn inspect_camera(
     recording: &Recording,
     name: String,
     firsts: &[u64],
@@ -216,7 +217,7 @@ struct FramesRead {
     stamps_ns: Vec<u64>,
 }
 
-/// Reads all frames of a camera.
+/// Reads all frames of a camera. Frames that cannot be read are left out, with the first reason.
 fn read_frames(recording: &Recording) -> Result<FramesRead, RecordingError> {
     let frames = match recording.frames() {
         Ok(frames) => frames,
@@ -256,7 +257,7 @@ fn read_frames(recording: &Recording) -> Result<FramesRead, RecordingError> {
             }
         });
         // Numbers also continue after the camera was opened again.
-        info.step(meta.sequence);
+        info.count_gap(meta.sequence);
         info.reopened += u64::from(std::mem::replace(&mut epoch, meta.epoch) != meta.epoch);
         info.count += 1;
         stamps_ns.push(meta.stamp_ns);
@@ -271,7 +272,8 @@ fn read_frames(recording: &Recording) -> Result<FramesRead, RecordingError> {
 }
 
 impl FramesInfo {
-    fn step(&mut self, sequence: u64) {
+    /// Counts the frames that are missing before this sequence number.
+    fn count_gap(&mut self, sequence: u64) {
         let after = self.sequence[1];
         let missing = sequence.saturating_sub(after).saturating_sub(1);
         if let Some(lost) = self.lost.as_mut().filter(|_| missing > 0) {
@@ -284,8 +286,8 @@ impl FramesInfo {
     }
 }
 
-/// Formats the contents as text.
-fn table(info: &Info) -> String {
+/// Formats the contents as text, one line per item. Control characters become `?`.
+fn info_text(info: &Info) -> String {
     let mut text = String::new();
     let mut line = |name: &str, value: String| {
         // Names come from the file, and a terminal interprets control characters.
@@ -337,6 +339,7 @@ fn table(info: &Info) -> String {
     text.trim_end().to_owned()
 }
 
+/// Writes size, rate, numbers, times and losses of the frames, one line each.
 fn frame_lines(frames: &FramesInfo, line: &mut impl FnMut(&str, String)) {
     let rate = frames.frame_rate_hz.map_or("rate unknown".into(), |rate| format!("{rate:.3} frames/s"));
     let (width, height) = (frames.width_px, frames.height_px);

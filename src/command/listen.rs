@@ -12,7 +12,9 @@ use crate::results::{FieldPoint, Impact, PairField, PointStatus, Sample, TrackSa
 use serde_json::{Map, Value, json};
 use std::time::Duration;
 
+/// The pause between two looks for messages.
 const PAUSE: Duration = Duration::from_millis(1);
+/// The topics that can be printed.
 const TOPICS: &str = "field, track, velocity, impact, status, events";
 
 /// The options of `listen`.
@@ -48,11 +50,11 @@ pub fn run(options: &ListenOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let mut printer = Printer { json: options.json, left: options.count, has_header: false };
     let mut follow = |take: &mut dyn FnMut() -> Result<Option<Rows>, BusError>| follow(&bus, &mut printer, stop, take);
     match options.topic.as_str() {
-        "track" => follow(&mut rows_of(bus.listen()?, track)),
-        "velocity" => follow(&mut rows_of(bus.listen()?, velocity)),
-        "impact" => follow(&mut rows_of(bus.listen()?, impact)),
-        "status" => follow(&mut rows_of(bus.listen()?, status)),
-        "events" => follow(&mut rows_of(bus.listen()?, event)),
+        "track" => follow(&mut rows_of(bus.listen()?, track_row)),
+        "velocity" => follow(&mut rows_of(bus.listen()?, velocity_row)),
+        "impact" => follow(&mut rows_of(bus.listen()?, impact_row)),
+        "status" => follow(&mut rows_of(bus.listen()?, status_row)),
+        "events" => follow(&mut rows_of(bus.listen()?, event_row)),
         _ => {
             let fields = bus.listen_field()?;
             follow(&mut || Ok(fields.take()?.map(|(header, field)| field_rows(&header, field))))
@@ -60,6 +62,7 @@ pub fn run(options: &ListenOptions, stop: &Stop) -> Result<Outcome, Failure> {
     }
 }
 
+/// Waits up to `wait_s` until the rig has its topics.
 fn wait_for_rig(bus: &Bus, options: &ListenOptions, stop: &Stop) -> Result<(), BusError> {
     let mut tries = (options.wait_s.max(0.0) * 1000.0 / 20.0) as u64;
     loop {
@@ -86,6 +89,7 @@ impl<'a> Watch<'a> {
     /// The number of calls between checks of the processes, about half a second.
     const CALLS: u32 = 400;
 
+    /// Starts to listen for the events of the rig.
     fn new(bus: &'a Bus) -> Result<Self, BusError> {
         Ok(Self { bus, events: bus.listen()?, calls_left: Self::CALLS })
     }
@@ -126,6 +130,7 @@ fn rows_of<T: Topic>(
     move || Ok(topic.take()?.map(|message| row(&message).into_iter().collect()))
 }
 
+/// Prints the rows of a topic until its stream ends, enough rows are printed, or a stop is requested.
 fn follow(
     bus: &Bus,
     printer: &mut Printer,
@@ -168,14 +173,15 @@ impl Printer {
                 print_line(&row.keys().cloned().collect::<Vec<_>>().join(","));
                 self.has_header = true;
             }
-            print_line(&row.values().map(cell).collect::<Vec<_>>().join(","));
+            print_line(&row.values().map(csv_cell).collect::<Vec<_>>().join(","));
         }
         self.left = self.left.map(|left| left - 1);
         self.left != Some(0)
     }
 }
 
-fn cell(value: &Value) -> String {
+/// Formats a value as a cell of a CSV line; empty for null.
+fn csv_cell(value: &Value) -> String {
     match value {
         Value::Null => String::new(),
         Value::String(text) => text.clone(),
@@ -183,31 +189,37 @@ fn cell(value: &Value) -> String {
     }
 }
 
-fn row(cells: impl IntoIterator<Item = (&'static str, Value)>) -> Map<String, Value> {
+/// Returns a row of named cells in their order.
+fn row_from_cells(cells: impl IntoIterator<Item = (&'static str, Value)>) -> Map<String, Value> {
     cells.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
 
-/// Returns the frame, the body and the time of a row.
-fn place<R: Sample>(row: &R) -> impl Iterator<Item = (&'static str, Value)> {
+/// Returns the cells of frame, body and time that a row starts with.
+fn frame_cells<R: Sample>(row: &R) -> impl Iterator<Item = (&'static str, Value)> {
     [("frame", json!(row.frame())), ("body", json!(row.body())), ("stamp_ns", json!(row.stamp_ns()))].into_iter()
 }
 
-fn track(message: &TrackMessage) -> Option<Map<String, Value>> {
+/// Returns the row of a track message, with the columns of a rod if the body is one.
+fn track_row(message: &TrackMessage) -> Option<Map<String, Value>> {
     let sample = message.sample()?;
     let of_rod = sample.rod.as_ref().map(|of_rod| {
-        let numbers = rod::numbers(Some(of_rod)).into_iter().map(|(name, number)| (name, json!(number)));
-        let statuses = rod::statuses(Some(of_rod)).into_iter();
+        let numbers = rod::number_cells(Some(of_rod)).into_iter().map(|(name, number)| (name, json!(number)));
+        let statuses = rod::status_cells(Some(of_rod)).into_iter();
         numbers.chain(statuses.map(|(name, status)| (name, json!(status.map(PointStatus::as_str)))))
     });
-    Some(row(place(&sample).chain(of_rod.into_iter().flatten()).chain(json_cells(&sample, TrackSample::COLUMNS))))
+    Some(row_from_cells(
+        frame_cells(&sample).chain(of_rod.into_iter().flatten()).chain(json_cells(&sample, TrackSample::COLUMNS)),
+    ))
 }
 
-fn velocity(message: &VelocityMessage) -> Option<Map<String, Value>> {
+/// Returns the row of a velocity message.
+fn velocity_row(message: &VelocityMessage) -> Option<Map<String, Value>> {
     let sample = message.sample()?;
-    Some(row(place(&sample).chain(json_cells(&sample, VelocitySample::COLUMNS))))
+    Some(row_from_cells(frame_cells(&sample).chain(json_cells(&sample, VelocitySample::COLUMNS))))
 }
 
-fn impact(message: &ImpactMessage) -> Option<Map<String, Value>> {
+/// Returns the row of an impact message, each number next to its uncertainty.
+fn impact_row(message: &ImpactMessage) -> Option<Map<String, Value>> {
     let impact = message.impact()?;
     let place = [
         ("body", json!(impact.body)),
@@ -215,11 +227,12 @@ fn impact(message: &ImpactMessage) -> Option<Map<String, Value>> {
         ("revision", json!(impact.revision)),
         ("origin_ns", json!(impact.origin_ns)),
     ];
-    Some(row(place.into_iter().chain(json_cells(&impact, &Impact::pairs()))))
+    Some(row_from_cells(place.into_iter().chain(json_cells(&impact, &Impact::pairs()))))
 }
 
-fn status(message: &StatusMessage) -> Option<Map<String, Value>> {
-    Some(row([
+/// Returns the row of a status message.
+fn status_row(message: &StatusMessage) -> Option<Map<String, Value>> {
+    Some(row_from_cells([
         ("process", json!(Role::from_number(message.role).map(Role::as_str))),
         ("index", json!(message.index)),
         ("pid", json!(message.pid)),
@@ -234,8 +247,9 @@ fn status(message: &StatusMessage) -> Option<Map<String, Value>> {
     ]))
 }
 
-fn event(message: &Event) -> Option<Map<String, Value>> {
-    Some(row([
+/// Returns the row of an event.
+fn event_row(message: &Event) -> Option<Map<String, Value>> {
+    Some(row_from_cells([
         ("stamp_ns", json!(message.stamp_ns)),
         ("frame", json!(message.sequence)),
         ("kind", json!(message.kind().map(EventKind::as_str))),
@@ -243,8 +257,10 @@ fn event(message: &Event) -> Option<Map<String, Value>> {
     ]))
 }
 
+/// Returns a row per subset of a field; none for a message without one.
 fn field_rows(header: &FieldHeader, field: Option<PairField>) -> Rows {
-    let row =
-        |point| row([("frame", json!(header.sequence))].into_iter().chain(json_cells(point, FieldPoint::COLUMNS)));
+    let row = |point| {
+        row_from_cells([("frame", json!(header.sequence))].into_iter().chain(json_cells(point, FieldPoint::COLUMNS)))
+    };
     field.iter().flat_map(|field| &field.points).map(row).collect()
 }

@@ -35,7 +35,11 @@ pub fn run(options: &MergeOptions) -> Result<Outcome, Failure> {
     }
     let (mut recordings, mut unfinished) = (Vec::new(), Vec::new());
     for input in &options.inputs {
-        if input.is_dir() { list(input, &mut recordings, &mut unfinished)? } else { recordings.push(input.clone()) }
+        if input.is_dir() {
+            list_recordings(input, &mut recordings, &mut unfinished)?
+        } else {
+            recordings.push(input.clone())
+        }
     }
     if recordings.is_empty() {
         return Err(UsageError(format!("{}: holds no recording", options.inputs[0].display())).into());
@@ -56,8 +60,8 @@ pub fn run(options: &MergeOptions) -> Result<Outcome, Failure> {
     Ok(Outcome::of_losses(unfinished.len() as u64))
 }
 
-/// Lists the recordings of a folder by name, and those that are unfinished.
-fn list(folder: &Path, recordings: &mut Vec<PathBuf>, unfinished: &mut Vec<PathBuf>) -> Result<(), Failure> {
+/// Adds the recordings of a folder by name, and those that are unfinished.
+fn list_recordings(folder: &Path, recordings: &mut Vec<PathBuf>, unfinished: &mut Vec<PathBuf>) -> Result<(), Failure> {
     let mut paths = std::fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>()?;
     paths.sort();
     for path in paths {

@@ -83,6 +83,7 @@ pub struct ReplayOptions {
 }
 
 impl ReplayOptions {
+    /// Returns the condition that releases the next frame.
     fn tempo(&self) -> Tempo {
         if self.step { Tempo::Step } else { Tempo::Rate(self.rate) }
     }
@@ -110,14 +111,14 @@ struct Played {
 /// When a recording cannot be read or a rig cannot run.
 pub fn run(options: &ReplayOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let whole = span(options.from_s, options.to_s)?;
-    let streams = stream::within(stream::streams(&options.files)?, whole)?;
+    let streams = stream::restrict_streams(stream::join_streams(&options.files)?, whole)?;
     let mut lost = 0;
     for pass in 1_u32.. {
         // Each pass is a separate run: stamps and sequence numbers restart, and nothing spans two passes.
-        let played = rigs(options, &streams)?;
+        let played = plan_rigs(options, &streams)?;
         let (summaries, is_over) = match (options.tempo(), played.as_slice()) {
-            (Tempo::Rate(_), [alone]) => (vec![play(alone, stop)?], false),
-            _ => lead::play(&played, options.tempo(), stop)?,
+            (Tempo::Rate(_), [alone]) => (vec![play_alone(alone, stop)?], false),
+            _ => lead::play_in_order(&played, options.tempo(), stop)?,
         };
         for summary in &summaries {
             lost += summary.losses();
@@ -135,7 +136,7 @@ pub fn run(options: &ReplayOptions, stop: &Stop) -> Result<Outcome, Failure> {
 }
 
 /// Plays one stream, paced by its camera source.
-fn play(played: &Played, stop: &Stop) -> Result<Summary, Failure> {
+fn play_alone(played: &Played, stop: &Stop) -> Result<Summary, Failure> {
     let total = played.recording.frame_count();
     let bar = progress::frames(total, "replay");
     let tracker = Child::first(Role::Track);
@@ -148,8 +149,8 @@ fn play(played: &Played, stop: &Stop) -> Result<Summary, Failure> {
     Ok(summary)
 }
 
-/// Returns a rig per stream, with distinct names.
-fn rigs(options: &ReplayOptions, streams: &[Streamed]) -> Result<Vec<Played>, Failure> {
+/// Returns a rig per stream, with distinct names and the time stamps shifted as the options request.
+fn plan_rigs(options: &ReplayOptions, streams: &[Streamed]) -> Result<Vec<Played>, Failure> {
     let is_led = streams.len() > 1 || options.step;
     let first_ns = stream::first_ns(streams)?;
     let begin_ns = match options.shift_times {
@@ -164,7 +165,7 @@ fn rigs(options: &ReplayOptions, streams: &[Streamed]) -> Result<Vec<Played>, Fa
     for Streamed { recording, camera, span } in streams {
         let base = rig_config(recording, camera.as_deref(), options.config.as_deref())?;
         let name = free_name(&options.rig.clone().unwrap_or_else(|| replay_name(&base.rig.name)), &names);
-        let mut changes = changes(options, is_led);
+        let mut changes = rig_changes(options, is_led);
         changes.push(("rig.name", name.as_str().into()));
         changes.push(("camera.from_s", span.from_s.into()));
         if span.to_s.is_finite() {
@@ -187,7 +188,8 @@ fn rigs(options: &ReplayOptions, streams: &[Streamed]) -> Result<Vec<Played>, Fa
     Ok(played)
 }
 
-fn changes(options: &ReplayOptions, is_led: bool) -> Vec<(&'static str, toml_edit::Value)> {
+/// Returns the changes of the rig file that the options request. A rig that is led waits for each frame.
+fn rig_changes(options: &ReplayOptions, is_led: bool) -> Vec<(&'static str, toml_edit::Value)> {
     let paced = !is_led && options.tempo() != Tempo::Rate(Rate::Max);
     let mut changes: Vec<(&str, toml_edit::Value)> = vec![("camera.paced", paced.into())];
     if is_led {
@@ -204,7 +206,7 @@ fn changes(options: &ReplayOptions, is_led: bool) -> Vec<(&'static str, toml_edi
     changes
 }
 
-/// Returns this name, with a number appended if it is taken.
+/// Returns this name, with a number appended if it is taken, at most 32 characters.
 fn free_name(name: &str, taken: &[String]) -> String {
     let numbered = |number: usize| {
         let ending = format!("-{number}");
@@ -214,6 +216,7 @@ fn free_name(name: &str, taken: &[String]) -> String {
     names.find(|name| !taken.contains(name)).unwrap_or_else(|| name.to_owned())
 }
 
+/// Returns the name of the rig that replays a rig, at most 32 characters.
 fn replay_name(rig: &str) -> String {
     if rig.starts_with("replay-") { rig.to_owned() } else { format!("replay-{rig}").chars().take(32).collect() }
 }

@@ -114,10 +114,12 @@ pub fn run(config: &Path, stop: &Stop) -> Result<Outcome, Failure> {
     Ok(outcome(&summary))
 }
 
+/// Returns the outcome of a rig with the causes of its losses.
 fn outcome(summary: &Summary) -> Outcome {
     Outcome::of_rig(summary)
 }
 
+/// Loads the rig file of a rig that runs, and checks that its cameras have sources; `-` is standard input.
 pub(super) fn load(path: &Path, origin: Option<&str>) -> Result<Config, Failure> {
     if path != Path::new("-") {
         let config = Config::load(path)?;

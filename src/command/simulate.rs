@@ -41,7 +41,7 @@ pub fn run(options: &SimulateOptions) -> Result<Outcome, Failure> {
     };
     let scenario = simulated::load_scenario(&options.scenario).map_err(named)?;
     let world = SimulatedFilm::new(&scenario).map_err(named)?;
-    let config = config(&world, &options.scenario)?;
+    let config = default_config(&world, &options.scenario)?;
     let format = simulated::stream_format(&world);
     let camera = CameraIdentity { model: "simulated".into(), serial: options.scenario.clone() };
     let mut info = recording_info(&config, &format, &camera, "none: simulated");
@@ -52,7 +52,7 @@ pub fn run(options: &SimulateOptions) -> Result<Outcome, Failure> {
     for impact in world.impacts() {
         writer.truth_impact(&impact)?;
     }
-    draw(&world, &format, &mut writer)?;
+    render_frames(&world, &format, &mut writer)?;
     let finished = writer.finish()?;
     if options.json {
         let summary = serde_json::json!({
@@ -63,7 +63,8 @@ pub fn run(options: &SimulateOptions) -> Result<Outcome, Failure> {
     Ok(Outcome::Clean)
 }
 
-fn draw(world: &SimulatedFilm, format: &StreamFormat, writer: &mut RecordingWriter) -> Result<(), Failure> {
+/// Renders every frame into the recording, with its true velocities.
+fn render_frames(world: &SimulatedFilm, format: &StreamFormat, writer: &mut RecordingWriter) -> Result<(), Failure> {
     let mut bytes = vec![0; format.slot_bytes()];
     let bar = progress::frames(world.frames(), "simulate");
     for index in 0..world.frames() {
@@ -79,7 +80,7 @@ fn draw(world: &SimulatedFilm, format: &StreamFormat, writer: &mut RecordingWrit
 }
 
 /// Returns the configuration attached to the recording, which is the default for measuring it.
-fn config(world: &SimulatedFilm, name: &str) -> Result<Config, Failure> {
+fn default_config(world: &SimulatedFilm, name: &str) -> Result<Config, Failure> {
     let scenario = world.scenario();
     let built_in = format!("{name}.toml");
     if let Some(text) = super::demo::built_in_config(name) {
@@ -95,7 +96,7 @@ fn config(world: &SimulatedFilm, name: &str) -> Result<Config, Failure> {
             "\n[[body]]\nkind = \"rod\"\n\n[correlation]\nsubset_size_px = 25\nstep_px = 5\nshape = \"translation\"\n"
                 .to_owned()
         }
-        (None, Some(_)) => both(world),
+        (None, Some(_)) => two_ball_tables(world),
         (None, None) => String::new(),
     };
     let text = format!(
@@ -107,7 +108,7 @@ fn config(world: &SimulatedFilm, name: &str) -> Result<Config, Failure> {
 }
 
 /// Returns the body tables of two balls, each with a search region around its path.
-fn both(world: &SimulatedFilm) -> String {
+fn two_ball_tables(world: &SimulatedFilm) -> String {
     let scenario = world.scenario();
     let diameters = [Some(scenario.body.diameter_mm), scenario.other.as_ref().map(|other| other.body.diameter_mm)];
     let table = |(number, diameter_mm): (usize, f64)| {

@@ -9,6 +9,7 @@ use std::time::Duration;
 
 /// Listening time; every process publishes its status five times per second.
 const LISTEN: Duration = Duration::from_millis(600);
+/// The pause between two looks for messages.
 const PAUSE: Duration = Duration::from_millis(20);
 
 /// The options of `ricochet status`.
@@ -83,14 +84,14 @@ impl RigStatus {
             }
             std::thread::sleep(PAUSE);
         }
-        let has_sent = |role: &TakenRole| processes.values().any(|status| is_of(status, role));
+        let has_sent = |role: &TakenRole| processes.values().any(|status| is_from(status, role));
         let silent: Vec<_> = bus.roles().into_iter().filter(|role| !has_sent(role)).collect();
         let is_alive = !processes.is_empty() || !silent.is_empty();
         Ok(is_alive.then(|| Self { rig: rig.to_owned(), processes, silent }))
     }
 
     fn json(&self) -> String {
-        let all: Vec<_> = self.processes.values().map(as_json).collect();
+        let all: Vec<_> = self.processes.values().map(status_as_json).collect();
         let silent: Vec<_> =
             self.silent.iter().map(|role| serde_json::json!({ "process": role.name, "pid": role.pid })).collect();
         serde_json::json!({ "rig": self.rig, "processes": all, "silent": silent }).to_string()
@@ -100,19 +101,20 @@ impl RigStatus {
         let header =
             ["process", "pid", "frame", "rate/s", "taken", "given", "lost", "dropped", "queue", "latency", "restarts"];
         let mut rows = vec![header.map(str::to_owned).to_vec()];
-        rows.extend(self.processes.values().map(as_row));
+        rows.extend(self.processes.values().map(status_as_row));
         rows.extend(self.silent.iter().map(|role| vec![format!("{} (no heartbeat)", role.name), role.pid.to_string()]));
         table(&rows)
     }
 }
 
 /// Whether a process that has this role sent the status.
-fn is_of(status: &StatusMessage, role: &TakenRole) -> bool {
+fn is_from(status: &StatusMessage, role: &TakenRole) -> bool {
     let is_role = Role::from_number(status.role).is_some_and(|found| role.name.starts_with(found.as_str()));
     is_role && (status.pid == role.pid || role.pid == 0)
 }
 
-fn name(status: &StatusMessage) -> String {
+/// Returns the name of a process: its role, with its index or state.
+fn process_name(status: &StatusMessage) -> String {
     match Role::from_number(status.role) {
         Some(Role::Correlate) => format!("correlate {}", status.index),
         Some(Role::Record) if status.state & 2 != 0 => "record (disk full)".into(),
@@ -122,10 +124,11 @@ fn name(status: &StatusMessage) -> String {
     }
 }
 
-fn as_row(status: &StatusMessage) -> Vec<String> {
+/// Returns the cells of a status for the printed table.
+fn status_as_row(status: &StatusMessage) -> Vec<String> {
     let latency = if status.latency_s > 0.0 { format!("{:.1} ms", 1e3 * status.latency_s) } else { "-".into() };
     vec![
-        name(status),
+        process_name(status),
         status.pid.to_string(),
         status.sequence.to_string(),
         format!("{:.0}", status.rate_hz),
@@ -139,7 +142,8 @@ fn as_row(status: &StatusMessage) -> Vec<String> {
     ]
 }
 
-fn as_json(status: &StatusMessage) -> serde_json::Value {
+/// Returns a status as JSON.
+fn status_as_json(status: &StatusMessage) -> serde_json::Value {
     serde_json::json!({
         "process": Role::from_number(status.role).map_or("?", Role::as_str),
         "index": status.index, "pid": status.pid, "state": status.state, "run_id": status.run_id,

@@ -12,7 +12,7 @@ use crate::results::ROD_EDGES;
 impl BodyKind {
     const SETTING: Setting<Self> = Setting { key: "kind", name: Self::as_str };
 
-    /// Returns `kind = "word"`.
+    /// Returns `kind = "name"`, for error messages.
     pub(super) fn assignment(self) -> String {
         Self::SETTING.assignment(&[self])
     }
@@ -59,7 +59,9 @@ impl Body {
     }
 }
 
+/// The maximum number of bodies.
 const BODIES_MAX: usize = 16;
+/// The maximum number of corners of a polygon.
 const CORNERS_MAX: usize = 256;
 /// The area of the smallest patch that carries as much texture as a subset, px^2.
 const AREA_MIN_PX2: f64 = 150.0;
@@ -70,7 +72,7 @@ const MASS: Bounds = Bounds::above(0.0, 1000.0, "kg");
 pub(super) const DIAMETER: Bounds = Bounds::above(0.0, 10_000.0, "mm");
 
 /// Checks the bodies of a file. A file without any has a ball.
-pub(super) fn bodies(
+pub(super) fn check_bodies(
     text: &Text<'_>,
     mut raw: Vec<RawBody>,
     image_px: Option<(u32, u32)>,
@@ -88,7 +90,7 @@ pub(super) fn bodies(
         if count == 1 && raw.name.is_none() {
             raw.name = Some(raw.kind.clone().unwrap_or_else(|| "ball".into()));
         }
-        let body = body(&table, raw, image_px)?;
+        let body = check_body(&table, raw, image_px)?;
         if bodies.iter().any(|other| other.name == body.name) {
             return Err(table.refuse("name", "different from the names of the bodies before it"));
         }
@@ -97,7 +99,8 @@ pub(super) fn bodies(
     Ok(bodies)
 }
 
-fn body(table: &Table<'_>, raw: RawBody, image_px: Option<(u32, u32)>) -> Result<Body, ConfigError> {
+/// Checks one body, and that its keys belong to its kind.
+fn check_body(table: &Table<'_>, raw: RawBody, image_px: Option<(u32, u32)>) -> Result<Body, ConfigError> {
     let kind = table.named("kind", raw.kind.as_deref())?.unwrap_or(BodyKind::Ball);
     let (ball, rod, patch_only) = (&[BodyKind::Ball], &[BodyKind::Rod], &[BodyKind::Patch]);
     let keys: [OwnedKey<'_, BodyKind>; 10] = [
@@ -115,8 +118,8 @@ fn body(table: &Table<'_>, raw: RawBody, image_px: Option<(u32, u32)>) -> Result
     table.check_owners(BodyKind::SETTING, kind, &keys)?;
     let outlines = [("edges", OutlineMethod::Edges), ("marked", OutlineMethod::Marked)];
     let body = Body {
-        patch: (kind == BodyKind::Patch).then(|| patch(table, &raw, image_px)).transpose()?,
-        name: name(table, raw.name)?,
+        patch: (kind == BodyKind::Patch).then(|| check_patch(table, &raw, image_px)).transpose()?,
+        name: check_name(table, raw.name)?,
         kind,
         diameter_mm: table.number("diameter_mm", raw.diameter_mm, DIAMETER)?,
         mass_kg: table.number("mass_kg", raw.mass_kg, MASS)?,
@@ -135,8 +138,8 @@ fn body(table: &Table<'_>, raw: RawBody, image_px: Option<(u32, u32)>) -> Result
     }
 }
 
-/// Checks the polygon of a patch.
-fn patch(table: &Table<'_>, raw: &RawBody, image_px: Option<(u32, u32)>) -> Result<Patch, ConfigError> {
+/// Checks the polygon, the holes and the reported point of a patch, and its area without the holes.
+fn check_patch(table: &Table<'_>, raw: &RawBody, image_px: Option<(u32, u32)>) -> Result<Patch, ConfigError> {
     let (right, bottom) = image_px.map_or((65_535.0, 65_535.0), |(w, h)| (f64::from(w) - 1.0, f64::from(h) - 1.0));
     let polygon = |corners: &[Vec<f64>]| -> Option<Vec<[f64; 2]>> {
         let inside = |[x, y]: &[f64; 2]| (0.0..=right).contains(x) && (0.0..=bottom).contains(y);
@@ -164,7 +167,8 @@ fn patch(table: &Table<'_>, raw: &RawBody, image_px: Option<(u32, u32)>) -> Resu
     Ok(patch)
 }
 
-fn name(table: &Table<'_>, name: Option<String>) -> Result<String, ConfigError> {
+/// Checks the characters of a name, which is required.
+fn check_name(table: &Table<'_>, name: Option<String>) -> Result<String, ConfigError> {
     let letter = |byte: u8| byte.is_ascii_alphanumeric() || b"_-".contains(&byte);
     name.filter(|name| (1..=32).contains(&name.len()) && name.bytes().all(letter))
         .ok_or_else(|| table.refuse("name", "1 to 32 of the characters a-z A-Z 0-9 _ -"))

@@ -30,12 +30,12 @@ const MODELS: [(&str, Model); 5] = [
 
 /// Replaces the calibration files that a rig file names by their numbers, so that its text needs no other file.
 ///
-/// Returns `None` when it names none.
+/// `read` returns the text of a file. `None` when the rig file names none.
 ///
 /// # Errors
 ///
 /// The key, and the end of a sentence that begins with "must be".
-pub(super) fn embedded(
+pub(super) fn embed_files(
     text: &str,
     read: impl Fn(&str) -> Result<String, String>,
 ) -> Option<Result<String, (String, String)>> {
@@ -48,7 +48,7 @@ pub(super) fn embedded(
             None => document.get_mut("calibration"),
             Some(view) => document.get_mut("view").and_then(|views| views.get_mut(view)?.get_mut("calibration")),
         };
-        match within.and_then(|table| embed(table.as_table_like_mut()?, &read)) {
+        match within.and_then(|table| embed_file(table.as_table_like_mut()?, &read)) {
             None => {}
             Some(Ok(())) => is_changed = true,
             Some(Err(reason)) => {
@@ -61,9 +61,9 @@ pub(super) fn embedded(
 }
 
 /// Inserts the numbers of the file that a table names; `None` when it names none.
-fn embed(table: &mut dyn TableLike, read: &impl Fn(&str) -> Result<String, String>) -> Option<Result<(), String>> {
+fn embed_file(table: &mut dyn TableLike, read: &impl Fn(&str) -> Result<String, String>) -> Option<Result<(), String>> {
     let name = table.get("file")?.as_str()?.to_owned();
-    let numbers = match read(&name).and_then(|content| file::numbers(&content)) {
+    let numbers = match read(&name).and_then(|content| file::parse_numbers(&content)) {
         Ok(numbers) => numbers,
         Err(reason) => {
             return Some(Err(format!(
@@ -92,7 +92,7 @@ fn embed(table: &mut dyn TableLike, read: &impl Fn(&str) -> Result<String, Strin
 }
 
 /// Checks a calibration; `offset_px` is the corner of the camera's window, the default for the key of that name.
-pub(super) fn calibration(
+pub(super) fn check_calibration(
     table: &Table<'_>,
     raw: &RawCalibration,
     offset_px: Option<[u32; 2]>,
@@ -109,10 +109,10 @@ pub(super) fn calibration(
     let image_px = pair("image_px", &raw.image_px, 16..=65_535)?
         .ok_or_else(|| table.refuse("image_px", "[width, height] of the calibrated image in px"))?;
     let offset_px = pair("offset_px", &raw.offset_px, 0..=65_535)?.or(offset_px).unwrap_or_default();
-    let lens = lens(table, raw)?;
+    let lens = check_lens(table, raw)?;
     let homography = match &raw.homography_mm {
         None => None,
-        Some(numbers) => Some(square(numbers).ok_or_else(|| table.refuse("homography_mm", SQUARE))?),
+        Some(numbers) => Some(matrix_of_rows(numbers).ok_or_else(|| table.refuse("homography_mm", SQUARE))?),
     };
     let calibration = Calibration { image_px, offset_px, lens, homography };
     Rectifier::new(calibration).map_err(|error| {
@@ -121,16 +121,19 @@ pub(super) fn calibration(
     })
 }
 
+/// The allowed values of a homography.
 const SQUARE: &str = "3 x 3 finite numbers, row by row";
 
-/// Reads nine finite numbers as rows.
-fn square(numbers: &[f64]) -> Option<[[f64; 3]; 3]> {
+/// Returns nine finite numbers as the rows of a 3 x 3 matrix; `None` for others.
+fn matrix_of_rows(numbers: &[f64]) -> Option<[[f64; 3]; 3]> {
     let is_square = numbers.len() == 9 && numbers.iter().all(|x| x.is_finite());
     is_square.then(|| std::array::from_fn(|row| std::array::from_fn(|column| numbers[3 * row + column])))
 }
 
 /// Checks the camera matrix and the distortion; `None` without a matrix.
-fn lens(table: &Table<'_>, raw: &RawCalibration) -> Result<Option<Lens>, ConfigError> {
+///
+/// Coefficients are in the order of OpenCV: k1, k2, p1, p2, k3, k4, k5, k6, or k1 to k4 of an equidistant model.
+fn check_lens(table: &Table<'_>, raw: &RawCalibration) -> Result<Option<Lens>, ConfigError> {
     let model = table.choice("distortion_model", raw.distortion_model.as_deref(), &MODELS)?.unwrap_or(Model::Brown);
     let Some(numbers) = &raw.camera_matrix else {
         let given = [("distortion", raw.distortion.is_some()), ("distortion_model", raw.distortion_model.is_some())];
@@ -139,7 +142,7 @@ fn lens(table: &Table<'_>, raw: &RawCalibration) -> Result<Option<Lens>, ConfigE
             None => Ok(None),
         };
     };
-    let matrix = square(numbers).filter(|[first, second, third]| {
+    let matrix = matrix_of_rows(numbers).filter(|[first, second, third]| {
         let is_pinhole = [first[1], second[0], third[0], third[1], third[2] - 1.0].iter().all(|x| x.abs() < 1e-12);
         is_pinhole && FOCAL.contains(first[0]) && FOCAL.contains(second[1])
     });

@@ -160,16 +160,19 @@ impl Camera {
 
 const SIZE_PX: std::ops::RangeInclusive<i64> = 16..=65_535;
 const DEFECT_PX_MAX: u32 = 65_534;
+/// The maximum number of defective pixels.
 const DEFECTS_MAX: usize = 10_000;
 const OFFSET_PX: std::ops::RangeInclusive<i64> = 0..=65_535;
 const PLAYBACK_RATE: Bounds = Bounds::closed(0.001, 1000.0, "times real time");
+/// The maximum time from the first frame of a recording, s.
 const SPAN_S: f64 = 1.0e6;
 const RATE: Bounds = Bounds::above(0.0, 1.0e6, "Hz");
 const GAMMA: Bounds = Bounds::closed(0.2, 5.0, "");
 const ROW_TIME: Bounds = Bounds::closed(-1000.0, 1000.0, "us");
 const EXPOSURE: Bounds = Bounds::above(0.0, 1.0e7, "us");
 
-pub(super) fn camera(table: &Table<'_>, raw: RawCamera) -> Result<Camera, ConfigError> {
+/// Checks the camera of a rig or a view, and fills in the defaults.
+pub(super) fn check_camera(table: &Table<'_>, raw: RawCamera) -> Result<Camera, ConfigError> {
     let source = table.named("source", raw.source.as_deref())?;
     refuse_foreign_keys(table, source, &raw)?;
     let scenario = table.line("scenario", raw.scenario)?.unwrap_or_else(|| "lacrosse".into());
@@ -194,11 +197,11 @@ pub(super) fn camera(table: &Table<'_>, raw: RawCamera) -> Result<Camera, Config
         exposure_us: table.number("exposure_us", raw.exposure_us, EXPOSURE)?,
         gamma: table.number("gamma", raw.gamma, GAMMA)?.unwrap_or(1.0),
         row_time_us: table.number("row_time_us", raw.row_time_us, ROW_TIME)?,
-        defective_px: defective_px(table, raw.defective_px.as_deref().unwrap_or_default())?,
+        defective_px: check_defective_px(table, raw.defective_px.as_deref().unwrap_or_default())?,
         trigger_source: table.line("trigger_source", raw.trigger_source)?,
-        pulse: pulse(table, raw.paced, raw.pulse_period_s, raw.pulse_frames)?,
+        pulse: check_pulse(table, raw.paced, raw.pulse_period_s, raw.pulse_frames)?,
         packet_size_bytes: table.integer("packet_size_bytes", raw.packet_size_bytes, 576..=65_535, "bytes")?,
-        features: features(table, raw.features)?,
+        features: check_features(table, raw.features)?,
     };
     check_required_keys(table, &camera)?;
     check_exposure(table, &camera)?;
@@ -209,7 +212,7 @@ pub(super) fn camera(table: &Table<'_>, raw: RawCamera) -> Result<Camera, Config
 }
 
 /// Checks the column and row of each defective pixel.
-fn defective_px(table: &Table<'_>, raw: &[Vec<i64>]) -> Result<Vec<[u32; 2]>, ConfigError> {
+fn check_defective_px(table: &Table<'_>, raw: &[Vec<i64>]) -> Result<Vec<[u32; 2]>, ConfigError> {
     let place = |at: &i64| u32::try_from(*at).ok().filter(|at| *at <= DEFECT_PX_MAX);
     let pixel = |pair: &Vec<i64>| match pair.as_slice() {
         [x, y] => Some([place(x)?, place(y)?]),
@@ -222,7 +225,8 @@ fn defective_px(table: &Table<'_>, raw: &[Vec<i64>]) -> Result<Vec<[u32; 2]>, Co
     })
 }
 
-fn pulse(
+/// Checks the simulated trigger line, which needs a paced camera.
+fn check_pulse(
     table: &Table<'_>,
     paced: Option<bool>,
     period_s: Option<f64>,
@@ -279,6 +283,7 @@ fn refuse_foreign_keys(table: &Table<'_>, source: Option<Source>, raw: &RawCamer
     }
 }
 
+/// Checks that the keys that the source requires are given.
 fn check_required_keys(table: &Table<'_>, camera: &Camera) -> Result<(), ConfigError> {
     let Some(source) = camera.source else { return Ok(()) };
     let id = match source {
@@ -302,6 +307,7 @@ fn check_required_keys(table: &Table<'_>, camera: &Camera) -> Result<(), ConfigE
     }
 }
 
+/// Checks that the exposure fits into the duration of a frame.
 fn check_exposure(table: &Table<'_>, camera: &Camera) -> Result<(), ConfigError> {
     match camera.exposure_us.zip(camera.frame_rate_hz) {
         Some((exposure_us, rate_hz)) if exposure_us > 1.0e6 / rate_hz => Err(table
@@ -335,7 +341,8 @@ fn check_defects(table: &Table<'_>, camera: &Camera) -> Result<(), ConfigError> 
     }
 }
 
-fn features(
+/// Checks that each feature is a boolean, a finite number or a text.
+fn check_features(
     table: &Table<'_>,
     raw: Option<BTreeMap<String, toml::Value>>,
 ) -> Result<BTreeMap<String, FeatureValue>, ConfigError> {

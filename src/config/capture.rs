@@ -52,9 +52,11 @@ pub struct Workers {
     pub block_frames: u32,
 }
 
+/// The maximum number of correlation processes.
 const WORKERS_MAX: u32 = 64;
 
-pub(super) fn record(table: &Table<'_>, raw: RawRecord) -> Result<Record, ConfigError> {
+/// Checks the recordings. Their folder is required.
+pub(super) fn check_record(table: &Table<'_>, raw: RawRecord) -> Result<Record, ConfigError> {
     let directory = table.line("directory", raw.directory)?;
     let words = [("none", Compression::None), ("zstd", Compression::Zstd)];
     Ok(Record {
@@ -68,9 +70,10 @@ pub(super) fn record(table: &Table<'_>, raw: RawRecord) -> Result<Record, Config
     })
 }
 
-pub(super) fn workers(table: &Table<'_>, raw: &RawWorkers) -> Result<Workers, ConfigError> {
+/// Checks the division of the work. The default number of workers depends on this machine.
+pub(super) fn check_workers(table: &Table<'_>, raw: &RawWorkers) -> Result<Workers, ConfigError> {
     Ok(Workers {
-        count: table.integer("count", raw.count, 0..=i64::from(WORKERS_MAX), "")?.unwrap_or_else(default_count),
+        count: table.integer("count", raw.count, 0..=i64::from(WORKERS_MAX), "")?.unwrap_or_else(default_worker_count),
         block_frames: table.integer("block_frames", raw.block_frames, 4..=256, "frames")?.unwrap_or(16),
     })
 }
@@ -79,7 +82,7 @@ pub(super) fn workers(table: &Table<'_>, raw: &RawWorkers) -> Result<Workers, Co
 ///
 /// One processor is for the camera, the tracker and the recorder. Of two, none is, because these processes are idle most of
 /// the time and a collision is reported twice as soon.
-fn default_count() -> u32 {
+fn default_worker_count() -> u32 {
     let processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     u32::try_from(processors.min(2).max(processors - 1)).map_or(WORKERS_MAX, |count| count.min(WORKERS_MAX))
 }

@@ -31,6 +31,7 @@ impl Bounds {
         value <= self.high && (value > self.low || self.low_is_allowed && value >= self.low)
     }
 
+    /// Describes the range with its unit, to complete the sentence "must be ...".
     fn allowed(self) -> String {
         let Self { low, high, unit, .. } = self;
         let range =
@@ -39,6 +40,7 @@ impl Bounds {
     }
 }
 
+/// Appends the unit, if there is one.
 fn with_unit(range: String, unit: &str) -> String {
     if unit.is_empty() { range } else { format!("{range} {unit}") }
 }
@@ -50,6 +52,7 @@ pub(super) struct Table<'t> {
 }
 
 impl<'t> Table<'t> {
+    /// Returns the table with this path in the file.
     pub fn new(text: &'t Text<'t>, path: impl Into<String>) -> Self {
         Self { text, path: path.into() }
     }
@@ -82,7 +85,7 @@ impl<'t> Table<'t> {
         }
     }
 
-    /// Checks the range of a number.
+    /// Checks that a number is within the bounds.
     pub fn number(&self, key: &str, value: Option<f64>, bounds: Bounds) -> Result<Option<f64>, ConfigError> {
         match value {
             Some(value) if !bounds.contains(value) => Err(self.refuse(key, bounds.allowed())),
@@ -90,7 +93,7 @@ impl<'t> Table<'t> {
         }
     }
 
-    /// Checks the range of a whole number.
+    /// Checks that a whole number is within the range, and converts it.
     pub fn integer<T: TryFrom<i64>>(
         &self,
         key: &str,
@@ -105,7 +108,7 @@ impl<'t> Table<'t> {
         }
     }
 
-    /// Parses the name of an enum's value.
+    /// Parses the name of an enum's value; `None` without a name.
     pub fn named<T: FromStr<Err = UnknownName>>(
         &self,
         key: &str,
@@ -115,7 +118,7 @@ impl<'t> Table<'t> {
         value.map_err(|error: UnknownName| self.refuse(key, quoted(error.known.iter().copied())))
     }
 
-    /// Looks up the meaning of a word.
+    /// Looks up the value of a word; `None` without a word.
     pub fn choice<T: Copy>(
         &self,
         key: &str,
@@ -124,7 +127,7 @@ impl<'t> Table<'t> {
     ) -> Result<Option<T>, ConfigError> {
         let Some(value) = value else { return Ok(None) };
         let found = words.iter().find(|(word, _)| *word == value);
-        found.map(|(_, meaning)| Some(*meaning)).ok_or_else(|| self.refuse(key, quoted(words.iter().map(|(w, _)| *w))))
+        found.map(|(_, chosen)| Some(*chosen)).ok_or_else(|| self.refuse(key, quoted(words.iter().map(|(w, _)| *w))))
     }
 
     /// Checks that a text is one line and not empty.

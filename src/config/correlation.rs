@@ -5,10 +5,11 @@ use super::error::ConfigError;
 use super::raw::{OneOrMore, RawCorrelation};
 use crate::dic::{CorrelationParams, Interpolation, Method, Shape, WindowShape};
 
+/// The maximum number of intervals.
 const INTERVALS_MAX: usize = 4;
 
 /// Checks `interval_frames`: one number, or a rising list.
-pub(super) fn intervals(table: &Table<'_>, raw: &RawCorrelation) -> Result<Vec<u32>, ConfigError> {
+pub(super) fn check_intervals(table: &Table<'_>, raw: &RawCorrelation) -> Result<Vec<u32>, ConfigError> {
     let given: &[i64] = match &raw.interval_frames {
         None => &[1],
         Some(OneOrMore::One(interval)) => std::slice::from_ref(interval),
@@ -24,8 +25,8 @@ pub(super) fn intervals(table: &Table<'_>, raw: &RawCorrelation) -> Result<Vec<u
     ))
 }
 
-/// Checks the parameters of the correlator.
-pub(super) fn correlation(
+/// Checks the parameters of the correlator, and that a subset fits into the image if its size is known.
+pub(super) fn check_correlation(
     table: &Table<'_>,
     raw: &RawCorrelation,
     image_px: Option<(u32, u32)>,

@@ -49,6 +49,7 @@ impl Config {
         })
     }
 
+    /// Returns the rig of this file after an edit of its text.
     fn edited(&self, edit: impl FnOnce(&mut DocumentMut)) -> Result<Self, ConfigError> {
         // The text was parsed before, so it parses again.
         let mut document = self.text.parse::<DocumentMut>().unwrap_or_default();
@@ -57,12 +58,14 @@ impl Config {
     }
 }
 
+/// Sets values in order.
 fn set_all(document: &mut DocumentMut, changes: &[Change<'_>]) {
     for (path, new) in changes {
         set(document, path, new.clone());
     }
 }
 
+/// Sets the value at `table.key`, and adds the table if it is missing.
 fn set(document: &mut DocumentMut, path: &str, new: Value) {
     let (table, key) = path.split_once('.').unwrap_or(("rig", path));
     let entry = document.entry(table).or_insert_with(|| Item::Table(Table::new()));

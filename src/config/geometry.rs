@@ -42,8 +42,8 @@ const RING: Bounds = Bounds::closed(1.0, 32_768.0, "px");
 const MIN_RING_PX: f64 = 4.0;
 const ORDER_DEFAULT: u32 = 2;
 
-/// Checks the scale; a calibrated plane has its own.
-pub(super) fn scale(
+/// Checks the scale. A calibrated plane has its own, so a second one is refused.
+pub(super) fn check_scale(
     table: &Table<'_>,
     raw: &RawScale,
     calibration: Option<&Rectifier>,
@@ -64,7 +64,8 @@ pub(super) fn scale(
     }
 }
 
-pub(super) fn surface(table: &Table<'_>, raw: &RawSurface) -> Result<Surface, ConfigError> {
+/// Checks the surface, and that its edge agrees with its angle. Without an angle it has that of the edge.
+pub(super) fn check_surface(table: &Table<'_>, raw: &RawSurface) -> Result<Surface, ConfigError> {
     let angle_deg = table.number("angle_deg", raw.angle_deg, ANGLE)?;
     let Some(edge) = &raw.edge else { return Ok(Surface { angle_deg: angle_deg.unwrap_or(0.0), edge: None }) };
     let refusal = || table.refuse("edge", "two points [[x, y], [x, y]] in px, -65535 to 65535, at least 1 px apart");
@@ -104,7 +105,7 @@ pub(super) fn check_edge(
 }
 
 /// Checks the method for motion and spin.
-pub(super) fn rotation(table: &Table<'_>, raw: &RawRotation) -> Result<Rotation, ConfigError> {
+pub(super) fn check_rotation(table: &Table<'_>, raw: &RawRotation) -> Result<Rotation, ConfigError> {
     let ring = RingLimits {
         inner_px: table.number("ring_inner_px", raw.ring_inner_px, RING)?,
         outer_px: table.number("ring_outer_px", raw.ring_outer_px, RING)?,
@@ -131,7 +132,8 @@ pub(super) fn rotation(table: &Table<'_>, raw: &RawRotation) -> Result<Rotation,
     }
 }
 
-pub(super) fn velocity(table: &Table<'_>, raw: &RawVelocity) -> Result<Velocity, ConfigError> {
+/// Checks the fit of velocities. The window has more frames than the order of the polynomial.
+pub(super) fn check_velocity(table: &Table<'_>, raw: &RawVelocity) -> Result<Velocity, ConfigError> {
     let gravity = Bounds::closed(0.0, 100.0, "m/s^2");
     let velocity = Velocity {
         window_frames: table.integer("window_frames", raw.window_frames, 3..=1001, "frames, odd")?,

@@ -39,6 +39,7 @@ impl Section {
         one_line(self.about)
     }
 
+    /// Whether the file may have several of this table.
     fn is_list(&self) -> bool {
         self.path == "body"
     }
@@ -49,6 +50,7 @@ impl Section {
         json!({ "table": self.header(), "about": self.about(), "keys": keys })
     }
 
+    /// Returns the JSON Schema of the table, with its keys and their ranges.
     pub(super) fn schema(&self) -> Value {
         let keys: Map<String, Value> = self.keys.iter().map(|key| (key.name.to_owned(), key.schema())).collect();
         let table = json!({
@@ -97,6 +99,7 @@ impl Key {
         words.unwrap_or_default()
     }
 
+    /// Returns the JSON Schema of the key: type, description, range and words.
     fn schema(&self) -> Value {
         let mut schema = (self.schema)();
         schema["description"] =
@@ -131,6 +134,7 @@ impl NumberRange {
     }
 }
 
+/// Joins the lines of a text with single blanks.
 fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
@@ -170,6 +174,7 @@ toml_types! {
     BTreeMap<String, toml::Value>: "table", json!({ "type": "object" });
 }
 
+/// Returns the JSON Schema of a list.
 fn list_of(items: Value) -> Value {
     json!({ "type": "array", "items": items })
 }

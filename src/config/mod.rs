@@ -61,6 +61,7 @@ use text::Text;
 
 /// The maximum size of a rig file, bytes. A larger file is something else.
 const FILE_BYTES_MAX: u64 = 1 << 20;
+/// The maximum length of a rig's name, bytes.
 const RIG_NAME_MAX: usize = 32;
 
 /// `[rig]`: the rig.
@@ -135,7 +136,7 @@ impl Config {
 
     /// Replaces calibration files by their numbers, then [parses](Self::parse).
     fn parse_with_files(text: &str, origin: &str) -> Result<Self, ConfigError> {
-        match calibration::embedded(text, |name| read_small(Path::new(name))) {
+        match calibration::embed_files(text, |name| read_small(Path::new(name))) {
             None => Self::parse(text, origin),
             Some(Ok(text)) => Self::parse(&text, origin),
             Some(Err((key, reason))) => Err(Text::new(text, origin)?.refuse(&key, reason)),
@@ -154,8 +155,9 @@ impl Config {
         if raw.bridge.is_some() {
             return Err(file.unsupported("bridge"));
         }
-        let record = raw.record.map(|record| capture::record(&Table::new(&file, "record"), record)).transpose()?;
-        let rig = rig(&Table::new(&file, "rig"), raw.rig.name)?;
+        let record =
+            raw.record.map(|record| capture::check_record(&Table::new(&file, "record"), record)).transpose()?;
+        let rig = check_rig(&Table::new(&file, "rig"), raw.rig.name)?;
         let (camera, scale, surface, calibration) = (raw.camera, raw.scale, raw.surface, raw.calibration);
         let (correlation, rotation, velocity) = (raw.correlation, raw.rotation, raw.velocity);
         let picture = RawView { camera, scale, surface, calibration, body: raw.body, correlation, rotation, velocity };
@@ -169,7 +171,7 @@ impl Config {
             rig: &rig.name,
         };
         let mut config = Self {
-            trigger: trigger::trigger(&Table::new(&file, "trigger"), raw.trigger, &context)?,
+            trigger: trigger::check_trigger(&Table::new(&file, "trigger"), raw.trigger, &context)?,
             rig,
             scale: picture.scale,
             surface: picture.surface,
@@ -178,8 +180,8 @@ impl Config {
             correlation: picture.correlation,
             rotation: picture.rotation,
             velocity: picture.velocity,
-            workers: capture::workers(&Table::new(&file, "workers"), &raw.workers)?,
-            serve: serve::serve(&Table::new(&file, "serve"), raw.serve)?,
+            workers: capture::check_workers(&Table::new(&file, "workers"), &raw.workers)?,
+            serve: serve::check_serve(&Table::new(&file, "serve"), raw.serve)?,
             camera: picture.camera,
             record,
             calibration: picture.calibration,
@@ -187,7 +189,7 @@ impl Config {
             text: text.into(),
             origin: origin.into(),
         };
-        config.views = view::views(&file, raw.view, &config)?;
+        config.views = view::check_views(&file, raw.view, &config)?;
         config.check_ring_if_known()?;
         Ok(config)
     }
@@ -207,24 +209,25 @@ struct Picture {
 }
 
 impl Picture {
+    /// Checks the settings of one camera. Those of the bodies' kinds are checked last.
     fn new(file: &Text<'_>, raw: RawView) -> Result<Self, ConfigError> {
-        let camera = camera::camera(&Table::new(file, "camera"), raw.camera)?;
+        let camera = camera::check_camera(&Table::new(file, "camera"), raw.camera)?;
         let image_px = camera.image_px();
         let corner_px = camera.offset_x_px.zip(camera.offset_y_px).map(<[u32; 2]>::from);
         let calibration = match &raw.calibration {
             None => None,
-            Some(raw) => Some(calibration::calibration(&Table::new(file, "calibration"), raw, corner_px)?),
+            Some(raw) => Some(calibration::check_calibration(&Table::new(file, "calibration"), raw, corner_px)?),
         };
-        let surface = geometry::surface(&Table::new(file, "surface"), &raw.surface)?;
+        let surface = geometry::check_surface(&Table::new(file, "surface"), &raw.surface)?;
         geometry::check_edge(file, &surface, calibration.as_ref())?;
         let picture = Self {
-            scale: geometry::scale(&Table::new(file, "scale"), &raw.scale, calibration.as_ref())?,
+            scale: geometry::check_scale(&Table::new(file, "scale"), &raw.scale, calibration.as_ref())?,
             surface,
-            bodies: body::bodies(file, raw.body, image_px)?,
-            correlation: correlation::correlation(&Table::new(file, "correlation"), &raw.correlation, image_px)?,
-            intervals_frames: correlation::intervals(&Table::new(file, "correlation"), &raw.correlation)?,
-            rotation: geometry::rotation(&Table::new(file, "rotation"), &raw.rotation)?,
-            velocity: geometry::velocity(&Table::new(file, "velocity"), &raw.velocity)?,
+            bodies: body::check_bodies(file, raw.body, image_px)?,
+            correlation: correlation::check_correlation(&Table::new(file, "correlation"), &raw.correlation, image_px)?,
+            intervals_frames: correlation::check_intervals(&Table::new(file, "correlation"), &raw.correlation)?,
+            rotation: geometry::check_rotation(&Table::new(file, "rotation"), &raw.rotation)?,
+            velocity: geometry::check_velocity(&Table::new(file, "velocity"), &raw.velocity)?,
             camera,
             calibration,
         };
@@ -261,6 +264,7 @@ fn read_small(path: &Path) -> Result<String, String> {
     }
 }
 
-fn rig(table: &Table<'_>, name: Option<String>) -> Result<Rig, ConfigError> {
+/// Checks the name of the rig.
+fn check_rig(table: &Table<'_>, name: Option<String>) -> Result<Rig, ConfigError> {
     Ok(Rig { name: table.name("name", name.unwrap_or_else(|| "rig".into()), RIG_NAME_MAX)? })
 }

@@ -75,6 +75,7 @@ impl Config {
         }
     }
 
+    /// Returns the radius that scale and diameter predict, px; `None` without a fixed scale or a diameter.
     fn predicted_radius_px(&self, body: &Body) -> Option<f64> {
         match (self.scale, body.diameter_mm) {
             (Some(Scale::MmPerPx(mm_per_px)), Some(diameter_mm)) => Some(diameter_mm / 2.0 / mm_per_px),
@@ -203,6 +204,7 @@ impl Config {
         Err(Text::new(&self.text, &self.origin)?.refuse("calibration.image_px", allowed))
     }
 
+    /// Checks the ring if the file gives size, format and rate of the frames.
     pub(super) fn check_ring_if_known(&self) -> Result<(), ConfigError> {
         let camera = &self.camera;
         match (camera.image_px(), camera.pixel_format, camera.frame_rate_hz) {

@@ -29,7 +29,9 @@ pub fn reference() -> &'static [Section] {
     SECTIONS
 }
 
-/// Finds a table by its name, or a key as `TABLE.KEY`; with or without brackets, and within a `view.NAME`.
+/// Finds a table by its name, or a key as `TABLE.KEY`, with or without brackets, and within a `view.NAME`.
+///
+/// A key without its table is found if one table alone has it.
 ///
 /// # Errors
 ///

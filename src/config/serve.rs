@@ -11,6 +11,7 @@ const HTTP_PORT: u16 = 8080;
 /// The word that serves nothing.
 const OFF: &str = "off";
 
+/// The allowed values of the address for Foxglove viewers.
 const FOXGLOVE_ALLOWED: &str = "\"off\", or an address of this computer and a port, such as \"127.0.0.1:8765\"";
 
 /// `[serve]`: the operator's page and the streams of topics.
@@ -29,7 +30,8 @@ pub struct Serve {
     pub is_given: bool,
 }
 
-pub(super) fn serve(table: &Table<'_>, raw: Option<RawServe>) -> Result<Serve, ConfigError> {
+/// Checks the addresses. A page that other computers reach needs a token, and Foxglove viewers only a local address.
+pub(super) fn check_serve(table: &Table<'_>, raw: Option<RawServe>) -> Result<Serve, ConfigError> {
     let is_given = raw.is_some();
     let raw = raw.unwrap_or_default();
     let http = match raw.http.as_deref() {

@@ -31,7 +31,7 @@ impl<'t> Text<'t> {
     /// Parses the text as TOML with any content; `origin` names it in errors.
     pub fn new(text: &'t str, origin: &'t str) -> Result<Self, ConfigError> {
         let table = DeTable::parse(text).map_err(|error| {
-            let line = Some(line_of(text, error.span().map_or(text.len(), |span| span.start)));
+            let line = Some(line_at(text, error.span().map_or(text.len(), |span| span.start)));
             ConfigError { origin: origin.into(), line, problem: Problem::Syntax(one_line(error.message())).into() }
         })?;
         let mut places = Vec::new();
@@ -44,44 +44,45 @@ impl<'t> Text<'t> {
         Self { places: self.places.clone(), prefix: prefix.to_owned(), ..*self }
     }
 
-    /// Reads names and types.
+    /// Reads names and types of the whole file.
     pub fn raw(&self) -> Result<RawConfig, ConfigError> {
         toml::from_str(self.text).map_err(|error| self.explain(&error))
     }
 
     /// Refuses the value at `path`, or its absence; `allowed` completes the sentence "must be ...".
     pub fn refuse(&self, path: &str, allowed: impl Into<String>) -> ConfigError {
-        let (key, allowed) = (self.full(path), allowed.into());
-        let problem = match self.place(&key) {
-            Some(place) => Problem::Value { key: key.clone(), value: self.shown(&place.value), allowed },
+        let (key, allowed) = (self.full_path(path), allowed.into());
+        let problem = match self.find_place(&key) {
+            Some(place) => Problem::Value { key: key.clone(), value: self.shown_value(&place.value), allowed },
             None => Problem::Missing { key: key.clone(), allowed },
         };
-        self.error(&key, problem)
+        self.key_error(&key, problem)
     }
 
     /// Refuses a key that belongs to the settings `owners`, not to the chosen one.
     pub fn foreign(&self, path: &str, chosen: impl Into<String>, owners: impl Into<String>) -> ConfigError {
-        let key = self.full(path);
-        let value = self.place(&key).map_or_else(String::new, |place| self.shown(&place.value));
-        self.error(&key, Problem::Foreign { key: key.clone(), value, chosen: chosen.into(), owners: owners.into() })
+        let key = self.full_path(path);
+        let value = self.find_place(&key).map_or_else(String::new, |place| self.shown_value(&place.value));
+        self.key_error(&key, Problem::Foreign { key: key.clone(), value, chosen: chosen.into(), owners: owners.into() })
     }
 
     /// Refuses a table that this version does not support.
     pub fn unsupported(&self, path: &str) -> ConfigError {
-        self.error(&self.full(path), Problem::Unsupported(self.full(path)))
+        self.key_error(&self.full_path(path), Problem::Unsupported(self.full_path(path)))
     }
 
     /// Returns the error of a key, with its line if the file has it.
-    fn error(&self, key: &str, problem: Problem) -> ConfigError {
-        let line = self.place(key).map(|place| line_of(self.text, place.value.start));
+    fn key_error(&self, key: &str, problem: Problem) -> ConfigError {
+        let line = self.find_place(key).map(|place| line_at(self.text, place.value.start));
         ConfigError { origin: self.origin.into(), line, problem: problem.into() }
     }
 
-    fn full(&self, path: &str) -> String {
+    /// Returns a path from the start of the file.
+    fn full_path(&self, path: &str) -> String {
         format!("{}{path}", self.prefix)
     }
 
-    /// Translates an error of serde.
+    /// Translates an error of serde to one with the key, its value and the allowed type.
     fn explain(&self, error: &toml::de::Error) -> ConfigError {
         let message = error.message();
         let span = error.span().unwrap_or(0..self.text.len());
@@ -94,10 +95,10 @@ impl<'t> Text<'t> {
             }
             Some(place) => {
                 let allowed = message.rsplit_once("expected ").map_or(message, |(_, expected)| expected);
-                Problem::Value { key: place.path.clone(), value: self.shown(&span), allowed: plain_type(allowed) }
+                Problem::Value { key: place.path.clone(), value: self.shown_value(&span), allowed: plain_type(allowed) }
             }
         };
-        ConfigError { origin: self.origin.into(), line: Some(line_of(self.text, span.start)), problem: problem.into() }
+        ConfigError { origin: self.origin.into(), line: Some(line_at(self.text, span.start)), problem: problem.into() }
     }
 
     /// Finds the key or value that an error refers to: the smallest one around its span.
@@ -110,11 +111,13 @@ impl<'t> Text<'t> {
         self.places.iter().filter_map(|place| Some((size(place)?, place))).min_by_key(|(size, _)| *size).map(|(_, p)| p)
     }
 
-    fn place(&self, path: &str) -> Option<&Place> {
+    /// Finds the key or list element with this full path.
+    fn find_place(&self, path: &str) -> Option<&Place> {
         self.places.iter().find(|place| place.path == path)
     }
 
-    fn shown(&self, span: &Range<usize>) -> String {
+    /// Returns a part of the file in one line, shortened to [`SHOWN_CHARACTERS`].
+    fn shown_value(&self, span: &Range<usize>) -> String {
         let line = one_line(&self.text[span.clone()]);
         if line.chars().count() <= SHOWN_CHARACTERS {
             return line;
@@ -129,6 +132,7 @@ pub(super) fn path_name(key: &str) -> String {
     if !key.is_empty() && key.bytes().all(plain) { key.into() } else { format!("{key:?}") }
 }
 
+/// Adds the places of a table's keys and of everything within them. `parent` is the path of the table.
 fn collect_table(table: &DeTable<'_>, parent: &str, places: &mut Vec<Place>) {
     for (key, value) in table {
         let start = if parent.is_empty() { String::new() } else { format!("{parent}.") };
@@ -138,6 +142,7 @@ fn collect_table(table: &DeTable<'_>, parent: &str, places: &mut Vec<Place>) {
     }
 }
 
+/// Adds the places within a value. `parent` is the path of the value.
 fn collect_value(value: &DeValue<'_>, parent: &str, places: &mut Vec<Place>) {
     match value {
         DeValue::Table(table) => collect_table(table, parent, places),
@@ -152,10 +157,12 @@ fn collect_value(value: &DeValue<'_>, parent: &str, places: &mut Vec<Place>) {
     }
 }
 
-fn line_of(text: &str, offset: usize) -> usize {
+/// Returns the line at a byte offset, counted from 1.
+fn line_at(text: &str, offset: usize) -> usize {
     1 + text.bytes().take(offset).filter(|byte| *byte == b'\n').count()
 }
 
+/// Joins the lines of a text with single blanks.
 fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
@@ -171,7 +178,7 @@ pub(super) fn nearest<'w>(name: &str, known: impl Iterator<Item = &'w str>) -> &
     known.min_by_key(|word| edit_distance(name, word)).unwrap_or_default()
 }
 
-/// Counts the letters to add, drop or change to get from one word to the other (Levenshtein).
+/// Counts the characters to insert, delete or replace to turn one word into the other (Levenshtein distance).
 fn edit_distance(from: &str, to: &str) -> usize {
     let to: Vec<char> = to.chars().collect();
     let mut row: Vec<usize> = (0..=to.len()).collect();

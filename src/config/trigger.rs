@@ -107,7 +107,8 @@ const TIMED: [TriggerMode; 6] = [
     TriggerMode::PredictedContact,
 ];
 
-pub(super) fn trigger(
+/// Checks the trigger with the other settings of the file that its mode needs, and fills in the defaults.
+pub(super) fn check_trigger(
     table: &Table<'_>,
     raw: RawTrigger,
     context: &TriggerContext<'_>,
@@ -129,8 +130,8 @@ pub(super) fn trigger(
         post_s: table.number("post_s", raw.post_s, Bounds::above(0.0, 3600.0, "s"))?.unwrap_or(0.1),
         quiet_s: table.number("quiet_s", raw.quiet_s, Bounds::closed(0.0, 86_400.0, "s"))?.unwrap_or(0.0),
         rearm: raw.rearm.unwrap_or(true),
-        command: command(table, raw.command)?,
-        url: url(table, raw.url)?,
+        command: check_command(table, raw.command)?,
+        url: check_url(table, raw.url)?,
         other_rig: table.line("other_rig", raw.other_rig)?,
     };
     if trigger.other_rig.as_deref() == Some(context.rig) {
@@ -202,7 +203,8 @@ fn check_required(table: &Table<'_>, trigger: &Trigger, context: &TriggerContext
     }
 }
 
-fn command(table: &Table<'_>, texts: Option<Vec<String>>) -> Result<Vec<String>, ConfigError> {
+/// Checks the program and its arguments.
+fn check_command(table: &Table<'_>, texts: Option<Vec<String>>) -> Result<Vec<String>, ConfigError> {
     let Some(texts) = texts else { return Ok(Vec::new()) };
     let is_valid = (1..=COMMAND_TEXTS_MAX).contains(&texts.len())
         && texts.first().is_some_and(|program| !program.trim().is_empty())
@@ -210,7 +212,8 @@ fn command(table: &Table<'_>, texts: Option<Vec<String>>) -> Result<Vec<String>,
     if is_valid { Ok(texts) } else { Err(table.refuse("command", "a program and its arguments, 1 to 64 texts")) }
 }
 
-fn url(table: &Table<'_>, url: Option<String>) -> Result<Option<String>, ConfigError> {
+/// Checks that an address is one of HTTP or HTTPS with a host and without a user name.
+fn check_url(table: &Table<'_>, url: Option<String>) -> Result<Option<String>, ConfigError> {
     let plain = |url: &str| url.bytes().all(|byte| byte.is_ascii_graphic());
     let has_host = |rest: &str| !rest.is_empty() && !rest.starts_with(['/', ':', '?', '#']) && !rest.contains('@');
     match url {

@@ -21,14 +21,20 @@ pub struct View {
     pub config: Config,
 }
 
+/// The maximum number of views.
 const VIEWS_MAX: usize = 8;
+/// The maximum length of a view's name, bytes.
 const NAME_MAX: usize = 16;
 /// The tables that a view shares with the first camera's.
 pub(super) const TABLES: [&str; 8] =
     ["camera", "scale", "surface", "calibration", "body", "correlation", "rotation", "velocity"];
 
 /// Checks the views and derives a rig from each.
-pub(super) fn views(file: &Text<'_>, raw: BTreeMap<String, RawView>, whole: &Config) -> Result<Vec<View>, ConfigError> {
+pub(super) fn check_views(
+    file: &Text<'_>,
+    raw: BTreeMap<String, RawView>,
+    whole: &Config,
+) -> Result<Vec<View>, ConfigError> {
     if raw.len() > VIEWS_MAX {
         return Err(file.refuse("view", format!("at most {VIEWS_MAX} tables")));
     }
@@ -45,15 +51,15 @@ pub(super) fn views(file: &Text<'_>, raw: BTreeMap<String, RawView>, whole: &Con
         let worker_count = raw.body.is_empty().then_some(0);
         // This check reports errors with their line in the file.
         Picture::new(&file.within(&format!("view.{name}.")), raw)?;
-        let text = text_of(whole, &name, &rig, worker_count);
+        let text = view_rig_text(whole, &name, &rig, worker_count);
         let config = Config::parse(&text, &format!("{} [view.{name}]", whole.origin))?;
         views.push(View { name, config });
     }
     Ok(views)
 }
 
-/// Returns the rig file of a view, with this number of workers instead of the whole rig's.
-fn text_of(whole: &Config, name: &str, rig: &str, worker_count: Option<i64>) -> String {
+/// Returns the rig file of a view, with `worker_count` workers instead of the whole rig's if it is given.
+fn view_rig_text(whole: &Config, name: &str, rig: &str, worker_count: Option<i64>) -> String {
     // The text was parsed before, so it parses again.
     let document = whole.text.parse::<DocumentMut>().unwrap_or_default();
     let own = document.get("view").and_then(|views| views.get(name));

@@ -68,7 +68,7 @@ impl Outcome {
         if lost == 0 { Self::Clean } else { Self::Lost { count: lost, cause: None } }
     }
 
-    /// Returns the outcome of a rig, with the causes of its losses.
+    /// Returns the outcome of a rig, with the causes of its losses. Faults count as a loss without lost data.
     pub fn of_rig(summary: &Summary) -> Self {
         let count = summary.losses();
         if count == 0 && summary.faults == 0 {
@@ -110,7 +110,7 @@ pub fn print_line(line: &str) {
 /// The width of running text, characters.
 const TEXT_COLUMNS: usize = 80;
 
-/// Breaks text at blanks into lines of at most 80 characters, each indented by this number of blanks.
+/// Breaks text at blanks into lines of at most 80 characters, including `indent` blanks before each.
 pub fn wrapped(text: &str, indent: usize) -> String {
     let mut lines = vec![String::new()];
     for word in text.split_whitespace() {

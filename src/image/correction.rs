@@ -34,7 +34,7 @@ impl Correction {
         self.apply(image, all, all);
     }
 
-    /// Linearizes the pixels within `read` and fills in the defective ones within `part`.
+    /// Linearizes the pixels within `read` and fills in the defective ones within `part`, which lies inside `read`.
     fn apply(&self, image: &mut Image, read: PixelRect, part: PixelRect) {
         if let Some(tone) = &self.tone {
             tone.linearize(image, read);

@@ -23,10 +23,11 @@ const FILLINGS: [&[Tap]; 6] = [
 /// Hot, dead or stuck pixels, each with the neighbours that fill it in.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Defects {
-    /// Sorted by row, then column.
+    /// The defective pixels, sorted by row, then column.
     pixels: Arc<[Filled]>,
 }
 
+/// A defective pixel and the neighbours that fill it in.
 #[derive(Debug, Clone, PartialEq)]
 struct Filled {
     x: u32,
@@ -80,13 +81,13 @@ impl Defects {
                 let is_inside = (0..width_px as i64).contains(&x) && (0..height_px as i64).contains(&y);
                 is_inside && places.binary_search(&(y as u32, x as u32)).is_err()
             };
-            taps(is_sound).map(|taps| Filled { x, y, taps }).ok_or(DefectError::Alone { x, y })
+            interpolation_taps(is_sound).map(|taps| Filled { x, y, taps }).ok_or(DefectError::Alone { x, y })
         };
         let pixels = places.iter().map(filled).collect::<Result<Arc<_>, _>>()?;
         Ok((!pixels.is_empty()).then_some(Self { pixels }))
     }
 
-    /// Fills in the pixels within a part. Reads up to `REACH_PX` around it.
+    /// Fills in the pixels within a part, clamped to the range of their neighbours. Reads up to [`REACH_PX`] around it.
     pub fn fill(&self, image: &mut Image, part: PixelRect) {
         let width = image.view().width();
         let levels = image.data_mut();
@@ -113,11 +114,15 @@ impl Defects {
 /// Returns the taps of the first of [`FILLINGS`] whose neighbours are all sound, or the mean of the sound neighbours.
 ///
 /// `None` without a sound neighbour.
-fn taps(is_sound: impl Fn(i8, i8) -> bool) -> Option<Vec<Tap>> {
+fn interpolation_taps(is_sound: impl Fn(i8, i8) -> bool) -> Option<Vec<Tap>> {
     let sound = |&(dx, dy, _): &Tap| is_sound(dx, dy);
-    let both =
-        |taps: &[Tap]| -> Vec<Tap> { taps.iter().flat_map(|&(dx, dy, w)| [(dx, dy, w), (-dx, -dy, w)]).collect() };
-    let whole = FILLINGS.iter().map(|taps| both(taps)).find(|taps| taps.iter().all(sound));
+    let symmetric_taps = |interpolation_taps: &[Tap]| -> Vec<Tap> {
+        interpolation_taps.iter().flat_map(|&(dx, dy, w)| [(dx, dy, w), (-dx, -dy, w)]).collect()
+    };
+    let whole = FILLINGS
+        .iter()
+        .map(|interpolation_taps| symmetric_taps(interpolation_taps))
+        .find(|interpolation_taps| interpolation_taps.iter().all(sound));
     whole.or_else(|| {
         (1..=REACH_PX as i8).find_map(|reach| {
             let places = (-reach..=reach).flat_map(|dy| (-reach..=reach).map(move |dx| (dx, dy, 1.0)));

@@ -9,7 +9,7 @@ pub struct FrameRuns {
 }
 
 impl FrameRuns {
-    /// Adds the next frame; sequence numbers rise.
+    /// Adds the next frame. Its sequence number exceeds those added before.
     pub fn push(&mut self, sequence: u64) {
         match self.runs.last_mut() {
             Some(run) if run.end == sequence => run.end += 1,
@@ -22,7 +22,7 @@ impl FrameRuns {
         self.runs.first().map_or(0, |run| run.start)
     }
 
-    /// Whether there is this frame.
+    /// Whether the frame with this sequence number was added.
     pub fn contains(&self, sequence: u64) -> bool {
         let place = self.runs.partition_point(|run| run.end <= sequence);
         self.runs.get(place).is_some_and(|run| run.contains(&sequence))

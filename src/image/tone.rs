@@ -13,7 +13,9 @@ pub struct Tone {
 }
 
 impl Tone {
-    /// Tabulates the curve of a camera with this exponent; `None` for 1, where grey levels are proportional to the light.
+    /// Tabulates the inverse curve of a camera with this exponent (no unit).
+    ///
+    /// `None` for an exponent of 1, where grey levels are proportional to the light.
     pub fn new(gamma: f64, format: PixelFormat) -> Option<Self> {
         let levels = 1_u32 << format.bits();
         let full = f64::from(levels - 1);
@@ -29,6 +31,7 @@ impl Tone {
         }
     }
 
+    /// Returns the linear level behind a grey level, DN; beyond full scale, that of full scale.
     fn light(&self, grey: f32) -> f32 {
         // A 16-bit word can exceed the significant bits; such a level is beyond full scale.
         self.light.get(grey as usize).or(self.light.last()).copied().unwrap_or(grey)

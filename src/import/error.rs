@@ -45,10 +45,12 @@ impl Fatal for ImportError {
 }
 
 impl ImportError {
+    /// Returns the error of a file with another format, or with damage.
     pub(super) fn invalid(path: &Path, reason: impl Into<String>) -> Self {
         Self::Invalid { path: path.to_path_buf(), reason: reason.into() }
     }
 
+    /// Returns the error of the system in an action on a file.
     pub(super) fn io(action: &'static str, path: &Path, source: std::io::Error) -> Self {
         Self::Io { action, path: path.to_path_buf(), source }
     }

@@ -55,11 +55,12 @@ impl Findings {
         self.entries().values().cloned().collect()
     }
 
-    /// Replaces the warning of a subject.
+    /// Replaces the warning of a subject, or adds it.
     pub(super) fn set(&self, subject: &'static str, warning: String) {
         self.entries().insert(subject, warning);
     }
 
+    /// Locks the warnings by subject. A poisoned lock is used as it is, since every change is complete.
     fn entries(&self) -> MutexGuard<'_, BTreeMap<&'static str, String>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -98,6 +99,7 @@ impl Footage {
         }
     }
 
+    /// Returns size and pixel layout of the frames.
     pub(super) fn shape(&self) -> Shape {
         Shape { width_px: self.width_px, height_px: self.height_px, format: self.format }
     }
@@ -137,7 +139,7 @@ impl Footage {
         }
         let bits = 16 - unused_bits;
         self.warnings.push(format!("the lower {unused_bits} of 16 bits are empty: levels of {bits} bits are measured"));
-        (self.format, self.provenance.bits) = (levels::format(bits), bits);
+        (self.format, self.provenance.bits) = (levels::format_of_bits(bits), bits);
         let path = path.to_path_buf();
         self.frames = Box::new(frames.map(move |frame| {
             let Stored { index, pixels } = frame?;
@@ -172,7 +174,7 @@ impl Footage {
     }
 }
 
-/// A rate that is printed with the digits that it needs.
+/// A rate in frames per second that is printed without trailing zeros.
 struct Rate(f64);
 
 impl std::fmt::Display for Rate {

@@ -21,7 +21,7 @@ pub(super) fn luma(format: PixelFormat, colors: &[u8]) -> Vec<u8> {
     }
 }
 
-/// Computes the luma of an image of red, one of green and one of blue, as [`luma`] does.
+/// Computes the luma of a red image, a green one and a blue one that follow each other, as [`luma`] does.
 pub(super) fn luma_of_planes(format: PixelFormat, planes: &[u8]) -> Vec<u8> {
     let (bytes, plane_bytes) = (format.bytes_per_pixel(), planes.len() / 3);
     let mut colors = Vec::with_capacity(planes.len());
@@ -36,7 +36,7 @@ pub(super) fn luma_of_planes(format: PixelFormat, planes: &[u8]) -> Vec<u8> {
 /// Every pixel then holds a quarter of red, half of green and a quarter of blue, in whatever order the filters lie: the
 /// kernel removes exactly the frequencies at which a mosaic modulates colour, and shifts nothing. The image is mirrored
 /// at its edges, which continues the mosaic.
-pub(super) fn of_mosaic(shape: Shape, pixels: &[u8]) -> Vec<u8> {
+pub(super) fn mosaic_brightness(shape: Shape, pixels: &[u8]) -> Vec<u8> {
     let (width, height) = (shape.width_px as usize, shape.height_px as usize);
     let bytes = shape.format.bytes_per_pixel();
     let level = |x: usize, y: usize| -> u32 {
@@ -58,7 +58,7 @@ pub(super) fn of_mosaic(shape: Shape, pixels: &[u8]) -> Vec<u8> {
     grey
 }
 
-/// The pixels before and after `at`, mirrored at the ends of a row of `length` pixels.
+/// Returns the pixels before and after `at`, mirrored at the ends of a row of `length` pixels.
 fn neighbours(at: usize, length: usize) -> (usize, usize) {
     let last = length - 1;
     let before = at.checked_sub(1).unwrap_or(1.min(last));
@@ -75,10 +75,10 @@ mod tests {
     fn a_mosaic_of_one_color_is_even() {
         let shape = Shape { width_px: 5, height_px: 4, format: PixelFormat::Mono8 };
         let mosaic: Vec<u8> = (0..20).map(|at| [[40, 100], [100, 200]][at / 5 % 2][at % 5 % 2]).collect();
-        assert_eq!(of_mosaic(shape, &mosaic), [110; 20]);
+        assert_eq!(mosaic_brightness(shape, &mosaic), [110; 20]);
         let wide = Shape { format: PixelFormat::Mono16, ..shape };
         let words: Vec<u8> = mosaic.iter().flat_map(|level| (16 * u16::from(*level)).to_le_bytes()).collect();
-        assert_eq!(of_mosaic(wide, &words), 1760_u16.to_le_bytes().repeat(20));
+        assert_eq!(mosaic_brightness(wide, &words), 1760_u16.to_le_bytes().repeat(20));
     }
 
     #[test]

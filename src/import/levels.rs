@@ -2,12 +2,12 @@
 
 use crate::image::PixelFormat;
 
-/// Least number of different levels that show which bits are in use.
+/// Minimum number of different levels that show which bits are in use.
 const LEVELS_MIN: usize = 32;
-/// Bits that a camera uses at least.
+/// Minimum number of bits that a camera uses.
 const BITS_MIN: u32 = 8;
 
-/// Counts the bits at the lower end that no pixel uses; 0 for an image of too few levels to know.
+/// Counts the bits at the lower end of 16-bit words that no pixel uses; 0 for an image of too few levels to know.
 pub(super) fn unused_low_bits(pixels: &[u8]) -> u32 {
     let words = || pixels.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]]));
     let unused_bits = words().fold(0, |used, word| used | word).trailing_zeros();
@@ -17,8 +17,8 @@ pub(super) fn unused_low_bits(pixels: &[u8]) -> u32 {
     if unused_bits <= 16 - BITS_MIN && levels.len() >= LEVELS_MIN { unused_bits } else { 0 }
 }
 
-/// The pixel format with so many bits.
-pub(super) fn format(bits: u32) -> PixelFormat {
+/// Returns the pixel format of 16-bit words with this number of significant bits.
+pub(super) fn format_of_bits(bits: u32) -> PixelFormat {
     match bits {
         10 => PixelFormat::Mono10,
         12 => PixelFormat::Mono12,
@@ -26,7 +26,7 @@ pub(super) fn format(bits: u32) -> PixelFormat {
     }
 }
 
-/// Moves levels down by empty bits; `None` when a pixel uses them.
+/// Moves levels of 16-bit words down by empty bits; `None` when a pixel uses them.
 pub(super) fn shifted_down(pixels: Vec<u8>, unused_bits: u32) -> Option<Vec<u8>> {
     let words = || pixels.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]]));
     let is_empty = words().all(|word| word >> unused_bits << unused_bits == word);

@@ -45,7 +45,7 @@ pub fn is_importable(path: &Path) -> bool {
     is_recording || is_film(path) || is_image(path) || is_collection(path)
 }
 
-/// Endings of films.
+/// The endings of films.
 const FILMS: [&str; 19] = [
     "3gp", "avi", "flv", "gif", "m2ts", "m4v", "mkv", "mov", "mp4", "mpeg", "mpg", "mts", "mxf", "nut", "ogv", "ts",
     "webm", "wmv", "y4m",
@@ -101,6 +101,7 @@ pub fn open_in_order(inputs: &[PathBuf], fps: Option<f64>, order: Order) -> Resu
     Ok(footage.without_repeats(first))
 }
 
+/// Returns the ending of a file name in small letters, without its point.
 fn extension(path: &Path) -> String {
     path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
 }
@@ -113,7 +114,7 @@ fn open_file(path: &Path) -> Result<(File, u64), ImportError> {
     Ok((file, bytes))
 }
 
-/// The memory that decoding a frame of a file of this size may take, bytes.
+/// Returns the memory that decoding a frame of a file of this size may take, bytes.
 ///
 /// A file that decodes to more is no film of an impact.
 fn memory_limit_bytes(file_bytes: u64) -> u64 {

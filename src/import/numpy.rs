@@ -12,17 +12,19 @@ use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::path::Path;
 
+/// The first bytes of an array.
 const MAGIC: &[u8; 6] = b"\x93NUMPY";
 /// Maximum length of the header. One that describes three axes has about a hundred bytes.
 const HEADER_BYTES: u64 = 1 << 16;
 
+/// Opens an array of frames. A 2-D array is one frame; a fourth axis of 3 or 4 holds colours.
 pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError> {
     let invalid = |reason: String| ImportError::invalid(path, reason);
     let name = path.to_path_buf();
     let (file, file_bytes) = open_file(path)?;
-    let (header, start) = header(&file, path, file_bytes)?;
+    let (header, start) = read_header(&file, path, file_bytes)?;
     let array = Array::parse(&header).map_err(invalid)?;
-    let Shaped { frames: count, height_px, width_px, channels } = array.shape;
+    let FrameSizes { frames: count, height_px, width_px, channels } = array.shape;
     let format = if array.is_wide { PixelFormat::Mono16 } else { PixelFormat::Mono8 };
     let shape = Shape::new(path, width_px, height_px, format)?;
     let bytes = shape.bytes() * channels;
@@ -35,20 +37,20 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
     let columns = match array.order {
         AxisOrder::FirstSlowest => None,
         AxisOrder::FirstFastest if count * bytes > FRAME_BYTES => {
-            let cure = "save numpy.ascontiguousarray of it";
+            let advice = "save numpy.ascontiguousarray of it";
             return Err(invalid(format!(
-                "{} bytes in Fortran order; at most {FRAME_BYTES} are read: {cure}",
+                "{} bytes in Fortran order; at most {FRAME_BYTES} are read: {advice}",
                 count * bytes
             )));
         }
-        AxisOrder::FirstFastest => Some(read(&file, path, start, count * bytes)?),
+        AxisOrder::FirstFastest => Some(read_bytes(&file, path, start, count * bytes)?),
     };
     let path = path.to_path_buf();
     let sample_bytes = format.bytes_per_pixel();
     let frames = (0..count).map(move |number| {
         let mut pixels = match &columns {
-            None => read(&file, &path, start + number * bytes, bytes)?,
-            Some(columns) => array.shape.frame_of_columns(columns, number as usize, sample_bytes),
+            None => read_bytes(&file, &path, start + number * bytes, bytes)?,
+            Some(columns) => array.shape.frame_from_fortran(columns, number as usize, sample_bytes),
         };
         if array.is_big_endian {
             pixels.chunks_exact_mut(2).for_each(<[u8]>::reverse);
@@ -68,14 +70,15 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
     footage.with_bits_of_first(&name)
 }
 
-fn read(file: &File, path: &Path, at: u64, bytes: u64) -> Result<Vec<u8>, ImportError> {
+/// Reads bytes at an offset of the file.
+fn read_bytes(file: &File, path: &Path, at: u64, bytes: u64) -> Result<Vec<u8>, ImportError> {
     let mut pixels = vec![0; bytes as usize];
     let read = file.read_exact_at(&mut pixels, at);
     read.map(|()| pixels).map_err(|error| ImportError::io("read", path, error))
 }
 
 /// Returns the text of the header and the offset of the pixels.
-fn header(file: &File, path: &Path, file_bytes: u64) -> Result<(String, u64), ImportError> {
+fn read_header(file: &File, path: &Path, file_bytes: u64) -> Result<(String, u64), ImportError> {
     let read = |at: u64, count: u64| {
         if at + count > file_bytes {
             return Err(ImportError::invalid(path, format!("the file ends within its header, at byte {file_bytes}")));
@@ -104,7 +107,7 @@ fn header(file: &File, path: &Path, file_bytes: u64) -> Result<(String, u64), Im
 
 /// The sizes of an array of frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Shaped {
+struct FrameSizes {
     frames: u64,
     height_px: u64,
     width_px: u64,
@@ -127,34 +130,39 @@ struct Array {
     is_wide: bool,
     is_big_endian: bool,
     order: AxisOrder,
-    shape: Shaped,
+    shape: FrameSizes,
 }
 
 impl Array {
+    /// Parses the dictionary of the header.
+    ///
+    /// # Errors
+    ///
+    /// The reason, with a cure, when the array does not hold frames of unsigned 8 or 16 bits.
     fn parse(header: &str) -> Result<Self, String> {
-        let kind = quoted(value(header, "descr")?).unwrap_or_default();
+        let kind = quoted(entry_after(header, "descr")?).unwrap_or_default();
         let (is_wide, is_big_endian) = match kind {
             "|u1" | "<u1" | ">u1" => (false, false),
             "<u2" => (true, false),
             ">u2" => (true, true),
             _ => {
-                let (kind, cure) = (brief(value(header, "descr")?), cure(kind));
-                return Err(format!("values of type {kind}; unsigned numbers of 8 or 16 bit are supported: {cure}"));
+                let (kind, advice) = (brief(entry_after(header, "descr")?), conversion_advice(kind));
+                return Err(format!("values of type {kind}; unsigned numbers of 8 or 16 bit are supported: {advice}"));
             }
         };
-        let order = match value(header, "fortran_order")? {
+        let order = match entry_after(header, "fortran_order")? {
             order if order.starts_with("False") => AxisOrder::FirstSlowest,
             order if order.starts_with("True") => AxisOrder::FirstFastest,
             order => return Err(format!("fortran_order is {}, neither True nor False", brief(order))),
         };
-        let shape = value(header, "shape")?;
+        let shape = entry_after(header, "shape")?;
         let axes = shape.strip_prefix('(').and_then(|rest| rest.split_once(')')).map(|(axes, _)| axes);
         let axes: Option<Vec<u64>> = axes.and_then(|axes| {
             let axes = axes.trim().trim_end_matches(',');
             axes.split(',').map(|axis| axis.trim().parse().ok()).collect()
         });
         let sized = |frames: u64, height_px: u64, width_px: u64, channels: u64| {
-            Ok(Self { is_wide, is_big_endian, order, shape: Shaped { frames, height_px, width_px, channels } })
+            Ok(Self { is_wide, is_big_endian, order, shape: FrameSizes { frames, height_px, width_px, channels } })
         };
         match axes.as_deref() {
             Some([height, width]) => sized(1, *height, *width, 1),
@@ -165,9 +173,9 @@ impl Array {
     }
 }
 
-impl Shaped {
+impl FrameSizes {
     /// Collects a frame of an array in Fortran order, as [`AxisOrder::FirstSlowest`] has it.
-    fn frame_of_columns(self, columns: &[u8], number: usize, bytes: usize) -> Vec<u8> {
+    fn frame_from_fortran(self, columns: &[u8], number: usize, bytes: usize) -> Vec<u8> {
         let [frames, height, width] = [self.frames, self.height_px, self.width_px].map(|size| size as usize);
         let mut pixels = Vec::with_capacity(height * width * self.channels as usize * bytes);
         for y in 0..height {
@@ -182,8 +190,8 @@ impl Shaped {
     }
 }
 
-/// The way to save an array of another type.
-fn cure(kind: &str) -> &'static str {
+/// Returns the way to save an array of a type that is not supported as one that is.
+fn conversion_advice(kind: &str) -> &'static str {
     match kind.trim_start_matches(['<', '>', '|', '=']) {
         "b1" => "save (255 * a).astype('u1')",
         kind if kind.starts_with('f') => "scale it to 0 to 65535 and save a.astype('u2')",
@@ -193,18 +201,19 @@ fn cure(kind: &str) -> &'static str {
     }
 }
 
-/// Returns the text after a key of the dictionary.
-fn value<'a>(header: &'a str, key: &str) -> Result<&'a str, String> {
+/// Returns the text after a key of the dictionary, to the end of the header.
+fn entry_after<'a>(header: &'a str, key: &str) -> Result<&'a str, String> {
     let missing = || format!("the header has no {key:?}");
     let (_, rest) = header.split_once(&format!("'{key}'")).ok_or_else(missing)?;
     Ok(rest.trim_start().strip_prefix(':').ok_or_else(missing)?.trim_start())
 }
 
+/// Returns the content of the quotes that a value begins with.
 fn quoted(value: &str) -> Option<&str> {
     Some(value.strip_prefix('\'')?.split_once('\'')?.0)
 }
 
-/// Returns the beginning of a value in one line.
+/// Returns the first 30 characters of a value in one line.
 fn brief(value: &str) -> String {
     value.chars().filter(|letter| !letter.is_control()).take(30).collect()
 }

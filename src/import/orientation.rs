@@ -84,7 +84,7 @@ impl Orientation {
         }
     }
 
-    /// Turns and mirrors packed pixels of the shape `stored`.
+    /// Turns and mirrors packed pixels of the shape `stored`, whose rows have no padding.
     pub(super) fn apply(self, stored: Shape, pixels: Vec<u8>) -> Vec<u8> {
         if self == Self::AS_STORED {
             return pixels;

@@ -28,6 +28,7 @@ pub struct Provenance {
 }
 
 impl Provenance {
+    /// Returns the provenance of frames that are stored as they are displayed, in grey and with square pixels.
     pub(super) fn new(rate: RateSource, gaps: Gaps, format: PixelFormat) -> Self {
         Self {
             rate,

@@ -33,7 +33,7 @@ impl Shape {
         }
     }
 
-    /// The size of a packed frame, bytes.
+    /// Returns the size of a packed frame, bytes.
     pub(super) fn bytes(self) -> u64 {
         u64::from(self.width_px) * u64::from(self.height_px) * self.format.bytes_per_pixel() as u64
     }

@@ -24,20 +24,22 @@ pub(super) fn shape(stored: Shape, aspect: f64) -> Option<Shape> {
     (is_meant && shape != stored && shape.bytes() <= FRAME_BYTES).then_some(shape)
 }
 
-/// Resamples packed pixels by cubic interpolation (Catmull-Rom).
+/// Resamples packed pixels by cubic interpolation (R. Keys 1981, doi:10.1109/TASSP.1981.1163711), limited to full
+/// scale.
 pub(super) fn resample(stored: Shape, shape: Shape, pixels: Vec<u8>) -> Vec<u8> {
     match stored.format.bytes_per_pixel() {
-        1 => levels(stored, shape, pixels),
+        1 => resample_levels(stored, shape, pixels),
         _ => {
             let words = pixels.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]])).collect();
             let highest = (1_u32 << stored.format.bits()) - 1;
             let within = |level: u16| u32::from(level).min(highest) as u16;
-            levels(stored, shape, words).into_iter().map(within).flat_map(u16::to_le_bytes).collect()
+            resample_levels(stored, shape, words).into_iter().map(within).flat_map(u16::to_le_bytes).collect()
         }
     }
 }
 
-fn levels<Level: Primitive + 'static>(stored: Shape, shape: Shape, levels: Vec<Level>) -> Vec<Level> {
+/// Resamples levels of 8 or 16 bits.
+fn resample_levels<Level: Primitive + 'static>(stored: Shape, shape: Shape, levels: Vec<Level>) -> Vec<Level> {
     let image = ImageBuffer::<Luma<Level>, _>::from_raw(stored.width_px, stored.height_px, levels);
     let resized = image.map(|image| resize(&image, shape.width_px, shape.height_px, FilterType::CatmullRom));
     resized.map_or_else(Vec::new, ImageBuffer::into_raw)

@@ -59,7 +59,7 @@ impl Still {
     /// [`ImportError::Invalid`] for an image of floating-point numbers.
     pub(super) fn of_picture(path: &Path, picture: DynamicImage, look: Look) -> Result<Self, ImportError> {
         let (width_px, height_px) = (u64::from(picture.width()), u64::from(picture.height()));
-        let (format, bytes, grey_rule) = grey_of(picture).ok_or_else(|| {
+        let (format, bytes, grey_rule) = grey_levels(picture).ok_or_else(|| {
             ImportError::invalid(path, "floating-point numbers; save it in grey or RGB with 8 or 16 bits")
         })?;
         let shape = Shape::new(path, width_px, height_px, format)?;
@@ -67,8 +67,9 @@ impl Still {
     }
 }
 
-/// Returns the layout, the grey levels and their rule; transparency is left out.
-fn grey_of(picture: DynamicImage) -> Option<(PixelFormat, Vec<u8>, &'static str)> {
+/// Returns the layout, the packed grey levels and their rule; `None` for floating-point numbers. Transparency is left
+/// out.
+fn grey_levels(picture: DynamicImage) -> Option<(PixelFormat, Vec<u8>, &'static str)> {
     let picture = match picture {
         DynamicImage::ImageLumaA8(_) => DynamicImage::ImageLuma8(picture.into_luma8()),
         DynamicImage::ImageLumaA16(_) => DynamicImage::ImageLuma16(picture.into_luma16()),

@@ -59,17 +59,17 @@ pub(super) enum Slots {
 }
 
 impl Timeline {
-    /// Frames that follow each other without gaps.
+    /// Returns the timeline of frames that follow each other without gaps, from 0 ns on.
     pub(super) fn consecutive(rate: Rate) -> Self {
         Self { rate_hz: rate.hz, source: rate.source, first_ns: 0, slots: Slots::Consecutive }
     }
 
-    /// Frames with rising numbers at a constant rate.
+    /// Returns the timeline of frames with rising numbers at a constant rate.
     pub(super) fn numbered(rate: Rate, numbers: Vec<u64>) -> Self {
         Self { slots: Slots::Numbered(numbers), ..Self::consecutive(rate) }
     }
 
-    /// The same frames, with frame 0 at a known time, ns since the Unix epoch.
+    /// Returns the same frames with frame 0 at a known time, ns since the Unix epoch.
     pub(super) fn starting_at(self, first_ns: i64) -> Self {
         Self { first_ns: first_ns.max(0) as u64, ..self }
     }
@@ -126,7 +126,7 @@ struct Grid {
 }
 
 impl Grid {
-    /// Whether frames follow each other in several equal steps of more than one period: gaps are not that regular.
+    /// Whether frames follow each other in several equal steps of more than one period. Gaps are not that regular.
     fn changes_rate(&self) -> bool {
         let steps: Vec<u64> = self.numbers.windows(2).map(|pair| pair[1] - pair[0]).collect();
         steps.windows(RATE_CHANGE).any(|run| run[0] > 1 && run.iter().all(|step| *step == run[0]))
@@ -134,12 +134,12 @@ impl Grid {
 }
 
 impl FrameTimes {
-    /// The times in another order of the frames.
-    pub(super) fn taken(&self, order: &[usize]) -> Self {
+    /// Returns the times in another order of the frames.
+    pub(super) fn reordered(&self, order: &[usize]) -> Self {
         Self { times_ns: order.iter().map(|index| self.times_ns[*index]).collect(), ..self.clone() }
     }
 
-    /// The times of the frames played backwards.
+    /// Returns the times of the frames played backwards, from the same first time on.
     pub(super) fn reversed(self) -> Self {
         let last = self.times_ns.last().copied().unwrap_or_default();
         let first = self.times_ns.first().copied().unwrap_or_default();
@@ -153,9 +153,9 @@ impl FrameTimes {
     /// slow motion stores the times of playback. Returns the timeline and warnings; `None` where the times do not rise,
     /// or are too coarse to separate frames.
     pub(super) fn timeline(&self, header: Option<Rate>, fps: Option<f64>) -> Option<(Timeline, Vec<String>)> {
-        let grid = self.grid()?;
+        let grid = self.fit_grid()?;
         let mut warnings = Vec::new();
-        let header = header.filter(|header| self.agrees(&grid, header, &mut warnings));
+        let header = header.filter(|header| self.agrees_with(&grid, header, &mut warnings));
         let rate_of_times = Rate { hz: 1e9 / grid.period_ns, source: RateSource::FrameTimes };
         // A rate that fits the times as well as their resolution can show is exact where theirs is rounded.
         let rate = header.filter(|header| self.fits(&grid, header.hz)).unwrap_or(rate_of_times);
@@ -164,7 +164,7 @@ impl FrameTimes {
             format!("by their own times the frames come at {:.6} frames/s; --fps {fps} stretches these times", rate.hz)
         }));
         let rate = fps.map_or(rate, |hz| Rate { hz, source: RateSource::Option });
-        Some((self.placed(grid, rate, stretch, &mut warnings), warnings))
+        Some((self.place_frames(grid, rate, stretch, &mut warnings), warnings))
     }
 
     /// Times every frame by itself, with consecutive numbers: the rate is known to change.
@@ -180,11 +180,12 @@ impl FrameTimes {
         Some((Timeline { slots: Slots::Timed(slots), ..Timeline::consecutive(rate) }, Vec::new()))
     }
 
+    /// Returns the intervals between consecutive frames, ns.
     fn steps(&self) -> Vec<i64> {
         self.times_ns.windows(2).map(|pair| pair[1].saturating_sub(pair[0])).collect()
     }
 
-    /// The median interval, ns; `None` where the times do not rise, or are too coarse to separate frames.
+    /// Returns the median interval, ns; `None` where the times do not rise, or are too coarse to separate frames.
     fn median_ns(&self) -> Option<f64> {
         let mut sorted = self.steps();
         sorted.sort_unstable();
@@ -194,8 +195,8 @@ impl FrameTimes {
         (is_rising && median_ns >= 2.0 * self.resolution_ns).then_some(median_ns)
     }
 
-    /// Finds the grid from the median interval, and refines it by least squares.
-    fn grid(&self) -> Option<Grid> {
+    /// Fits the grid of a constant rate, from the median interval and by least squares without outliers.
+    fn fit_grid(&self) -> Option<Grid> {
         let (median_ns, steps) = (self.median_ns()?, self.steps());
         let mut numbers = vec![0];
         for step in steps {
@@ -203,7 +204,7 @@ impl FrameTimes {
             numbers.push(numbers.last()? + frames);
         }
         let times = self.since_first_ns();
-        let (mut period_ns, mut start_ns) = line(&numbers, &times)?;
+        let (mut period_ns, mut start_ns) = fit_line(&numbers, &times)?;
         // Frames off the grid, such as an odd first one, bend the line: it is fitted again without them.
         for _ in 0..2 {
             let off_ns = |index: usize| (times[index] - start_ns - numbers[index] as f64 * period_ns).abs();
@@ -213,18 +214,19 @@ impl FrameTimes {
             let on_grid = (0..times.len()).filter(|index| off_ns(*index) <= limit_ns);
             let (on_numbers, on_times): (Vec<u64>, Vec<f64>) =
                 on_grid.map(|index| (numbers[index], times[index])).unzip();
-            (period_ns, start_ns) = line(&on_numbers, &on_times).unwrap_or((period_ns, start_ns));
+            (period_ns, start_ns) = fit_line(&on_numbers, &on_times).unwrap_or((period_ns, start_ns));
         }
         Some(Grid { period_ns, start_ns, numbers })
     }
 
+    /// Returns the times since the first frame, ns.
     fn since_first_ns(&self) -> Vec<f64> {
         let first = self.times_ns.first().copied().unwrap_or_default();
         self.times_ns.iter().map(|time| time.saturating_sub(first) as f64).collect()
     }
 
-    /// Whether a stated rate agrees with the times; a contradiction is named.
-    fn agrees(&self, grid: &Grid, header: &Rate, warnings: &mut Vec<String>) -> bool {
+    /// Whether a stated rate agrees with the times. A contradiction with a header is added to the warnings.
+    fn agrees_with(&self, grid: &Grid, header: &Rate, warnings: &mut Vec<String>) -> bool {
         let hz = 1e9 / grid.period_ns;
         let agrees = (header.hz / hz - 1.0).abs() < CONTRADICTION;
         if !agrees {
@@ -244,7 +246,10 @@ impl FrameTimes {
         (last * (1e9 / hz - grid.period_ns)).abs() <= self.resolution_ns.max(1.0)
     }
 
-    fn placed(&self, grid: Grid, rate: Rate, stretch: f64, warnings: &mut Vec<String>) -> Timeline {
+    /// Places the frames: at a constant rate if they lie on the grid, with their own times otherwise.
+    ///
+    /// `stretch` multiplies the times. Frames of an irregular film have consecutive numbers.
+    fn place_frames(&self, grid: Grid, rate: Rate, stretch: f64, warnings: &mut Vec<String>) -> Timeline {
         let times = self.since_first_ns();
         let off_ns = |index: usize| times[index] - grid.start_ns - grid.numbers[index] as f64 * grid.period_ns;
         let worst_ns = (0..times.len()).map(|index| off_ns(index).abs()).fold(0.0, f64::max);
@@ -274,8 +279,10 @@ impl FrameTimes {
     }
 }
 
-/// Fits a line through times over numbers by least squares; returns its slope and its value at 0.
-fn line(numbers: &[u64], times: &[f64]) -> Option<(f64, f64)> {
+/// Fits a line through times (ns) over numbers by least squares; returns its slope and its value at 0.
+///
+/// `None` when the slope is not positive.
+fn fit_line(numbers: &[u64], times: &[f64]) -> Option<(f64, f64)> {
     let count = numbers.len() as f64;
     let mean_number = numbers.iter().map(|number| *number as f64).sum::<f64>() / count;
     let mean_time = times.iter().sum::<f64>() / count;

@@ -3,8 +3,8 @@
 use crate::image::ImageView;
 use crate::results::FieldPoint;
 
-/// Converts an image to grey, with its maximum level white.
-pub(super) fn grey(image: ImageView<'_>) -> image::RgbImage {
+/// Converts grey levels in DN to 8 bits, with 0 black and the maximum white.
+pub(super) fn grey_picture(image: ImageView<'_>) -> image::RgbImage {
     let high = image.data().iter().fold(1.0_f32, |high, level| high.max(*level));
     image::RgbImage::from_fn(image.width() as u32, image.height() as u32, |x, y| {
         let level = image.at(x as usize, y as usize).unwrap_or(0.0);
@@ -13,8 +13,10 @@ pub(super) fn grey(image: ImageView<'_>) -> image::RgbImage {
 }
 
 /// Draws the reference in grey with an arrow per vector, scaled so that the longest spans one step.
+///
+/// A subset without a displacement is a blue dot.
 pub fn draw_vectors(image: ImageView<'_>, field: &[FieldPoint], step_px: u32) -> image::RgbImage {
-    let mut picture = grey(image);
+    let mut picture = grey_picture(image);
     let longest = field.iter().filter_map(|p| p.displacement).map(|d| d.u_px.hypot(d.v_px)).fold(0.0, f32::max);
     let gain = if longest > 0.0 { step_px as f32 / longest } else { 0.0 };
     for point in field {
@@ -22,13 +24,13 @@ pub fn draw_vectors(image: ImageView<'_>, field: &[FieldPoint], step_px: u32) ->
             Some(d) => ([255, 60, 40], [point.x_px + gain * d.u_px, point.y_px + gain * d.v_px]),
             None => ([40, 120, 255], [point.x_px, point.y_px]),
         };
-        line(&mut picture, [point.x_px, point.y_px], end, color);
+        draw_line(&mut picture, [point.x_px, point.y_px], end, color);
     }
     picture
 }
 
-/// Draws a straight line with a dot at its start.
-fn line(picture: &mut image::RgbImage, from: [f32; 2], to: [f32; 2], color: [u8; 3]) {
+/// Draws a straight line with a dot at its start, in pixels of the image; clips it at the edge.
+fn draw_line(picture: &mut image::RgbImage, from: [f32; 2], to: [f32; 2], color: [u8; 3]) {
     let span = [to[0] - from[0], to[1] - from[1]];
     let steps = span[0].abs().max(span[1].abs()).ceil().max(1.0) as i32;
     let mut dot = |x: f32, y: f32| {

@@ -31,7 +31,7 @@ pub struct Canvas {
 }
 
 impl Canvas {
-    /// Shows grey levels of 0 to 255 of a frame of this width, enlarged if it is small.
+    /// Shows grey levels from 0 to 255 of a frame of this width, row by row. A small frame is enlarged.
     pub fn of_levels(levels: &[u8], width_px: u32) -> Self {
         let height_px = levels.len() as u32 / width_px.max(1);
         let zoom = WIDTH_PX.div_ceil(width_px.max(1)).clamp(1, 4);
@@ -63,7 +63,7 @@ impl Canvas {
         self.picture
     }
 
-    /// Draws a dot as wide as lines.
+    /// Draws a dot as wide as lines, at a position in pixels of the frame; outside of it nothing is drawn.
     pub fn dot(&mut self, at: [f32; 2], color: Color) {
         // The centre of pixel (0, 0) is (0, 0).
         let half = (self.line_px - 1) as f32 / 2.0;
@@ -77,7 +77,7 @@ impl Canvas {
         }
     }
 
-    /// Draws a straight line.
+    /// Draws a straight line between two positions in pixels of the frame.
     pub fn line(&mut self, from: [f32; 2], to: [f32; 2], color: Color) {
         let steps = ((to[0] - from[0]).hypot(to[1] - from[1]) * self.zoom).ceil().clamp(1.0, MAX_DOTS);
         for k in 0..=steps as u32 {
@@ -86,12 +86,12 @@ impl Canvas {
         }
     }
 
-    /// Draws the lines between neighbouring points.
+    /// Draws the lines between consecutive points, px of the frame.
     pub fn path(&mut self, points: &[[f32; 2]], color: Color) {
         points.windows(2).for_each(|pair| self.line(pair[0], pair[1], color));
     }
 
-    /// Draws a circle.
+    /// Draws a circle, px of the frame.
     pub fn circle(&mut self, center: [f32; 2], radius_px: f32, color: Color) {
         let [x, y] = center;
         let steps = (8.0 * radius_px * self.zoom).clamp(16.0, MAX_DOTS) as u32;
@@ -101,7 +101,7 @@ impl Canvas {
         }
     }
 
-    /// Draws a circle of dots.
+    /// Draws a circle of separate dots, px of the frame.
     pub fn dotted_circle(&mut self, center: [f32; 2], radius_px: f32, color: Color) {
         let [x, y] = center;
         const DOT_DISTANCE_PX: f32 = 7.0;
@@ -112,21 +112,21 @@ impl Canvas {
         }
     }
 
-    /// Draws a cross whose arms are `half_px` long.
+    /// Draws an upright cross whose arms are `half_px` long, px of the frame.
     pub fn cross(&mut self, center: [f32; 2], half_px: f32, color: Color) {
         let [x, y] = center;
         self.line([x - half_px, y], [x + half_px, y], color);
         self.line([x, y - half_px], [x, y + half_px], color);
     }
 
-    /// Draws the outline of a rectangle: x, y, width, height.
+    /// Draws the outline of a rectangle (x, y, width, height), px of the frame.
     pub fn rectangle(&mut self, rectangle: [f32; 4], color: Color) {
         let [x, y, width, height] = rectangle;
         let (right, bottom) = (x + width, y + height);
         self.path(&[[x, y], [right, y], [right, bottom], [x, bottom], [x, y]], color);
     }
 
-    /// Mixes the pixels of a frame for which `is_marked` with a third of a colour.
+    /// Mixes the pixels (x, y) of the frame for which `is_marked` holds with one third of a colour.
     pub fn tint(&mut self, is_marked: impl Fn(u32, u32) -> bool, color: Color) {
         let (zoom, origin) = (self.zoom, self.origin);
         for (x, y, pixel) in self.picture.enumerate_pixels_mut() {
@@ -137,9 +137,10 @@ impl Canvas {
         }
     }
 
-    /// Writes a short text in black on a box of this colour with its lower left corner at a point.
+    /// Writes a short text in black on a box of this colour, with the lower left corner at a position in pixels of the
+    /// frame.
     ///
-    /// The font has digits and the letters of lengths: m, p, x.
+    /// The box is moved into the picture. The font has digits and the letters of lengths: m, p, x.
     pub fn label(&mut self, corner: [f32; 2], text: &str, color: Color) {
         const FONT_SCALE: u32 = 3;
         let (width, height) = (pixel_font::width(text, FONT_SCALE) + 6, pixel_font::height(FONT_SCALE) + 6);

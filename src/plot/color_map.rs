@@ -2,7 +2,7 @@
 
 use image::{Rgb, RgbImage};
 
-use super::arrows::grey;
+use super::arrows::grey_picture;
 use super::pixel_font;
 use crate::image::ImageView;
 use crate::results::FieldPoint;
@@ -35,7 +35,7 @@ impl Quantity {
     }
 
     /// Returns the value at a point; `None` where the displacement is not valid.
-    fn of(self, point: &FieldPoint) -> Option<f32> {
+    fn value_at(self, point: &FieldPoint) -> Option<f32> {
         let found = point.displacement?;
         match self {
             Self::U => Some(found.u_px),
@@ -76,8 +76,8 @@ struct Range {
 
 impl Range {
     /// Returns the range of all valid points; `None` if there are none.
-    fn of(field: &[FieldPoint], quantity: Quantity) -> Option<Self> {
-        let values = field.iter().filter_map(|point| quantity.of(point));
+    fn of_field(field: &[FieldPoint], quantity: Quantity) -> Option<Self> {
+        let values = field.iter().filter_map(|point| quantity.value_at(point));
         values.fold(None, |range, value| {
             let Self { low, high } = range.unwrap_or(Self { low: value, high: value });
             Some(Self { low: low.min(value), high: high.max(value) })
@@ -85,22 +85,22 @@ impl Range {
     }
 
     /// Returns the position of a value in the range, 0 to 1; 0.5 for an empty range.
-    fn share(self, value: f32) -> f32 {
+    fn fraction(self, value: f32) -> f32 {
         let span = self.high - self.low;
         if span > 0.0 { ((value - self.low) / span).clamp(0.0, 1.0) } else { 0.5 }
     }
 
     /// Formats both ends with enough decimals to resolve a hundredth of the range, at most 8.
-    fn texts(self) -> [String; 2] {
+    fn end_labels(self) -> [String; 2] {
         let span = f64::from(self.high - self.low);
         let decimals = if span > 0.0 { (2.0 - span.log10().floor()).clamp(0.0, 8.0) as usize } else { 4 };
         [self.low, self.high].map(|end| format!("{end:.decimals$}"))
     }
 }
 
-/// Returns the colour at a position, 0 to 1.
-fn color(share: f32) -> Rgb<u8> {
-    let place = share.clamp(0.0, 1.0) * (VIRIDIS.len() - 1) as f32;
+/// Returns the colour of the map at a position, 0 to 1, interpolated linearly.
+fn viridis(fraction: f32) -> Rgb<u8> {
+    let place = fraction.clamp(0.0, 1.0) * (VIRIDIS.len() - 1) as f32;
     let first = (place as usize).min(VIRIDIS.len() - 2);
     let along = place - first as f32;
     let mix = |k: usize| {
@@ -123,23 +123,23 @@ pub struct ColorMap {
 /// The squares touch without overlap. Points without a valid displacement stay grey. The colour bar below is labelled
 /// with the minimum on the left and the maximum on the right.
 pub fn draw_map(image: ImageView<'_>, field: &[FieldPoint], quantity: Quantity, step_px: u32) -> ColorMap {
-    let mut picture = grey(image);
+    let mut picture = grey_picture(image);
     let (name, unit) = quantity.title();
-    let Some(range) = Range::of(field, quantity) else {
+    let Some(range) = Range::of_field(field, quantity) else {
         return ColorMap { picture, legend: format!("map of {name}: no valid subset") };
     };
     for point in field {
-        if let Some(value) = quantity.of(point) {
-            square(&mut picture, point, step_px, color(range.share(value)));
+        if let Some(value) = quantity.value_at(point) {
+            fill_square(&mut picture, point, step_px, viridis(range.fraction(value)));
         }
     }
-    let [low, high] = range.texts();
+    let [low, high] = range.end_labels();
     let legend = format!("map of {name} from {low} to {high}{unit}");
-    ColorMap { picture: with_bar(&picture, &low, &high), legend }
+    ColorMap { picture: with_color_bar(&picture, &low, &high), legend }
 }
 
-/// Fills a square around a point; an even side extends one pixel further to the left and up.
-fn square(picture: &mut RgbImage, point: &FieldPoint, side_px: u32, color: Rgb<u8>) {
+/// Fills a square around a point, clipped to the picture. An even side extends one pixel further to the left and up.
+fn fill_square(picture: &mut RgbImage, point: &FieldPoint, side_px: u32, color: Rgb<u8>) {
     let range = |center: f32, size: u32| {
         let start = center.round() as i64 - i64::from(side_px / 2);
         let end = (start + i64::from(side_px)).clamp(0, i64::from(size));
@@ -153,7 +153,7 @@ fn square(picture: &mut RgbImage, point: &FieldPoint, side_px: u32, color: Rgb<u
 }
 
 /// Adds the colour bar and its labels below the picture, widening it if the labels need room.
-fn with_bar(picture: &RgbImage, low: &str, high: &str) -> RgbImage {
+fn with_color_bar(picture: &RgbImage, low: &str, high: &str) -> RgbImage {
     let scale = if picture.width() >= 480 { 3 } else { 2 };
     let [left, right] = [low, high].map(|text| pixel_font::width(text, scale));
     let width = picture.width().max(left + right + 4 * MARGIN_PX);
@@ -163,7 +163,7 @@ fn with_bar(picture: &RgbImage, low: &str, high: &str) -> RgbImage {
     let top = picture.height() + MARGIN_PX;
     let long = width - 2 * MARGIN_PX;
     for column in 0..long {
-        let color = color(column as f32 / (long - 1) as f32);
+        let color = viridis(column as f32 / (long - 1) as f32);
         (top..top + BAR_PX).for_each(|row| all.put_pixel(MARGIN_PX + column, row, color));
     }
     let row = top + BAR_PX + MARGIN_PX;
@@ -190,7 +190,7 @@ mod tests {
 
     #[test]
     fn equal_steps_of_the_value_are_equal_steps_of_lightness() {
-        let steps: Vec<f64> = (0..=30).map(|k| lightness(color(k as f32 / 30.0))).collect();
+        let steps: Vec<f64> = (0..=30).map(|k| lightness(viridis(k as f32 / 30.0))).collect();
         assert!(steps[0] < 16.0 && steps[30] > 89.0, "{steps:?}");
         let mean = (steps[30] - steps[0]) / 30.0;
         for pair in steps.windows(2) {
@@ -214,13 +214,13 @@ mod tests {
         assert_eq!(map.legend, "map of u from -1.00 to 2.00 px");
         let at = |x: u32, y: u32| *map.picture.get_pixel(x, y);
         let grey = Rgb([255; 3]);
-        assert_eq!((at(12, 12), at(8, 8), at(15, 15)), (color(0.0), color(0.0), color(0.0)));
-        assert_eq!((at(16, 12), at(23, 12)), (color(0.5), color(0.5)), "squares touch and do not overlap");
-        assert_eq!(at(36, 12), color(1.0));
+        assert_eq!((at(12, 12), at(8, 8), at(15, 15)), (viridis(0.0), viridis(0.0), viridis(0.0)));
+        assert_eq!((at(16, 12), at(23, 12)), (viridis(0.5), viridis(0.5)), "squares touch and do not overlap");
+        assert_eq!(at(36, 12), viridis(1.0));
         assert_eq!((at(28, 12), at(7, 12), at(12, 16), at(60, 30)), (grey, grey, grey, grey));
         // The colour bar: darkest on the left, lightest on the right, like the values.
         let row = 40 + MARGIN_PX + BAR_PX / 2;
-        assert_eq!((at(MARGIN_PX, row), at(95 - MARGIN_PX, row)), (color(0.0), color(1.0)));
+        assert_eq!((at(MARGIN_PX, row), at(95 - MARGIN_PX, row)), (viridis(0.0), viridis(1.0)));
         let dark = |range: std::ops::Range<u32>| {
             let below = 40 + BAR_PX + 2 * MARGIN_PX..map.picture.height();
             range.flat_map(|x| below.clone().map(move |y| (x, y))).filter(|(x, y)| at(*x, *y) == Rgb([0; 3])).count()
@@ -232,13 +232,13 @@ mod tests {
     fn every_quantity_is_its_own_and_invalid_zncc_does_not_stretch_the_range() {
         let mut field = [point(12.0, Some(1.0)), point(20.0, None)];
         field[1].zncc = Some(0.1);
-        let range = |quantity: Quantity| Range::of(&field, quantity).unwrap().low;
+        let range = |quantity: Quantity| Range::of_field(&field, quantity).unwrap().low;
         for ((word, quantity), expected) in Quantity::WORDS.into_iter().zip([1.0, -1.0, 0.9, 0.003_535_534]) {
             assert!((range(quantity) - expected).abs() < 1e-6, "{word}: {}", range(quantity));
         }
         let one = draw_map(Image::new(30, 30).view(), &field, Quantity::Zncc, 8);
         assert_eq!(one.legend, "map of zncc from 0.9000 to 0.9000");
-        assert_eq!(*one.picture.get_pixel(12, 12), color(0.5));
+        assert_eq!(*one.picture.get_pixel(12, 12), viridis(0.5));
         let none = draw_map(Image::new(30, 30).view(), &field[1..], Quantity::V, 8);
         assert_eq!(none.legend, "map of v: no valid subset");
     }

@@ -21,7 +21,8 @@ pub struct LogAxis {
 }
 
 impl LogAxis {
-    /// Returns an axis of whole decades around all values.
+    /// Returns an axis of whole decades around all values, `height` px high. Values below `zero` get a strip below the
+    /// decades.
     pub fn around(values: impl IntoIterator<Item = f64>, height: f64, zero: f64) -> Self {
         let (mut low, mut high, mut strip) = (f64::INFINITY, f64::NEG_INFINITY, 0.0);
         for value in values {
@@ -36,7 +37,8 @@ impl LogAxis {
         Self { low, high: high.max(low + 1), height, zero, strip }
     }
 
-    /// Returns the distance of a value from the top, px; values below the axis are at its foot.
+    /// Returns the distance of a value from the top of the plot, px. Values below the axis are at its foot, those below
+    /// `zero` in the strip.
     pub fn y(&self, value: f64) -> f64 {
         if value < self.zero {
             return self.height - 0.5 * self.strip;
@@ -62,6 +64,7 @@ impl LogAxis {
     }
 }
 
+/// Formats ten to a power as the label of a tick: as a decimal from 0.0001 to 1000, in scientific notation otherwise.
 fn power_of_ten(power: i32) -> String {
     match power {
         -4..=3 => format!("{:.*}", (-power).max(0) as usize, 10_f64.powi(power)),
@@ -103,8 +106,8 @@ pub struct CurveStyle {
 }
 
 impl CurveStyle {
-    /// Draws a marker at a place.
-    fn mark(&self, x: f64, y: f64, fill: &str) -> Markup {
+    /// Draws a marker centred at a place, px.
+    fn draw_marker(&self, x: f64, y: f64, fill: &str) -> Markup {
         html! {
             @match self.marker {
                 Marker::Line => {}
@@ -141,6 +144,7 @@ pub struct LogCurve {
 }
 
 impl LogCurve {
+    /// Draws the line, the markers and the ring of the curve.
     fn draw(&self, axis: &LogAxis, plot: PlotArea) -> Markup {
         let place = |value: &LogValue| (plot.left + plot.width * value.x, plot.top + axis.y(value.y));
         // No line leads to a zero: its length would be meaningless on a logarithmic axis.
@@ -150,7 +154,7 @@ impl LogCurve {
                 d=(line) {}
             @for value in self.values.iter().flatten() {
                 @let (x, y) = place(value);
-                (self.style.mark(x, y, if value.is_incomplete { "#fff" } else { self.style.color }))
+                (self.style.draw_marker(x, y, if value.is_incomplete { "#fff" } else { self.style.color }))
             }
             @if let Some((x, y)) = self.ring.and_then(|index| self.values[index].as_ref()).map(place) {
                 circle class="ring" cx=(px(x)) cy=(px(y)) r="9" {}
@@ -174,7 +178,7 @@ pub struct LogChart<'a> {
 }
 
 impl LogChart<'_> {
-    /// The height of title and of the labels below the plot, px.
+    /// The height of the title above the plot, px.
     pub const TITLE: f64 = 28.0;
     /// The height of the labels below the plot, px.
     pub const LABELS: f64 = 46.0;
@@ -195,7 +199,7 @@ impl LogChart<'_> {
     }
 }
 
-/// Draws a line of a legend.
+/// Draws a legend in one line whose markers are at height `top`, px: line, marker and label of each entry.
 pub fn draw_legend(top: f64, entries: &[(CurveStyle, String)]) -> Markup {
     let mut left = 14.0;
     let placed = entries.iter().map(|(style, label)| {
@@ -207,7 +211,7 @@ pub fn draw_legend(top: f64, entries: &[(CurveStyle, String)]) -> Markup {
         @for (left, style, label) in placed {
             path class="curve" stroke=(style.color) stroke-dasharray=[Some(style.dash).filter(|d| !d.is_empty())]
                 d={ "M" (px(left)) " " (px(top)) "h24" } {}
-            (style.mark(left + 12.0, top, style.color))
+            (style.draw_marker(left + 12.0, top, style.color))
             text x=(px(left + 30.0)) y=(px(top + 4.0)) { (label) }
         }
     }

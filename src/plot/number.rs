@@ -4,13 +4,13 @@ use crate::results::Estimate;
 
 /// Returns the decimals that show two digits of `sigma` (GUM, 7.2.6), or six digits of `value` without `sigma`.
 fn decimals(value: f64, sigma: f64) -> usize {
-    let leading = |number: f64| number.abs().log10().floor();
+    let decimal_exponent = |number: f64| number.abs().log10().floor();
     let decimals = if sigma.is_finite() && sigma > 0.0 {
         // 0.0998 is written 0.10 with two digits, so round before counting.
         let rounded = format!("{sigma:.1e}").parse::<f64>().unwrap_or(sigma);
-        1.0 - leading(rounded)
+        1.0 - decimal_exponent(rounded)
     } else if value.is_finite() && value.abs() > 0.0 {
-        5.0 - leading(value)
+        5.0 - decimal_exponent(value)
     } else {
         0.0
     };
@@ -38,7 +38,7 @@ pub struct EstimateText {
     pub decimals: usize,
 }
 
-/// Formats `factor` times an estimate to two digits of its uncertainty.
+/// Formats `factor` times an estimate to two digits of its uncertainty, or to six digits without one.
 pub fn format_estimate(estimate: Estimate, factor: f64) -> EstimateText {
     let (value, sigma) = (estimate.value * factor, estimate.sigma * factor);
     let decimals = decimals(value, sigma);

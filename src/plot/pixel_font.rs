@@ -2,13 +2,16 @@
 
 use image::{Rgb, RgbImage};
 
-/// Width, height and pitch of a character, dots.
-const ACROSS: u32 = 3;
-const DOWN: u32 = 5;
-const PITCH: u32 = ACROSS + 1;
+/// The width of a character, dots.
+const WIDTH_DOTS: u32 = 3;
+/// The height of a character, dots.
+const HEIGHT_DOTS: u32 = 5;
+/// The distance from one character to the next, dots.
+const PITCH_DOTS: u32 = WIDTH_DOTS + 1;
 
-/// Returns the rows of a character from top to bottom, three bits each, the left dot first.
-fn rows(letter: char) -> [u8; 5] {
+/// Returns the rows of a character from top to bottom, three bits each, the left dot first. Unknown characters are
+/// blank.
+fn glyph_rows(letter: char) -> [u8; 5] {
     match letter {
         '0' => [0b111, 0b101, 0b101, 0b101, 0b111],
         '1' => [0b010, 0b110, 0b010, 0b010, 0b111],
@@ -29,24 +32,24 @@ fn rows(letter: char) -> [u8; 5] {
     }
 }
 
-/// Returns the width of a number, px.
+/// Returns the width of a text, px, with dots `scale` px wide.
 pub(super) fn width(text: &str, scale: u32) -> u32 {
-    (text.chars().count() as u32 * PITCH).saturating_sub(1) * scale
+    (text.chars().count() as u32 * PITCH_DOTS).saturating_sub(1) * scale
 }
 
-/// Returns the height of a number, px.
+/// Returns the height of a text, px, with dots `scale` px high.
 pub(super) fn height(scale: u32) -> u32 {
-    DOWN * scale
+    HEIGHT_DOTS * scale
 }
 
-/// Draws a number in black with its top left corner at a pixel; clips it at the edge.
+/// Draws a text in black with its top left corner at a pixel and dots `scale` px wide; clips it at the edge.
 pub(super) fn write(picture: &mut RgbImage, left: u32, top: u32, scale: u32, text: &str) {
     for (place, letter) in text.chars().enumerate() {
-        let start = left + place as u32 * PITCH * scale;
-        let bits = rows(letter);
-        for y in 0..DOWN * scale {
-            for x in 0..ACROSS * scale {
-                let dot = bits[(y / scale) as usize] >> (ACROSS - 1 - x / scale) & 1;
+        let start = left + place as u32 * PITCH_DOTS * scale;
+        let bits = glyph_rows(letter);
+        for y in 0..HEIGHT_DOTS * scale {
+            for x in 0..WIDTH_DOTS * scale {
+                let dot = bits[(y / scale) as usize] >> (WIDTH_DOTS - 1 - x / scale) & 1;
                 if dot == 1 && start + x < picture.width() && top + y < picture.height() {
                     picture.put_pixel(start + x, top + y, Rgb([0; 3]));
                 }
@@ -77,8 +80,8 @@ mod tests {
     fn no_two_characters_look_alike() {
         let letters: Vec<char> = "0123456789-.mpx".chars().collect();
         for (k, a) in letters.iter().enumerate() {
-            assert!(letters[..k].iter().all(|b| rows(*a) != rows(*b)), "{a}");
-            assert_ne!(rows(*a), [0; 5], "{a}");
+            assert!(letters[..k].iter().all(|b| glyph_rows(*a) != glyph_rows(*b)), "{a}");
+            assert_ne!(glyph_rows(*a), [0; 5], "{a}");
         }
     }
 }

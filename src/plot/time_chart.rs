@@ -60,7 +60,7 @@ pub struct TimeChart {
     pub has_axis: bool,
 }
 
-/// The mapping from times and values to places in the chart.
+/// The mapping from times (`x`, ms) and values (`y`) to places in the chart.
 struct Scale {
     x: [f64; 2],
     y: [f64; 2],
@@ -68,10 +68,12 @@ struct Scale {
 }
 
 impl Scale {
+    /// Returns the horizontal place of a time (ms), in the chart's own units.
     fn x(&self, x: f64) -> f64 {
         LEFT + (x - self.x[0]) / (self.x[1] - self.x[0]) * (WIDTH - LEFT - RIGHT)
     }
 
+    /// Returns the vertical place of a value, from the top downwards, in the chart's own units.
     fn y(&self, y: f64) -> f64 {
         TOP + (self.y[1] - y) / (self.y[1] - self.y[0]) * self.height
     }
@@ -80,30 +82,30 @@ impl Scale {
 impl TimeChart {
     /// Draws the chart; `None` when there is no point to draw.
     pub fn draw(&self, time: &Timeline) -> Option<Markup> {
-        let y = range(&self.curves)?;
+        let y = value_range(&self.curves)?;
         let x = if time.span[1] > time.span[0] { time.span } else { [time.span[0] - 0.5, time.span[0] + 0.5] };
         let scale = Scale { x, y, height: self.height };
         let total = TOP + self.height + if self.has_axis { AXIS } else { 6.0 };
         Some(html! {
             svg class="chart" viewBox={ "0 0 " (WIDTH) " " (total) } role="img" aria-label=(self.title) {
                 @for contact in &time.contacts { (draw_contact(&scale, contact)) }
-                (grid(&scale))
-                @if self.has_axis { (axis(&scale)) }
+                (draw_grid(&scale))
+                @if self.has_axis { (draw_time_axis(&scale)) }
                 @for curve in &self.curves {
                     @for stretch in &curve.stretches {
                         @let stretch = thinned(stretch, &scale);
-                        (band(&scale, curve.class, &stretch))
-                        (line(&scale, curve.class, &stretch))
+                        (draw_band(&scale, curve.class, &stretch))
+                        (draw_line(&scale, curve.class, &stretch))
                     }
                 }
-                (labels(&scale, &self.curves))
+                (draw_labels(&scale, &self.curves))
             }
         })
     }
 }
 
-/// The range of all values with their bands, and a margin.
-fn range(curves: &[TimeCurve]) -> Option<[f64; 2]> {
+/// Returns the range of all values with their bands of two standard uncertainties, and a margin; `None` without values.
+fn value_range(curves: &[TimeCurve]) -> Option<[f64; 2]> {
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     for point in curves.iter().flat_map(|curve| curve.stretches.iter().flatten()) {
         low = low.min(point.y - 2.0 * point.sigma);
@@ -116,7 +118,9 @@ fn range(curves: &[TimeCurve]) -> Option<[f64; 2]> {
     Some([low - margin, high + margin])
 }
 
-/// Returns round numbers from `span[0]` to `span[1]`, about `count` of them, and their decimals.
+/// Returns round numbers from `span[0]` to `span[1]` in steps of 1, 2 or 5 times a power of ten, about `count` of them.
+///
+/// Also returns the decimals that they need.
 fn ticks(span: [f64; 2], count: f64) -> (Vec<f64>, usize) {
     let rough = (span[1] - span[0]) / count;
     let power = 10_f64.powf(rough.log10().floor());
@@ -146,7 +150,7 @@ fn draw_contact(scale: &Scale, contact: &[Option<f64>; 3]) -> Markup {
 }
 
 /// Draws the horizontal grid lines with their values.
-fn grid(scale: &Scale) -> Markup {
+fn draw_grid(scale: &Scale) -> Markup {
     let (levels, decimals) = ticks(scale.y, (scale.height / 34.0).max(3.0));
     html! {
         @for level in levels {
@@ -159,7 +163,7 @@ fn grid(scale: &Scale) -> Markup {
 }
 
 /// Draws the time axis with its ticks, ms.
-fn axis(scale: &Scale) -> Markup {
+fn draw_time_axis(scale: &Scale) -> Markup {
     let (right, low) = (WIDTH - RIGHT, TOP + scale.height);
     let (moments, decimals) = ticks(scale.x, 10.0);
     html! {
@@ -173,7 +177,7 @@ fn axis(scale: &Scale) -> Markup {
     }
 }
 
-/// The points of a stretch; of more than [`POINTS_MAX`], the lowest and the highest of each column.
+/// Returns the points of a stretch. Of more than [`POINTS_MAX`], it returns the lowest and the highest of each column.
 fn thinned(stretch: &[TimePoint], scale: &Scale) -> Vec<TimePoint> {
     if stretch.len() <= POINTS_MAX {
         return stretch.to_vec();
@@ -191,30 +195,32 @@ fn thinned(stretch: &[TimePoint], scale: &Scale) -> Vec<TimePoint> {
     kept
 }
 
-fn path(scale: &Scale, points: impl Iterator<Item = (f64, f64)>) -> String {
+/// Returns the SVG path through points of time (ms) and value.
+fn svg_path(scale: &Scale, points: impl Iterator<Item = (f64, f64)>) -> String {
     polyline(points.map(|(x, y)| Some((scale.x(x), scale.y(y)))))
 }
 
-/// Draws a band of two standard uncertainties to either side.
-fn band(scale: &Scale, class: &str, points: &[TimePoint]) -> Markup {
+/// Draws a band of two standard uncertainties to either side, if any point has one.
+fn draw_band(scale: &Scale, class: &str, points: &[TimePoint]) -> Markup {
     let has_band = points.len() > 1 && points.iter().any(|point| point.sigma > 0.0);
     let above = points.iter().map(|p| (p.x, p.y + 2.0 * p.sigma));
     let below = points.iter().rev().map(|p| (p.x, p.y - 2.0 * p.sigma));
-    html! { @if has_band { path class={ "band " (class) } d={ (path(scale, above.chain(below))) "Z" } {} } }
+    html! { @if has_band { path class={ "band " (class) } d={ (svg_path(scale, above.chain(below))) "Z" } {} } }
 }
 
-fn line(scale: &Scale, class: &str, points: &[TimePoint]) -> Markup {
+/// Draws the line through a stretch of points; a single point is a dot.
+fn draw_line(scale: &Scale, class: &str, points: &[TimePoint]) -> Markup {
     html! {
         @match points {
             [] => {}
             [alone] => circle class={ "dot " (class) } cx=(px(scale.x(alone.x))) cy=(px(scale.y(alone.y))) r="1.6" {},
-            _ => path class={ "line " (class) } d=(path(scale, points.iter().map(|p| (p.x, p.y)))) {}
+            _ => path class={ "line " (class) } d=(svg_path(scale, points.iter().map(|p| (p.x, p.y)))) {}
         }
     }
 }
 
 /// Writes the label of each curve at its end, moved apart where two would overlap.
-fn labels(scale: &Scale, curves: &[TimeCurve]) -> Markup {
+fn draw_labels(scale: &Scale, curves: &[TimeCurve]) -> Markup {
     let labelled = curves.iter().filter(|curve| !curve.label.is_empty());
     let mut ends: Vec<(f64, &TimeCurve)> =
         labelled.filter_map(|curve| Some((scale.y(curve.stretches.iter().flatten().last()?.y), curve))).collect();

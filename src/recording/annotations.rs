@@ -11,11 +11,13 @@ pub struct Annotations {
     pub vectors: Vec<[[f64; 2]; 2]>,
 }
 
+/// The colour of detected outlines.
 const GREEN: Color = Color { r: 0.1, g: 0.9, b: 0.3, a: 1.0 };
+/// The colour of displacement arrows.
 const YELLOW: Color = Color { r: 1.0, g: 0.85, b: 0.1, a: 1.0 };
 
 impl Annotations {
-    /// Converts to Foxglove's message.
+    /// Converts to Foxglove's message for the frame with this stamp, ns since the Unix epoch.
     pub(super) fn to_message(&self, stamp_ns: u64) -> ImageAnnotations {
         let timestamp = Some(super::frame_message::timestamp(stamp_ns));
         let circles = self
@@ -46,7 +48,7 @@ impl Annotations {
     }
 }
 
-/// Converts to Foxglove's axes, which begin at the top-left corner of the top-left pixel instead of at its centre.
+/// Converts a position to Foxglove's axes, which begin at the corner of the top-left pixel instead of at its centre.
 fn corner_origin(x_px: f64, y_px: f64) -> Point2 {
     Point2 { x: x_px + 0.5, y: y_px + 0.5 }
 }

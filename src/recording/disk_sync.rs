@@ -49,6 +49,7 @@ impl Drop for DiskSync {
     }
 }
 
+/// Syncs the data of a file, and drops all but its last [`CACHED_BYTES`] from the system's cache.
 fn sync(file: &File) -> io::Result<()> {
     let written_bytes = file.metadata()?.len();
     file.sync_data()?;

@@ -41,14 +41,17 @@ impl Fatal for RecordingError {
 }
 
 impl RecordingError {
+    /// Returns the error of the system in an action on a file.
     pub(crate) fn io(action: &'static str, path: &Path, source: std::io::Error) -> Self {
         Self::Io { action, path: path.to_path_buf(), source }
     }
 
+    /// Returns the error of a file with another format, or with damage.
     pub(crate) fn invalid(path: &Path, reason: impl Into<String>) -> Self {
         Self::Invalid { path: path.to_path_buf(), reason: reason.into() }
     }
 
+    /// Returns the error of a file that must not be written.
     pub(crate) fn refused(path: &Path, reason: impl Into<String>) -> Self {
         Self::Refused { path: path.to_path_buf(), reason: reason.into() }
     }

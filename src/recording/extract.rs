@@ -11,9 +11,10 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
 
-/// Small messages compress well. A reader loads whole chunks, so these are small.
+/// The options of a file of results. Small messages compress well, and a reader loads whole chunks, so these are small.
 const RESULTS: WriterOptions =
     WriterOptions { compression: Compression::Zstd1, chunk_bytes: 1 << 20, split_bytes: None };
+/// Size at which a chunk of a ROS 2 recording is closed, bytes.
 const ROS2_CHUNK_BYTES: u64 = 4 << 20;
 /// The topic that camera drivers of ROS publish on.
 const ROS2_TOPIC: &str = "/camera/image_raw";
@@ -47,19 +48,20 @@ uint32 nanosec
 pub fn copy_results(from: &Path, to: &Path) -> Result<u64, RecordingError> {
     let recording = Recording::open(from)?;
     let mut writer = RecordingWriter::start(to, part_file::part_path(to), &RESULTS)?;
-    match copy(&recording, &mut writer) {
+    match copy_content(&recording, &mut writer) {
         Ok(messages) => {
             writer.finish()?;
             Ok(messages)
         }
         Err(error) => {
             drop(writer);
-            Err(discard(to, error))
+            Err(discard_part(to, error))
         }
     }
 }
 
-fn copy(recording: &Recording, writer: &mut RecordingWriter) -> Result<u64, RecordingError> {
+/// Copies metadata, attachments and rows of every file; returns the number of messages.
+fn copy_content(recording: &Recording, writer: &mut RecordingWriter) -> Result<u64, RecordingError> {
     for (name, entries) in recording.metadata_records().iter().filter(|(name, _)| name != CONTINUED_NAME) {
         let mut entries = entries.clone();
         // The copy is a single file.
@@ -73,6 +75,7 @@ fn copy(recording: &Recording, writer: &mut RecordingWriter) -> Result<u64, Reco
     recording.singles().map(|file| copy_rows(&file, writer)).sum()
 }
 
+/// Copies the messages of one file except frames and their information; returns their number.
 fn copy_rows(recording: &Recording, writer: &mut RecordingWriter) -> Result<u64, RecordingError> {
     let mut copier = Copier::new(recording, writer);
     let is_of_frames = |channel: u16| {
@@ -108,16 +111,17 @@ pub fn copy_as_ros2(from: &Recording, to: &Path) -> Result<u64, RecordingError> 
     let written = write_ros2(file, &part, frames);
     match written.and_then(|count| part_file::publish(to, &part).map(|()| count)) {
         Ok(count) => Ok(count),
-        Err(error) => Err(discard(to, error)),
+        Err(error) => Err(discard_part(to, error)),
     }
 }
 
-/// Removes the unfinished file, which can be made again.
-fn discard(to: &Path, error: RecordingError) -> RecordingError {
+/// Removes the unfinished file of `to`, which can be made again, and returns the error.
+fn discard_part(to: &Path, error: RecordingError) -> RecordingError {
     let _ = std::fs::remove_file(part_file::part_path(to));
     error
 }
 
+/// Writes frames to a complete ROS 2 recording and syncs it; returns their number.
 fn write_ros2(file: std::fs::File, part: &Path, frames: super::Frames) -> Result<u64, RecordingError> {
     let failure = |error: io::Error| RecordingError::io("write", part, error);
     let handle = file.try_clone().map_err(failure)?;
@@ -132,7 +136,7 @@ fn write_ros2(file: std::fs::File, part: &Path, frames: super::Frames) -> Result
     let mut count = 0;
     for frame in frames {
         let (meta, pixels) = frame?;
-        encode(&meta, pixels.len(), &mut message).map_err(|reason| RecordingError::refused(part, reason))?;
+        encode_image_head(&meta, pixels.len(), &mut message).map_err(|reason| RecordingError::refused(part, reason))?;
         // The message header has room for the low half of the number only.
         let sequence = (meta.sequence & u64::from(u32::MAX)) as u32;
         let (log_time_ns, publish_time_ns) = (meta.stamp_ns, meta.stamp_ns);
@@ -146,10 +150,14 @@ fn write_ros2(file: std::fs::File, part: &Path, frames: super::Frames) -> Result
     Ok(count)
 }
 
-/// Encodes an image up to its pixels in little-endian CDR (OMG DDS-XTypes 1.3, section 7.4.3).
+/// Encodes a `sensor_msgs/msg/Image` up to its pixels in little-endian CDR (OMG DDS-XTypes 1.3, section 7.4.3).
 ///
 /// Numbers are aligned to their size. Alignment counts from after the first four bytes.
-fn encode(meta: &FrameMeta, pixels_bytes: usize, message: &mut Vec<u8>) -> Result<(), String> {
+///
+/// # Errors
+///
+/// The reason when the time or the number of bytes exceeds 32 bits.
+fn encode_image_head(meta: &FrameMeta, pixels_bytes: usize, message: &mut Vec<u8>) -> Result<(), String> {
     let seconds = i32::try_from(meta.stamp_ns / 1_000_000_000)
         .map_err(|_| format!("frame {}: its time exceeds the 32-bit seconds of ROS", meta.sequence))?;
     let count = u32::try_from(pixels_bytes)
@@ -161,28 +169,28 @@ fn encode(meta: &FrameMeta, pixels_bytes: usize, message: &mut Vec<u8>) -> Resul
     message.clear();
     message.extend([0, 1, 0, 0]);
     message.extend(seconds.to_le_bytes());
-    number((meta.stamp_ns % 1_000_000_000) as u32, message);
-    text("camera", message);
-    number(meta.height_px, message);
-    number(meta.width_px, message);
-    text(encoding, message);
+    put_u32((meta.stamp_ns % 1_000_000_000) as u32, message);
+    put_text("camera", message);
+    put_u32(meta.height_px, message);
+    put_u32(meta.width_px, message);
+    put_text(encoding, message);
     // Little-endian pixels.
     message.push(0);
-    number(meta.stride_bytes, message);
-    number(count, message);
+    put_u32(meta.stride_bytes, message);
+    put_u32(count, message);
     Ok(())
 }
 
-/// Appends an aligned number.
-fn number(value: u32, message: &mut Vec<u8>) {
+/// Appends a number, aligned to 4 bytes.
+fn put_u32(value: u32, message: &mut Vec<u8>) {
     // The first four bytes do not count, but they keep the alignment to 4.
     message.resize(message.len().next_multiple_of(4), 0);
     message.extend(value.to_le_bytes());
 }
 
 /// Appends a string: its length with the closing zero, the bytes, the zero.
-fn text(value: &str, message: &mut Vec<u8>) {
-    number(value.len() as u32 + 1, message);
+fn put_text(value: &str, message: &mut Vec<u8>) {
+    put_u32(value.len() as u32 + 1, message);
     message.extend(value.as_bytes());
     message.push(0);
 }

@@ -11,7 +11,7 @@ use prost::encoding::{WireType, encode_key, encode_varint};
 const DATA_TAG: u32 = 6;
 
 /// Encodes the properties of a frame and the CRC-32 of its pixels.
-pub(super) fn info(frame: &Frame<'_>, pixels_crc32: u32, message: &mut Vec<u8>) {
+pub(super) fn encode_info(frame: &Frame<'_>, pixels_crc32: u32, message: &mut Vec<u8>) {
     let meta = &frame.meta;
     message.clear();
     message.extend(
@@ -28,7 +28,7 @@ pub(super) fn info(frame: &Frame<'_>, pixels_crc32: u32, message: &mut Vec<u8>) 
 }
 
 /// Encodes the image message up to its pixels. The pixels come last, so they need no copy.
-pub(super) fn image(frame: &Frame<'_>, message: &mut Vec<u8>) {
+pub(super) fn encode_image_head(frame: &Frame<'_>, message: &mut Vec<u8>) {
     let meta = &frame.meta;
     let encoding = match meta.format {
         PixelFormat::Mono8 => "mono8",
@@ -49,13 +49,13 @@ pub(super) fn image(frame: &Frame<'_>, message: &mut Vec<u8>) {
     encode_varint(frame.bytes.len() as u64, message);
 }
 
-/// Converts a stamp to Foxglove's timestamp.
+/// Converts ns since the Unix epoch to Foxglove's timestamp. Seconds beyond 32 bits saturate.
 pub(super) fn timestamp(stamp_ns: u64) -> Timestamp {
     let seconds = u32::try_from(stamp_ns / 1_000_000_000).unwrap_or(u32::MAX);
     Timestamp::new(seconds, (stamp_ns % 1_000_000_000) as u32)
 }
 
-/// An upper bound of a frame's size in a file, bytes.
+/// Returns an upper bound of a frame's size in a file, bytes.
 pub(super) fn expected_bytes(frame: &Frame<'_>) -> u64 {
     /// Both messages without the pixels.
     const HEADERS_BYTES: u64 = 256;

@@ -20,12 +20,12 @@ impl<'a> Copier<'a> {
         Self { recording, writer, channels: BTreeMap::new(), messages: 0 }
     }
 
-    /// The recording that is copied.
+    /// Returns the recording that is copied.
     pub(super) fn recording(&self) -> &'a Recording {
         self.recording
     }
 
-    /// The number of messages copied so far.
+    /// Returns the number of messages copied so far.
     pub(super) fn messages(&self) -> u64 {
         self.messages
     }
@@ -45,13 +45,14 @@ impl<'a> Copier<'a> {
         self.writer.copy(&MessageHeader { channel, ..message.header }, &message.data)
     }
 
+    /// Returns the channel of the new file for one of the old file, written with its schema if it is new.
     fn channel(&mut self, old: u16) -> Result<u16, RecordingError> {
         if let Some(new) = self.channels.get(&old) {
             return Ok(*new);
         }
         let channel = self.recording.channels().get(&old).cloned().unwrap_or_default();
         let schema: Option<&Schema> = self.recording.schemas().get(&channel.schema);
-        let new = self.writer.call(|container| {
+        let new = self.writer.with_container(|container| {
             let schema = schema.map_or(Ok(0), |schema| container.schema(schema))?;
             container.channel(&Channel { schema, ..channel })
         })?;

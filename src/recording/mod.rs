@@ -1,7 +1,7 @@
 //! Recordings: MCAP files with frames and results.
 //!
 //! A recording is one MCAP file, or several when it is split by size. Frames are `foxglove.RawImage`, results are our
-//! own protobuf messages (`schema/*.proto`), and the rig's configuration is attached. [`RecordingWriter`] writes it.
+//! own protobuf messages (`schema/proto.rs`), and the rig's configuration is attached. [`RecordingWriter`] writes it.
 //! [`Recording`] reads it, and reads unfinished files and files of other programs too.
 
 mod annotations;

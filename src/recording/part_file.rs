@@ -22,6 +22,7 @@ pub(super) struct PartFile {
 }
 
 impl PartFile {
+    /// Takes an empty file that is open for writing.
     pub(super) fn new(file: File) -> Self {
         Self { file, is_broken: false, length: 0, reserved: Some(0) }
     }
@@ -40,6 +41,7 @@ impl PartFile {
         }
     }
 
+    /// Runs an action on the file, and refuses further ones after an error other than an interruption.
     fn attempt<T>(&mut self, action: impl FnOnce(&mut File) -> io::Result<T>) -> io::Result<T> {
         if self.is_broken {
             return Err(io::Error::other("an earlier write failed"));
@@ -75,7 +77,7 @@ impl PartFile {
         Ok(())
     }
 
-    /// Overwrites bytes of the file.
+    /// Overwrites bytes of the file, which stays as long as it is.
     pub(super) fn replace(&mut self, bytes: &[u8], at: u64) -> io::Result<()> {
         self.attempt(|file| file.write_all_at(bytes, at))
     }
@@ -104,6 +106,7 @@ pub(super) fn recovering_path(path: &Path) -> PathBuf {
     with_ending(path, ".recovering")
 }
 
+/// Appends an ending to the name of a file.
 fn with_ending(path: &Path, ending: &str) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(ending);

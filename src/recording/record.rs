@@ -35,6 +35,7 @@ pub(super) mod op {
 pub(super) struct Fields<'a>(pub(super) &'a [u8]);
 
 impl<'a> Fields<'a> {
+    /// Takes the next `count` bytes.
     pub(super) fn take(&mut self, count: usize) -> Option<&'a [u8]> {
         let (head, rest) = self.0.split_at_checked(count)?;
         self.0 = rest;
@@ -59,10 +60,12 @@ impl<'a> Fields<'a> {
         self.take(usize::try_from(length).ok()?)
     }
 
+    /// Takes UTF-8 preceded by its 32-bit length.
     pub(super) fn text(&mut self) -> Option<&'a str> {
         std::str::from_utf8(self.block()?).ok()
     }
 
+    /// Takes a map of texts, preceded by its 32-bit length in bytes.
     pub(super) fn map(&mut self) -> Option<BTreeMap<String, String>> {
         let mut entries = Fields(self.block()?);
         let mut map = BTreeMap::new();
@@ -90,6 +93,7 @@ pub(crate) struct Channel {
     pub(crate) metadata: BTreeMap<String, String>,
 }
 
+/// Parses the body of a schema's record: its number and the schema.
 pub(super) fn schema(body: &[u8]) -> Option<(u16, Schema)> {
     let mut fields = Fields(body);
     let id = fields.u16()?;
@@ -97,6 +101,7 @@ pub(super) fn schema(body: &[u8]) -> Option<(u16, Schema)> {
     Some((id, Schema { name, encoding, data: fields.block()?.to_vec() }))
 }
 
+/// Parses the body of a channel's record: its number and the channel.
 pub(super) fn channel(body: &[u8]) -> Option<(u16, Channel)> {
     let mut fields = Fields(body);
     let (id, schema) = (fields.u16()?, fields.u16()?);
@@ -113,6 +118,7 @@ pub(super) struct MessageHeader {
     pub(super) publish_time_ns: u64,
 }
 
+/// Parses the header from the first bytes of a message record's body.
 pub(super) fn message_header(body: &[u8]) -> Option<MessageHeader> {
     let mut fields = Fields(body);
     Some(MessageHeader {
@@ -134,7 +140,7 @@ pub(super) struct ChunkHeader {
     pub(super) bytes: u64,
 }
 
-/// Parses the header from the first bytes of a chunk record's body.
+/// Parses the header from the first bytes of a chunk record's body. The times of its messages are skipped.
 pub(super) fn chunk_header(body: &[u8]) -> Option<ChunkHeader> {
     let mut fields = Fields(body);
     fields.take(16)?;

@@ -34,12 +34,12 @@ pub fn recover(from: &Path, to: &Path) -> Result<Recovered, RecordingError> {
     let recording = Recording::open_one(from)?;
     let mut writer = RecordingWriter::start(to, part_file::recovering_path(to), &WriterOptions::default())?;
     let mut skipped: Vec<String> = recording.truncated().map(str::to_owned).into_iter().collect();
-    describe(&recording, &mut writer, &mut skipped)?;
+    copy_description(&recording, &mut writer, &mut skipped)?;
     let mut filter = MessageFilter { copier: Copier::new(&recording, &mut writer), info: None };
     for number in 0..recording.section_count() {
         let mut torn = 0;
         let damage = recording.visit_section(number, |message| {
-            let is_saved = filter.message(message)?;
+            let is_saved = filter.copy_intact(message)?;
             torn += u64::from(!is_saved);
             Ok(())
         })?;
@@ -55,8 +55,9 @@ pub fn recover(from: &Path, to: &Path) -> Result<Recovered, RecordingError> {
     Ok(Recovered { path: finished.path, frames: finished.frames, messages, skipped })
 }
 
-/// Copies metadata and attachments, and records that the file was recovered.
-fn describe(
+/// Copies metadata and attachments, and records that the file was recovered. Damaged attachments are added to
+/// `skipped`.
+fn copy_description(
     recording: &Recording,
     writer: &mut RecordingWriter,
     skipped: &mut Vec<String>,
@@ -85,7 +86,9 @@ struct MessageFilter<'a> {
 
 impl MessageFilter<'_> {
     /// Copies a message if it is intact; returns whether it was.
-    fn message(&mut self, message: Message) -> Result<bool, RecordingError> {
+    ///
+    /// Without a CRC of the chunk, frame information waits for its image, whose pixels are checked against it.
+    fn copy_intact(&mut self, message: Message) -> Result<bool, RecordingError> {
         let recording = self.copier.recording();
         let Some(channel) = recording.channels().get(&message.header.channel) else { return Ok(false) };
         let topic = |topic: Topic| topic.is_named_by(&channel.topic) && recording.is_ours();
@@ -94,7 +97,7 @@ impl MessageFilter<'_> {
             return Ok(true);
         }
         if !message.is_checked && topic(Topic::Image) {
-            let Some(info) = self.info.take().filter(|info| belongs(info, &message)) else { return Ok(false) };
+            let Some(info) = self.info.take().filter(|info| is_intact_pair(info, &message)) else { return Ok(false) };
             self.copier.write(&info)?;
         }
         self.copier.write(&message)?;
@@ -103,7 +106,7 @@ impl MessageFilter<'_> {
 }
 
 /// Whether the information belongs to the image, and its checksum matches the pixels.
-fn belongs(info: &Message, image: &Message) -> bool {
+fn is_intact_pair(info: &Message, image: &Message) -> bool {
     let pair = proto::FrameInfo::decode(info.data.clone()).ok().zip(RawImage::decode(image.data.clone()).ok());
     (info.header.sequence, info.header.log_time_ns) == (image.header.sequence, image.header.log_time_ns)
         && pair.is_some_and(|(info, image)| crc32fast::hash(&image.data) == info.pixels_crc32)

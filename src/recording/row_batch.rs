@@ -16,6 +16,7 @@ pub(super) struct Batch {
 }
 
 impl Batch {
+    /// Encodes a row and adds it. `camera` is 0 for the first camera.
     pub(super) fn push<M: prost::Message>(&mut self, camera: usize, topic: Topic, log_time_ns: u64, message: &M) {
         self.first_ns.get_or_insert(log_time_ns);
         self.bytes.extend_from_slice(&message.encode_to_vec());
@@ -31,7 +32,7 @@ impl Batch {
         self.messages.is_empty()
     }
 
-    /// An upper bound of the batch's size in a file, bytes.
+    /// Returns an upper bound of the batch's size in a file, bytes.
     pub(super) fn expected_bytes(&self) -> u64 {
         self.bytes.len() as u64 + self.messages.len() as u64 * MESSAGE_OVERHEAD_BYTES
     }
@@ -46,6 +47,7 @@ impl Batch {
             .map(move |((camera, topic, time, end), start)| (*camera, *topic, *time, bytes(start, *end)))
     }
 
+    /// Removes all messages and keeps the memory.
     pub(super) fn clear(&mut self) {
         self.bytes.clear();
         self.messages.clear();

@@ -41,7 +41,8 @@ pub(super) trait Row: Sized {
     fn from_message(message: Self::Message) -> Result<Self, String>;
 }
 
-fn unknown(name: UnknownName) -> String {
+/// Returns the reason why a row with an unknown name does not decode.
+fn unknown_name(name: UnknownName) -> String {
     name.to_string()
 }
 

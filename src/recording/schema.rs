@@ -43,7 +43,7 @@ impl Topic {
         camera.is_some_and(|camera| camera.is_empty() || (camera.starts_with('/') && !camera[1..].contains('/')))
     }
 
-    /// The name of its messages' schema.
+    /// Returns the name of its messages' schema.
     pub fn schema_name(self) -> &'static str {
         match self {
             Self::Image => "foxglove.RawImage",
@@ -58,7 +58,7 @@ impl Topic {
         }
     }
 
-    /// Its schema: a serialised protobuf `FileDescriptorSet`.
+    /// Returns its schema: a serialised protobuf `FileDescriptorSet`.
     pub fn schema_data(self) -> Cow<'static, [u8]> {
         let schema = |file: &str, messages: &[(&str, &[proto::Field])]| Cow::Owned(proto::schema(file, messages));
         match self {

@@ -3,17 +3,18 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Entries of the metadata record `ricochet`: the number of the file, and the name of the first file.
+/// The entry of the metadata record `ricochet` with the number of the file, from 0.
 const NUMBER_KEY: &str = "part";
+/// The entry of the metadata record `ricochet` with the name of the first file.
 const NAME_KEY: &str = "part_of";
 
 /// Adds the entries of file `number` of the recording whose first file is `first`.
 pub(super) fn insert(entries: &mut BTreeMap<String, String>, number: u32, first: &Path) {
     entries.insert(NUMBER_KEY.into(), number.to_string());
-    entries.insert(NAME_KEY.into(), name_of(first));
+    entries.insert(NAME_KEY.into(), file_name(first));
 }
 
-/// Removes the entries.
+/// Removes the entries that [`insert`] adds.
 pub(super) fn remove(entries: &mut BTreeMap<String, String>) {
     entries.remove(NUMBER_KEY);
     entries.remove(NAME_KEY);
@@ -38,6 +39,6 @@ pub(super) fn is_part(entries: &BTreeMap<String, String>, number: u32, name: &st
 }
 
 /// Returns the file name of a path.
-pub(super) fn name_of(path: &Path) -> String {
+pub(super) fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }

@@ -25,8 +25,9 @@ const SYNC_BYTES: u64 = 64 << 20;
 const SYNC_NS: u64 = 1_000_000_000;
 /// Maximum recorded time that small messages are held back, so that a crash loses little.
 const BATCH_NS: u64 = 100_000_000;
-/// Size at which held-back rows and fields are written, bytes.
+/// Size at which held-back rows are written, bytes.
 const ROWS_BYTES: usize = 1 << 20;
+/// Size at which held-back fields are written, bytes.
 const FIELDS_BYTES: usize = 4 << 20;
 
 /// The channels of a camera before its first message.
@@ -109,7 +110,7 @@ impl RecordingWriter {
 
     /// Creates the part file of a recording without a description.
     pub(super) fn start(path: &Path, part: PathBuf, options: &WriterOptions) -> Result<Self, RecordingError> {
-        let (container, handle) = open(path, &part, options)?;
+        let (container, handle) = open_part(path, &part, options)?;
         Ok(Self {
             path: path.to_path_buf(),
             part,
@@ -139,7 +140,7 @@ impl RecordingWriter {
         part: PathBuf,
         options: &WriterOptions,
     ) -> Result<(), RecordingError> {
-        let (container, handle) = open(path, &part, options)?;
+        let (container, handle) = open_part(path, &part, options)?;
         (self.container, self.handle, self.part) = (Some(container), handle, part);
         (self.path, self.disk_sync) = (path.to_path_buf(), DiskSync::default());
         (self.channels, self.has_messages) = (vec![NO_CHANNELS; 1 + self.views.len()], false);
@@ -157,6 +158,7 @@ impl RecordingWriter {
         described
     }
 
+    /// Writes metadata, configurations and attachments of all cameras.
     fn describe_all(&mut self, info: &RecordingInfo) -> Result<(), RecordingError> {
         let mut entries = info::with_bodies(&info.metadata, &info.bodies);
         for (index, view) in info.views.iter().enumerate() {
@@ -178,12 +180,14 @@ impl RecordingWriter {
         self.flush()
     }
 
+    /// Writes a metadata record.
     pub(super) fn metadata(&mut self, name: &str, entries: BTreeMap<String, String>) -> Result<(), RecordingError> {
-        self.call(|container| container.metadata(name, &entries))
+        self.with_container(|container| container.metadata(name, &entries))
     }
 
+    /// Writes an attachment with this media type.
     pub(super) fn attach(&mut self, name: &str, media_type: &str, content: &[u8]) -> Result<(), RecordingError> {
-        self.call(|container| container.attach(name, media_type, content))
+        self.with_container(|container| container.attach(name, media_type, content))
     }
 
     /// Adds a frame.
@@ -213,10 +217,10 @@ impl RecordingWriter {
         self.make_room(frame_message::expected_bytes(frame))?;
         let mut message = std::mem::take(&mut self.scratch);
         let body_crc = crc32fast::hash(frame.bytes);
-        frame_message::info(frame, body_crc, &mut message);
-        let mut result = self.message(Topic::FrameInfo, meta.sequence, meta.stamp_ns, &Payload::of(&message));
+        frame_message::encode_info(frame, body_crc, &mut message);
+        let mut result = self.message(Topic::FrameInfo, meta.sequence, meta.stamp_ns, &Payload::from_bytes(&message));
         if result.is_ok() {
-            frame_message::image(frame, &mut message);
+            frame_message::encode_image_head(frame, &mut message);
             let image = Payload { head: &message, body: frame.bytes, body_crc };
             result = self.message(Topic::Image, meta.sequence, meta.stamp_ns, &image);
         }
@@ -242,28 +246,28 @@ impl RecordingWriter {
         self.camera = camera;
     }
 
-    /// The part file.
+    /// Returns the path of the part file.
     pub fn part(&self) -> &Path {
         &self.part
     }
 
-    /// The size of the files so far, bytes, without messages that are held back.
+    /// Returns the size of the files so far, bytes, without messages that are held back.
     pub fn written_bytes(&self) -> u64 {
         let finished = self.split.as_ref().map_or(0, |split| split.finished_bytes);
         finished + self.handle.metadata().map_or(0, |about| about.len())
     }
 
-    /// The final name of the recording; that of its first file when it is split.
+    /// Returns the final name of the recording; that of its first file when it is split.
     pub fn path(&self) -> &Path {
         self.split.as_ref().map_or(&self.path, |split| split.first())
     }
 
-    /// The number of frames added so far.
+    /// Returns the number of frames added so far.
     pub fn frames(&self) -> u64 {
         self.frames
     }
 
-    /// The number of frames that stay readable in the part file if this process dies.
+    /// Returns the number of frames that stay readable in the part file if this process dies.
     pub fn safe_frames(&self) -> u64 {
         let finished = self.split.as_ref().map_or(0, |split| split.finished_frames);
         if part_file::is_in_place(&self.part, &self.handle) { self.safe_frames } else { finished }
@@ -277,7 +281,7 @@ impl RecordingWriter {
     ///
     /// [`RecordingError::Io`] when the disk is full or gone.
     pub fn write_buffered(&mut self) -> Result<(), RecordingError> {
-        self.call(Container::write_buffered)?;
+        self.with_container(Container::write_buffered)?;
         self.count_safe(0);
         Ok(())
     }
@@ -340,6 +344,7 @@ impl RecordingWriter {
         Ok(())
     }
 
+    /// Writes the rows and fields that are held back, each kind in chunks of its own.
     fn write_batches(&mut self) -> Result<(), RecordingError> {
         for mut batch in [std::mem::take(&mut self.rows), std::mem::take(&mut self.fields)] {
             if batch.is_empty() {
@@ -350,7 +355,7 @@ impl RecordingWriter {
             let camera = self.camera;
             for (of_camera, topic, log_time_ns, message) in batch.iter() {
                 self.camera = of_camera;
-                self.message(topic, 0, log_time_ns, &Payload::of(message))?;
+                self.message(topic, 0, log_time_ns, &Payload::from_bytes(message))?;
             }
             self.camera = camera;
             self.flush()?;
@@ -361,7 +366,7 @@ impl RecordingWriter {
 
     /// Ends the chunk and writes it.
     pub(super) fn flush(&mut self) -> Result<(), RecordingError> {
-        self.call(Container::flush)?;
+        self.with_container(Container::flush)?;
         self.safe_frames = self.frames;
         Ok(())
     }
@@ -378,6 +383,7 @@ impl RecordingWriter {
         }
     }
 
+    /// Checks that the part file still has its name.
     fn check_in_place(&self) -> Result<(), RecordingError> {
         if part_file::is_in_place(&self.part, &self.handle) {
             return Ok(());
@@ -386,6 +392,7 @@ impl RecordingWriter {
         Err(RecordingError::io("write", &self.part, gone))
     }
 
+    /// Writes a message of the selected camera on a topic.
     fn message(
         &mut self,
         topic: Topic,
@@ -402,9 +409,10 @@ impl RecordingWriter {
         if let Some(split) = &mut self.split {
             split.add(message.len());
         }
-        self.call(|container| container.message(&header, message))
+        self.with_container(|container| container.message(&header, message))
     }
 
+    /// Returns the channel of a topic of the selected camera, which is written if it is new.
     fn channel(&mut self, topic: Topic) -> Result<u16, RecordingError> {
         let camera = self.camera;
         if let Some(id) = self.channels[camera][topic as usize] {
@@ -420,7 +428,7 @@ impl RecordingWriter {
             split.add(2 * schema.data.len());
         }
         let prefix = camera.checked_sub(1).map_or_else(String::new, |view| format!("/{}", self.views[view]));
-        let id = self.call(|container| {
+        let id = self.with_container(|container| {
             let (topic, encoding) = (prefix + topic.as_str(), schema.encoding.clone());
             let schema = container.schema(&schema)?;
             container.channel(&Channel { schema, topic, encoding, metadata: BTreeMap::new() })
@@ -429,10 +437,10 @@ impl RecordingWriter {
         Ok(id)
     }
 
-    /// Adds a message of another file byte by byte, on a channel of this one.
+    /// Adds a message of another file byte by byte, on the channel of this file that its header names.
     pub(super) fn copy(&mut self, header: &MessageHeader, data: &[u8]) -> Result<(), RecordingError> {
         self.unsynced_bytes += data.len() as u64;
-        self.call(|container| container.message(header, &Payload::of(data)))
+        self.with_container(|container| container.message(header, &Payload::from_bytes(data)))
     }
 
     /// Counts a copied message as a frame.
@@ -441,7 +449,11 @@ impl RecordingWriter {
     }
 
     /// Runs an action on the container of the current file.
-    pub(super) fn call<T>(
+    ///
+    /// # Errors
+    ///
+    /// The error of the action; [`RecordingError::Refused`] after [`complete`](Self::complete).
+    pub(super) fn with_container<T>(
         &mut self,
         action: impl FnOnce(&mut Container) -> io::Result<T>,
     ) -> Result<T, RecordingError> {
@@ -461,8 +473,8 @@ impl Drop for RecordingWriter {
     }
 }
 
-/// Creates a part file and returns its container, and a second handle for syncs.
-fn open(path: &Path, part: &Path, options: &WriterOptions) -> Result<(Container, File), RecordingError> {
+/// Creates a part file and returns its container, and a second handle of it for syncs.
+fn open_part(path: &Path, part: &Path, options: &WriterOptions) -> Result<(Container, File), RecordingError> {
     let file = part_file::create(path, part)?;
     let handle = file.try_clone().map_err(|error| RecordingError::io("open", part, error))?;
     let settings = Settings { profile: "", compression: options.compression, chunk_bytes: options.chunk_bytes };

@@ -6,16 +6,16 @@ use crate::plot::{TimeChart, TimeCurve, TimePoint, Timeline, format_estimate};
 use crate::results::{BodyVelocity, Estimate, VelocitySample};
 use maud::{Markup, PreEscaped, html};
 
-/// Draws every chart of a body, one below the other on one time axis; `None` for a body without rows.
+/// Draws every chart of a body, one below the other on one time axis; `None` for a body without velocity rows.
 pub(super) fn section(shot: &Shot, body: u32) -> Option<Markup> {
     let drawer = Drawer::new(shot, body)?;
     Some(html! {
         div class="curves" {
             (drawer.legend())
-            @for velocity in &VELOCITIES { (drawer.velocity(velocity)) }
-            (drawer.displacement())
-            @if let Some(radius) = drawer.radius() { (radius) }
-            (drawer.visible_fraction())
+            @for velocity in &VELOCITIES { (drawer.velocity_chart(velocity)) }
+            (drawer.displacement_chart())
+            @if let Some(radius) = drawer.radius_chart() { (radius) }
+            (drawer.visible_fraction_chart())
         }
     })
 }
@@ -30,6 +30,7 @@ struct VelocityChart {
     number: fn(&BodyVelocity) -> Option<(f64, f64)>,
 }
 
+/// The velocity charts of a body, in the order of the page.
 const VELOCITIES: [VelocityChart; 3] = [
     VelocityChart {
         title: "Normal velocity",
@@ -76,11 +77,12 @@ impl<'a> Drawer<'a> {
         Some(Self { shot, rows, truth, time })
     }
 
-    /// The time that all charts of the body span.
+    /// Returns the time that all charts of the body span, with its contacts.
     pub(super) fn time(&self) -> &Timeline {
         &self.time
     }
 
+    /// Explains the curves and shades that the charts have.
     fn legend(&self) -> Markup {
         html! {
             p class="legend" {
@@ -93,14 +95,16 @@ impl<'a> Drawer<'a> {
         }
     }
 
-    fn velocity(&self, velocity: &VelocityChart) -> Markup {
+    /// Draws one velocity component over time, with its typical uncertainty next to the title.
+    fn velocity_chart(&self, velocity: &VelocityChart) -> Markup {
         let VelocityChart { title, heading, unit, number } = velocity;
         let curves = self.pair(|row| row.velocity.as_ref().and_then(number));
         let chart = TimeChart { title: (*title).into(), curves, height: 130.0, has_axis: false };
-        let note = self.typical(|row| row.velocity.as_ref().and_then(number).map(|(_, sigma)| sigma));
+        let note = self.typical_sigma(|row| row.velocity.as_ref().and_then(number).map(|(_, sigma)| sigma));
         self.figure(&html! { (heading) ", " (unit) }, note.as_ref(), &chart)
     }
 
+    /// Wraps a chart with its heading and note; a chart without a point states that it was not measured.
     fn figure(&self, heading: &Markup, note: Option<&Markup>, chart: &TimeChart) -> Markup {
         html! {
             figure {
@@ -115,7 +119,7 @@ impl<'a> Drawer<'a> {
         }
     }
 
-    /// Splits a number into stretches; a lost frame or a missing number ends one.
+    /// Splits a number with its uncertainty into stretches over time, ms. A lost frame or a missing number ends one.
     fn stretches(
         &self,
         rows: &[&VelocitySample],
@@ -129,6 +133,7 @@ impl<'a> Drawer<'a> {
         stretches(rows.iter().filter_map(point))
     }
 
+    /// Returns the measured curve of a number without uncertainty.
     fn curve(
         &self,
         class: &'static str,
@@ -138,7 +143,7 @@ impl<'a> Drawer<'a> {
         TimeCurve { class, label, stretches: self.stretches(&self.rows, |row| Some((number(row)?, 0.0))) }
     }
 
-    /// The measured curve and the true one.
+    /// Returns the measured curve of a number with its uncertainty, and the true one.
     pub(super) fn pair(&self, number: impl Fn(&VelocitySample) -> Option<(f64, f64)>) -> Vec<TimeCurve> {
         let truth = self.stretches(&self.truth, |row| number(row).map(|(y, _)| (y, 0.0)));
         vec![
@@ -147,16 +152,16 @@ impl<'a> Drawer<'a> {
         ]
     }
 
-    /// The median and the largest uncertainty of a number; `None` without any.
-    fn typical(&self, sigma: impl Fn(&VelocitySample) -> Option<f64>) -> Option<Markup> {
+    /// Formats the median and the largest uncertainty of a number; `None` without any.
+    fn typical_sigma(&self, sigma: impl Fn(&VelocitySample) -> Option<f64>) -> Option<Markup> {
         let mut sigmas: Vec<f64> = self.rows.iter().filter_map(|row| sigma(row)).filter(|s| s.is_finite()).collect();
         let text = |sigma: f64| format_estimate(Estimate { value: 0.0, sigma }, 1.0).sigma;
         let (median, highest) = (text(quantile(&mut sigmas, 0.5)?), text(quantile(&mut sigmas, 1.0)?));
         Some(html! { i { "σ" } " " (median) " typical, " (highest) " at most" })
     }
 
-    /// Draws the displacement of the centre, in mm where the scale is known.
-    fn displacement(&self) -> Markup {
+    /// Draws the displacement of the centre from its first position, right and up, in mm where the scale is known.
+    fn displacement_chart(&self) -> Markup {
         let scale = self.shot.metadata.get("scale").and_then(|text| text.strip_suffix(" mm/px")?.parse::<f64>().ok());
         let (factor, unit) = scale.map_or((1.0, "px"), |mm_per_px| (mm_per_px, "mm"));
         let first =
@@ -169,15 +174,16 @@ impl<'a> Drawer<'a> {
         self.figure(&html! { (title) ", " (unit) }, None, &chart)
     }
 
-    /// Draws the radius; `None` for a body without one.
-    fn radius(&self) -> Option<Markup> {
+    /// Draws the radius, px; `None` for a body without one.
+    fn radius_chart(&self) -> Option<Markup> {
         let radius = self.curve("a", "", |row| row.radius_px);
         let is_round = !radius.stretches.is_empty();
         let chart = TimeChart { title: "Radius".into(), curves: vec![radius], height: 70.0, has_axis: false };
         is_round.then(|| self.figure(&html! { "Radius, px" }, None, &chart))
     }
 
-    fn visible_fraction(&self) -> Markup {
+    /// Draws the visible share of the body, %.
+    fn visible_fraction_chart(&self) -> Markup {
         let visible = self.curve("a", "", |row| Some(100.0 * row.visible_fraction?));
         let chart = TimeChart { title: "Visible fraction".into(), curves: vec![visible], height: 70.0, has_axis: true };
         self.figure(&html! { "Visible fraction, %" }, None, &chart)

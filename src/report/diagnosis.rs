@@ -98,6 +98,7 @@ pub fn diagnosis_page(diagnosis: &Diagnosis) -> String {
     document(&format!("{} – diagnosis", diagnosis.film), None, &body)
 }
 
+/// Writes the section of a body: its measured frames, the changes that would help, and a few frames.
 fn body_section(body: &BodyDiagnosis) -> Markup {
     html! {
         section class="body" {
@@ -109,7 +110,7 @@ fn body_section(body: &BodyDiagnosis) -> Markup {
                     @for change in &body.changes { pre { (change.lines) } p { (change.reason) } }
                 }
             }
-            @if !body.statuses.is_empty() { (strip(body)) }
+            @if !body.statuses.is_empty() { (status_strip(body)) }
             p class="legend keys" {
                 span class="key roi" {} "searched region" span class="key radii" {} "smallest and largest searched radius"
                 span class="key outline" {} "outline found" span class="key elsewhere" {} "outline outside of the search"
@@ -121,8 +122,8 @@ fn body_section(body: &BodyDiagnosis) -> Markup {
     }
 }
 
-/// Draws the status of every frame as a strip, with the shown frames marked.
-fn strip(body: &BodyDiagnosis) -> Markup {
+/// Draws the status of every frame as a strip, with triangles at the frames that are shown.
+fn status_strip(body: &BodyDiagnosis) -> Markup {
     let count = body.statuses.len();
     let group = count.div_ceil(MAX_BARS);
     let width = STRIP_PX / count as f64;
@@ -136,7 +137,7 @@ fn strip(body: &BodyDiagnosis) -> Markup {
             @for (place, statuses) in body.statuses.chunks(group).enumerate() {
                 // A group shows its worst frame.
                 @let status = statuses.iter().copied().max().unwrap_or_default();
-                rect class=(class(status)) x=(format!("{:.2}", (place * group) as f64 * width)) y="0"
+                rect class=(status_class(status)) x=(format!("{:.2}", (place * group) as f64 * width)) y="0"
                     width=(format!("{:.2}", (statuses.len() as f64 * width).max(0.5))) height="22" {}
             }
             @for frame in &body.frames {
@@ -146,7 +147,7 @@ fn strip(body: &BodyDiagnosis) -> Markup {
         }
         p class="legend" {
             @for (status, count) in &counts {
-                span class={ "swatch " (class(*status)) } {} (status.as_str()) " (" (count) ") "
+                span class={ "swatch " (status_class(*status)) } {} (status.as_str()) " (" (count) ") "
             }
             "of " (count) " frames; the triangles mark the frames below"
         }
@@ -154,7 +155,7 @@ fn strip(body: &BodyDiagnosis) -> Markup {
 }
 
 /// Returns the class of a status in the style sheet.
-fn class(status: PointStatus) -> &'static str {
+fn status_class(status: PointStatus) -> &'static str {
     match status {
         PointStatus::Valid => "s-valid",
         PointStatus::Lost => "s-lost",
@@ -165,13 +166,14 @@ fn class(status: PointStatus) -> &'static str {
     }
 }
 
+/// Writes the card of a frame: its status, pictures and findings.
 fn frame_card(frame: &FrameDiagnosis) -> Markup {
     html! {
         div class="card" {
             h3 {
                 "Frame " (frame.number) ", " (format!("{:.3}", frame.time_ms)) " ms "
                 span class="choice" { "(" (frame.choice) ")" }
-                span class={ "badge " (class(frame.status)) } { (frame.status.as_str()) }
+                span class={ "badge " (status_class(frame.status)) } { (frame.status.as_str()) }
             }
             div class="panels" {
                 @for shown in &frame.panels { (panel(shown)) }
@@ -181,6 +183,7 @@ fn frame_card(frame: &FrameDiagnosis) -> Markup {
     }
 }
 
+/// Writes a picture with its caption.
 fn panel(panel: &Panel) -> Markup {
     html! {
         figure { img src=(data_url(&panel.png)) alt=(panel.caption); figcaption { (panel.caption) } }

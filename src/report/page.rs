@@ -49,21 +49,22 @@ pub(super) fn shot_page(shot: &Shot) -> String {
         @for body in &shot.measured {
             p class={ @if body.is_complete { "note" } @else { "alert" } } { (body.line) "." }
         }
-        @if has_losses { p class="alert" { (losses(shot)) } }
+        @if has_losses { p class="alert" { (loss_text(shot)) } }
         @if shot.impacts.is_empty() {
             section { h2 { "Collision" } p class="none" { "No collision was found in this recording." } }
         }
-        @for impact in &shot.impacts { (collision(shot, impact)) }
+        @for impact in &shot.impacts { (collision_section(shot, impact)) }
         @for (body, name) in &shot.bodies {
             @if let Some(curves) = curves::section(shot, *body) {
                 section { h2 { "Motion" @if shot.bodies.len() > 1 { " of " (name) } } (curves) }
             }
         }
-        (records(shot))
+        (record_section(shot))
     };
     document(&format!("{rig} – {}", shot.name), shot.metadata.get("version").map(String::as_str), &body)
 }
 
+/// Writes the head of the page: rig, file, and facts about camera, scale and frames.
 fn header(shot: &Shot, rig: &str) -> Markup {
     let mut facts = vec![utc(shot.origin_ns)];
     if let Some(camera) = shot.metadata.get("camera") {
@@ -82,24 +83,28 @@ fn header(shot: &Shot, rig: &str) -> Markup {
     }
 }
 
-/// The numbers of an impact by column; moments count from the recording's first frame, durations stay as they are.
-fn numbers(shot: &Shot, impact: &Impact) -> BTreeMap<&'static str, Estimate> {
+/// Returns the measured numbers of an impact by column. Moments count from the recording's first frame; durations stay
+/// as they are.
+fn impact_numbers(shot: &Shot, impact: &Impact) -> BTreeMap<&'static str, Estimate> {
     let shifted = impact.shifted(shot.shift_s(impact));
     shifted.numbers().into_iter().filter_map(|(name, number)| Some((name, number?))).collect()
 }
 
-fn collision(shot: &Shot, impact: &Impact) -> Markup {
-    let measured = numbers(shot, impact);
-    let truth = shot.truth_of(impact).map(|truth| numbers(shot, truth));
+/// Writes the section of a collision: headline numbers, pictures, and every number with its uncertainty.
+fn collision_section(shot: &Shot, impact: &Impact) -> Markup {
+    let measured = impact_numbers(shot, impact);
+    let truth = shot.truth_of(impact).map(|truth| impact_numbers(shot, truth));
     html! {
         section {
-            h2 { (heading(shot, impact)) }
+            h2 { (collision_heading(shot, impact)) }
             @if impact.status != PointStatus::Valid {
                 p class="alert" { "This collision is " (impact.status.as_str()) ": not all of it could be measured." }
             }
-            (tiles(&measured, spin_refusal(shot, impact)))
+            (headline_tiles(&measured, spin_refusal(shot, impact)))
             (snapshot::strip(shot, impact))
-            div class="groups" { @for (name, group) in GROUPS { (table(name, group, &measured, truth.as_ref())) } }
+            div class="groups" {
+                @for (name, group) in GROUPS { (quantity_table(name, group, &measured, truth.as_ref())) }
+            }
             p class="note" {
                 "Contact law: " (impact.force_law.as_str())
                 @if let Some(share) = impact.force_law_probability {
@@ -111,7 +116,8 @@ fn collision(shot: &Shot, impact: &Impact) -> Markup {
     }
 }
 
-fn heading(shot: &Shot, impact: &Impact) -> String {
+/// Returns the heading of a collision, with its number and body where there are several.
+fn collision_heading(shot: &Shot, impact: &Impact) -> String {
     let of_body = shot.impacts.iter().filter(|other| other.body == impact.body).count();
     let mut heading = String::from("Collision");
     if of_body > 1 {
@@ -144,7 +150,8 @@ fn spin_refusal(shot: &Shot, impact: &Impact) -> Option<PointStatus> {
     (most_frequent != PointStatus::Valid).then_some(most_frequent)
 }
 
-fn tiles(measured: &BTreeMap<&str, Estimate>, spin_refusal: Option<PointStatus>) -> Markup {
+/// Writes the headline numbers of a collision with their uncertainties.
+fn headline_tiles(measured: &BTreeMap<&str, Estimate>, spin_refusal: Option<PointStatus>) -> Markup {
     let tile = |label: &str, columns: &[&str], unit: &str, factor: f64| {
         let is_missing = columns.iter().all(|column| !measured.contains_key(column));
         let refusal = spin_refusal.filter(|_| is_missing && columns.iter().any(|column| column.starts_with("omega")));
@@ -173,7 +180,8 @@ fn tiles(measured: &BTreeMap<&str, Estimate>, spin_refusal: Option<PointStatus>)
     }
 }
 
-fn table(
+/// Writes the table of a group of numbers. With the truth it has the deviation from it as well.
+fn quantity_table(
     name: &str,
     group: &[Quantity],
     measured: &BTreeMap<&str, Estimate>,
@@ -200,7 +208,7 @@ fn table(
                             @let true_number = truth.get(quantity.column);
                             @let decimals = text.as_ref().map_or(4, |text| text.decimals);
                             td { (true_number.map_or("–".into(), |t| fixed(t.value * quantity.factor, decimals))) }
-                            (deviation(number, true_number))
+                            (deviation_cell(number, true_number))
                         }
                     }
                 }
@@ -209,8 +217,8 @@ fn table(
     }
 }
 
-/// The table cell with the deviation from the truth in standard uncertainties; more than three stand out.
-fn deviation(measured: Option<&Estimate>, truth: Option<&Estimate>) -> Markup {
+/// Writes the table cell with measured minus true in standard uncertainties; more than three stand out.
+fn deviation_cell(measured: Option<&Estimate>, truth: Option<&Estimate>) -> Markup {
     let off = measured.zip(truth).map(|(measured, truth)| (measured.value - truth.value) / measured.sigma);
     let Some(off) = off.filter(|off| off.is_finite()) else { return html! { td {} } };
     html! {
@@ -218,7 +226,8 @@ fn deviation(measured: Option<&Estimate>, truth: Option<&Estimate>) -> Markup {
     }
 }
 
-fn losses(shot: &Shot) -> String {
+/// Describes the frames that were lost or cannot be read.
+fn loss_text(shot: &Shot) -> String {
     let frames = &shot.frames;
     let lost = match (frames.lost, frames.gaps) {
         (1, _) => "1 frame was lost".to_owned(),
@@ -231,7 +240,8 @@ fn losses(shot: &Shot) -> String {
     }
 }
 
-fn records(shot: &Shot) -> Markup {
+/// Writes the section about the recording itself: counts, events, metadata and rig file.
+fn record_section(shot: &Shot) -> Markup {
     let frames = &shot.frames;
     let frame_counts = BTreeMap::from([
         ("in the recording", frames.count),
@@ -243,11 +253,11 @@ fn records(shot: &Shot) -> Markup {
         section class="records" {
             h2 { "Record" }
             div class="groups" {
-                (count_table("Bodies in frames", &statuses(shot)))
+                (count_table("Bodies in frames", &status_counts(shot)))
                 (count_table("Subsets of the fields", &shot.field_statuses))
                 (count_table("Frames", &frame_counts))
             }
-            @if !shot.events.is_empty() { (events(shot)) }
+            @if !shot.events.is_empty() { (event_table(shot)) }
             details {
                 summary { "About this recording" }
                 table class="about" { tbody {
@@ -257,7 +267,7 @@ fn records(shot: &Shot) -> Markup {
             }
             @match &shot.config_toml {
                 Some(config) => {
-                    @let shown = &config[..boundary(config, CONFIG_BYTES_MAX)];
+                    @let shown = &config[..char_boundary(config, CONFIG_BYTES_MAX)];
                     details {
                         summary { "Settings (config.toml)" }
                         pre {
@@ -274,12 +284,13 @@ fn records(shot: &Shot) -> Markup {
     }
 }
 
-/// The last character boundary of a text at or below `limit_bytes`.
-fn boundary(text: &str, limit_bytes: usize) -> usize {
+/// Returns the last character boundary of a text at or below `limit_bytes`.
+fn char_boundary(text: &str, limit_bytes: usize) -> usize {
     (0..=text.len().min(limit_bytes)).rev().find(|at| text.is_char_boundary(*at)).unwrap_or(0)
 }
 
-fn events(shot: &Shot) -> Markup {
+/// Writes the table of the first [`EVENTS_MAX`] events, with times from the first frame.
+fn event_table(shot: &Shot) -> Markup {
     html! {
         table class="events" {
             thead { tr { th { "Event" } th { "at, ms" } th {} } }
@@ -294,8 +305,8 @@ fn events(shot: &Shot) -> Markup {
     }
 }
 
-/// The number of velocity rows of each status.
-fn statuses(shot: &Shot) -> BTreeMap<&str, u64> {
+/// Counts the velocity rows of each status.
+fn status_counts(shot: &Shot) -> BTreeMap<&str, u64> {
     let mut counts = BTreeMap::new();
     for row in &shot.velocities {
         *counts.entry(row.status.as_str()).or_default() += 1;
@@ -303,7 +314,7 @@ fn statuses(shot: &Shot) -> BTreeMap<&str, u64> {
     counts
 }
 
-/// A table of what was counted, the most frequent first.
+/// Writes a table of counts, the most frequent first, without zeros.
 fn count_table(heading: &str, counts: &BTreeMap<&str, u64>) -> Markup {
     let mut counts: Vec<_> = counts.iter().filter(|(_, count)| **count > 0).collect();
     counts.sort_by_key(|(name, count)| (std::cmp::Reverse(**count), **name));
@@ -318,7 +329,7 @@ fn count_table(heading: &str, counts: &BTreeMap<&str, u64>) -> Markup {
     }
 }
 
-/// Formats a count or a rate with thin spaces between thousands.
+/// Formats a count or a rate with thin spaces between thousands, from five digits on.
 fn grouped(number: f64) -> String {
     let text = if (number - number.round()).abs() < 1e-6 * number.abs().max(1.0) {
         format!("{number:.0}")
@@ -336,7 +347,10 @@ fn grouped(number: f64) -> String {
     grouped + rest
 }
 
-/// Formats a stamp as date and time of day, from days since 1970-01-01 (H. Hinnant, `civil_from_days`).
+/// Formats a stamp, ns since the Unix epoch, as date and time of day.
+///
+/// The date follows from the days since 1970-01-01 by the algorithm `civil_from_days` of H. Hinnant
+/// (<https://howardhinnant.github.io/date_algorithms.html>).
 pub fn utc(stamp_ns: u64) -> String {
     let seconds = stamp_ns / 1_000_000_000;
     let (days, of_day) = (seconds / 86_400 + 719_468, seconds % 86_400);
@@ -379,7 +393,7 @@ mod tests {
     fn a_number_far_from_the_truth_stands_out() {
         let cell = |measured: Option<f64>, truth: f64| {
             let estimate = |value: f64| Estimate { value, sigma: 0.1 };
-            deviation(measured.map(estimate).as_ref(), Some(&estimate(truth))).into_string()
+            deviation_cell(measured.map(estimate).as_ref(), Some(&estimate(truth))).into_string()
         };
         assert_eq!(cell(Some(1.4), 1.0), "<td class=\"far\">+4.0 <i>σ</i></td>");
         assert_eq!(cell(Some(0.9), 1.0), "<td>\u{2212}1.0 <i>σ</i></td>");

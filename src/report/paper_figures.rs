@@ -74,32 +74,32 @@ pub fn figures(shot: &Shot, experiment: &Experiment<'_>) -> Vec<Figure> {
     let Some(drawer) = Drawer::new(shot, 0) else { return Vec::new() };
     let is_rod = experiment.name == "rod";
     let subject = if is_rod { "the mark on the rod" } else { "the centre of the ball" };
-    let of = |number: fn(&BodyVelocity) -> Option<(f64, f64)>| {
+    let velocity_number = |number: fn(&BodyVelocity) -> Option<(f64, f64)>| {
         move |row: &VelocitySample| row.velocity.as_ref().and_then(number)
     };
-    let normal = of(|v| Some((v.vn_m_s, v.sigma_v_m_s)));
-    let tangential = of(|v| Some((v.vt_m_s, v.sigma_v_m_s)));
-    let spin = of(|v| v.omega_rad_s.zip(v.sigma_omega_rad_s));
+    let normal = velocity_number(|v| Some((v.vn_m_s, v.sigma_v_m_s)));
+    let tangential = velocity_number(|v| Some((v.vt_m_s, v.sigma_v_m_s)));
+    let spin = velocity_number(|v| v.omega_rad_s.zip(v.sigma_omega_rad_s));
     let axes = SurfaceAxes::new(shot, experiment);
-    let panel = |title: &'static str, number: Number<'_>| (title, pair(&drawer, number));
+    let panel = |title: &'static str, number: Number<'_>| (title, labelled_pair(&drawer, number));
     let mut positions = vec![panel("normal position, mm", &|row| axes.normal_mm(row))];
     let mut velocities = vec![panel("normal velocity, m/s", &normal)];
     if is_rod {
         // A rod does not move along the flat. The paper follows the edges of its tapes.
-        positions.push(("edges of the tapes, mm above where the lowest began", edges(shot, experiment)));
+        positions.push(("edges of the tapes, mm above where the lowest began", edge_curves(shot, experiment)));
     } else {
         positions.push(panel("tangential position, mm", &|row| axes.tangential_mm(row)));
         velocities.push(panel("tangential velocity, m/s", &tangential));
     }
     if !experiment.comparisons.is_empty() {
-        let truth = pair(&drawer, &normal).into_iter().filter(|curve| curve.class == "truth");
-        velocities.push((BY_THE_PAPER, comparisons(shot, experiment).chain(truth).collect()));
+        let truth = labelled_pair(&drawer, &normal).into_iter().filter(|curve| curve.class == "truth");
+        velocities.push((BY_THE_PAPER, comparison_curves(shot, experiment).chain(truth).collect()));
     }
     let drawings = [
-        plots(&drawer, &format!("Position of {subject}"), positions),
-        plots(&drawer, &format!("Velocity of {subject}"), velocities),
-        plots(&drawer, "Angular velocity of the ball, counter-clockwise", vec![panel("spin, rad/s", &spin)]),
-        pictures(shot, experiment.name),
+        draw_panels(&drawer, &format!("Position of {subject}"), positions),
+        draw_panels(&drawer, &format!("Velocity of {subject}"), velocities),
+        draw_panels(&drawer, "Angular velocity of the ball, counter-clockwise", vec![panel("spin, rad/s", &spin)]),
+        draw_snapshots(shot, experiment.name),
     ];
     let named = names.into_iter().zip(drawings).filter(|(name, _)| !name.is_empty());
     named.filter_map(|(name, svg)| Some(Figure { name, svg: svg? })).collect()
@@ -114,6 +114,7 @@ struct SurfaceAxes {
 }
 
 impl SurfaceAxes {
+    /// Returns the axes with the first true position as origin, or the first measured one without a truth.
     fn new(shot: &Shot, experiment: &Experiment<'_>) -> Self {
         let position = |row: &VelocitySample| Some([row.center_x_px?, row.center_y_px?]);
         let origin_px = shot.truth.iter().chain(&shot.velocities).find_map(position).unwrap_or_default();
@@ -121,31 +122,33 @@ impl SurfaceAxes {
         Self { origin_px, mm_per_px: experiment.mm_per_px, sin, cos }
     }
 
-    /// The displacement right and up, px; the image's y points down.
+    /// Returns the displacement right and up, px; the image's y points down.
     fn displacement_px(&self, row: &VelocitySample) -> Option<[f64; 2]> {
         Some([row.center_x_px? - self.origin_px[0], self.origin_px[1] - row.center_y_px?])
     }
 
+    /// Returns the position along the surface's normal, mm, with an uncertainty of 0, which draws no band.
     fn normal_mm(&self, row: &VelocitySample) -> Option<(f64, f64)> {
         let [right, up] = self.displacement_px(row)?;
         Some((self.mm_per_px * (up * self.cos - right * self.sin), 0.0))
     }
 
+    /// Returns the position along the surface's tangent, mm, with an uncertainty of 0, which draws no band.
     fn tangential_mm(&self, row: &VelocitySample) -> Option<(f64, f64)> {
         let [right, up] = self.displacement_px(row)?;
         Some((self.mm_per_px * (right * self.cos + up * self.sin), 0.0))
     }
 }
 
-/// The measured curve and the true one, labelled.
-fn pair(drawer: &Drawer<'_>, number: Number<'_>) -> Vec<TimeCurve> {
+/// Returns the measured curve and the true one, labelled.
+fn labelled_pair(drawer: &Drawer<'_>, number: Number<'_>) -> Vec<TimeCurve> {
     let named =
         |curve: TimeCurve| TimeCurve { label: if curve.class == "truth" { "truth" } else { "measured" }, ..curve };
     drawer.pair(number).into_iter().map(named).collect()
 }
 
-/// The heights of the edges of a rod's tapes.
-fn edges(shot: &Shot, experiment: &Experiment<'_>) -> Vec<TimeCurve> {
+/// Returns the heights of the edges of a rod's tapes above the first position of the lowest, mm.
+fn edge_curves(shot: &Shot, experiment: &Experiment<'_>) -> Vec<TimeCurve> {
     const LABELS: [&str; ROD_EDGES] = ["edge 1", "edge 2", "edge 3", "edge 4"];
     let height = |row: &TrackSample, edge: usize| row.rod?.edges[edge]?.y_px;
     let first = (0..ROD_EDGES).filter_map(|edge| shot.rods.iter().find_map(|row| height(row, edge)));
@@ -165,8 +168,8 @@ fn edges(shot: &Shot, experiment: &Experiment<'_>) -> Vec<TimeCurve> {
     (0..ROD_EDGES).map(curve).filter(|curve| !curve.stretches.is_empty()).collect()
 }
 
-/// The curves of the same film by other settings.
-fn comparisons<'a>(shot: &'a Shot, experiment: &Experiment<'a>) -> impl Iterator<Item = TimeCurve> + use<'a> {
+/// Returns the curves of the same film measured with other settings.
+fn comparison_curves<'a>(shot: &'a Shot, experiment: &Experiment<'a>) -> impl Iterator<Item = TimeCurve> + use<'a> {
     const CLASSES: [&str; 2] = ["b", "c"];
     let point = |(stamp_ns, y): &(u64, f64)| TimePoint { x: 1e3 * shot.seconds(*stamp_ns), y: *y, sigma: 0.0 };
     experiment.comparisons.iter().zip(CLASSES.into_iter().cycle()).map(move |(comparison, class)| TimeCurve {
@@ -177,7 +180,7 @@ fn comparisons<'a>(shot: &'a Shot, experiment: &Experiment<'a>) -> impl Iterator
 }
 
 /// Draws panels one below the other; `None` when one of them has no point.
-fn plots(drawer: &Drawer<'_>, title: &str, panels: Vec<Panel>) -> Option<String> {
+fn draw_panels(drawer: &Drawer<'_>, title: &str, panels: Vec<Panel>) -> Option<String> {
     let each = TITLE + PLOT + AXIS;
     let height = HEADING + each * panels.len() as f64;
     let drawn: Option<Vec<_>> = panels
@@ -199,7 +202,7 @@ fn plots(drawer: &Drawer<'_>, title: &str, panels: Vec<Panel>) -> Option<String>
 }
 
 /// Draws the field at start, deepest moment and end of the first collision; `None` without pictures of it.
-fn pictures(shot: &Shot, experiment: &str) -> Option<String> {
+fn draw_snapshots(shot: &Shot, experiment: &str) -> Option<String> {
     let is_shown = |shown: &&Snapshot| shown.impact.1 == 0 && shown.field.is_some() && shown.picture.is_some();
     let shown: Vec<&Snapshot> = shot.snapshots.iter().filter(is_shown).collect();
     if shown.is_empty() {
@@ -208,7 +211,7 @@ fn pictures(shot: &Shot, experiment: &str) -> Option<String> {
     let gain = snapshot::gain(&shown);
     let content = html! {
         @for (index, snapshot) in shown.iter().enumerate() {
-            (picture(shot, snapshot, gain, 14.0 + index as f64 * (PICTURE + 10.0)))
+            (draw_snapshot(shot, snapshot, gain, 14.0 + index as f64 * (PICTURE + 10.0)))
         }
     };
     let title = format!("Frames of the {experiment} ball with the measured field");
@@ -220,7 +223,8 @@ fn pictures(shot: &Shot, experiment: &str) -> Option<String> {
     Some(figure.draw(WIDTH, HEADING + PICTURE + CAPTION, &content))
 }
 
-fn picture(shot: &Shot, snapshot: &Snapshot, gain: f64, left: f64) -> Markup {
+/// Draws the picture of a moment at horizontal place `left`, px, with its frame and velocities below.
+fn draw_snapshot(shot: &Shot, snapshot: &Snapshot, gain: f64, left: f64) -> Markup {
     let low = HEADING + PICTURE;
     let t_ms = 1e3 * shot.seconds(snapshot.row.stamp_ns);
     let mut lines = vec![format!("frame {}, {} ms", shot.frame(snapshot.row.frame), fixed(t_ms, 3))];

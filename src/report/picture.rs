@@ -38,7 +38,7 @@ impl Crop {
     }
 }
 
-/// Encodes a part of a frame as an 8-bit grey PNG, stretched from black to white.
+/// Encodes a part of a frame as an 8-bit grey PNG, stretched from black to white, averaged down to [`SIDE_PX_MAX`].
 ///
 /// Returns `None` for a frame that does not unpack.
 pub(super) fn png(meta: FrameMeta, bytes: &[u8], crop: Crop) -> Option<Vec<u8>> {

@@ -13,6 +13,7 @@ pub(super) struct Quantity {
     pub(super) factor: f64,
 }
 
+/// Returns a quantity, so that the table below has one line for each.
 const fn quantity(column: &'static str, label: &'static str, unit: &'static str, factor: f64) -> Quantity {
     Quantity { column, label, unit, factor }
 }

@@ -32,11 +32,12 @@ pub(super) fn repeatability_page(shots: &[Shot]) -> String {
                 (spread_table(&of_collision(body, *number)))
             }
         }
-        (recordings(shots))
+        (recording_table(shots))
     };
     document(&title, None, &body)
 }
 
+/// Writes the table with the spread of every number of one collision. `impacts` has an entry per shot.
 fn spread_table(impacts: &[Option<&Impact>]) -> Markup {
     // Durations and sizes repeat. Moments depend on when the camera started.
     let quantities = GROUPS.iter().flat_map(|(name, group)| group.iter().map(move |quantity| (*name, quantity)));
@@ -76,6 +77,7 @@ struct SpreadRow<'a> {
 }
 
 impl<'a> SpreadRow<'a> {
+    /// Collects a number from the shots that have it, in the page's unit, and computes its spread.
     fn new(group: &'a str, quantity: &'a Quantity, impacts: &[Option<&Impact>]) -> Self {
         let values: Vec<(usize, Estimate)> = (1..)
             .zip(impacts)
@@ -88,10 +90,12 @@ impl<'a> SpreadRow<'a> {
         Self { group, quantity, shots: impacts.len(), values, spread }
     }
 
+    /// Whether any shot is an outlier of this number.
     fn has_outliers(&self) -> bool {
         self.spread.as_ref().is_some_and(|spread| spread.outliers.contains(&true))
     }
 
+    /// Writes the row of the table: mean, standard deviation, stated uncertainty and a dot per shot.
     fn draw(&self) -> Markup {
         let Self { group, quantity, shots, .. } = self;
         let Some(spread) = &self.spread else {
@@ -107,13 +111,13 @@ impl<'a> SpreadRow<'a> {
             td { (group) " " b { (quantity.label) } } td { (mean.value) }
             td { (spread.sd.map_or("–".into(), |sd| fixed(sd, mean.decimals))) } td { (quantity.unit) }
             td { (format_estimate(Estimate { value: 0.0, sigma: spread.stated }, 1.0).sigma) }
-            td { (spread.kept) " of " (shots) } td class="strip" { (dots(&self.values, spread)) }
+            td { (spread.kept) " of " (shots) } td class="strip" { (draw_dots(&self.values, spread)) }
         } }
     }
 }
 
-/// Draws the values of all shots on a line.
-fn dots(values: &[(usize, Estimate)], spread: &Spread) -> Markup {
+/// Draws the values of all shots on a line, with their mean and standard deviation.
+fn draw_dots(values: &[(usize, Estimate)], spread: &Spread) -> Markup {
     let ends = values.iter().flat_map(|(_, e)| [e.value - 2.0 * e.sigma, e.value + 2.0 * e.sigma]);
     let (low, high) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
     let range = if high > low { high - low } else { 1.0 };
@@ -139,7 +143,8 @@ fn dots(values: &[(usize, Estimate)], spread: &Spread) -> Markup {
     }
 }
 
-fn recordings(shots: &[Shot]) -> Markup {
+/// Writes the table of the recordings: file, rig, first frame, losses and version.
+fn recording_table(shots: &[Shot]) -> Markup {
     html! {
         section {
             h2 { "Recordings" }

@@ -123,7 +123,7 @@ impl Shot {
             bodies: bodies.into_iter().map(|body| (body, recording.body_name(body))).collect(),
             frames: FilmSummary::default(),
             origin_ns: 0,
-            snapshots: snapshots(&impacts, &velocities),
+            snapshots: select_snapshots(&impacts, &velocities),
             measured: Vec::new(),
             velocities,
             truth,
@@ -140,7 +140,7 @@ impl Shot {
         Ok(shot)
     }
 
-    /// Counts the statuses of all points, with one field in memory at a time besides those of the snapshots.
+    /// Counts the statuses of all points, with one field in memory at a time in addition to those of the snapshots.
     fn read_fields(&mut self, recording: &Recording) -> Result<(), RecordingError> {
         for field in recording.fields()? {
             let field = field?;
@@ -155,6 +155,11 @@ impl Shot {
         Ok(())
     }
 
+    /// Counts the frames and cuts out the pictures of the snapshots.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError`] when the system fails, or a frame has another stamp than its row. Damaged frames are counted.
     fn read_frames(
         &mut self,
         path: &Path,
@@ -220,12 +225,13 @@ impl Shot {
         first.unwrap_or(0)
     }
 
-    /// Parses an entry of the metadata.
+    /// Parses an entry of the metadata; `None` when it is missing or does not parse.
     fn entry<T: std::str::FromStr>(&self, key: &str) -> Option<T> {
         self.metadata.get(key)?.parse().ok()
     }
 
-    /// The stamp of the first frame; without frames that of the metadata, or else of the first row.
+    /// Returns the stamp of the first frame, ns since the Unix epoch. Without frames it is that of the metadata, or
+    /// else of the first row.
     fn first_stamp_ns(&self) -> u64 {
         let first_row = || self.velocities.iter().map(|row| row.stamp_ns).min();
         let recorded = || self.entry("first_stamp_ns");
@@ -242,17 +248,17 @@ impl Shot {
         i128::from(sequence) - i128::from(self.first_frame())
     }
 
-    /// The offset from the own times of a collision to those of the page, s.
+    /// Returns the offset from the own times of a collision to those of the page, s.
     pub(super) fn shift_s(&self, impact: &Impact) -> f64 {
         self.seconds(impact.origin_ns)
     }
 
-    /// The true values of a collision, where the recording has them.
+    /// Returns the true values of a collision, where the recording has them.
     pub(super) fn truth_of(&self, impact: &Impact) -> Option<&Impact> {
         self.truth_impacts.iter().find(|truth| (truth.body, truth.number) == (impact.body, impact.number))
     }
 
-    /// The name of a body.
+    /// Returns the name of a body; its index where the recording does not name it.
     pub(super) fn body_name(&self, body: u32) -> String {
         self.bodies.iter().find(|(index, _)| *index == body).map_or_else(|| body.to_string(), |(_, name)| name.clone())
     }
@@ -270,8 +276,8 @@ pub fn last_revisions(revisions: Vec<Impact>) -> Vec<Impact> {
     last.into_values().collect()
 }
 
-/// Selects the row nearest to each moment of the first impacts; field and picture are still missing.
-fn snapshots(impacts: &[Impact], rows: &[VelocitySample]) -> Vec<Snapshot> {
+/// Selects the row nearest to each moment of the first impacts. Field and picture are still missing.
+fn select_snapshots(impacts: &[Impact], rows: &[VelocitySample]) -> Vec<Snapshot> {
     let mut snapshots = Vec::new();
     for impact in impacts.iter().take(MAX_PICTURED_IMPACTS) {
         for (column, title) in MOMENTS {

@@ -10,7 +10,7 @@ use std::fmt::Write as _;
 /// Maximum number of arrows in one picture. Of more, every n-th is drawn.
 const ARROWS_MAX: usize = 200;
 
-/// Draws the pictures of a collision, or says why there are none.
+/// Draws the pictures of a collision, or states why there are none.
 pub(super) fn strip(shot: &Shot, impact: &Impact) -> Markup {
     let of_impact = |s: &&Snapshot| s.impact == (impact.body, impact.number);
     let shown: Vec<&Snapshot> = shot.snapshots.iter().filter(of_impact).collect();
@@ -22,7 +22,7 @@ pub(super) fn strip(shot: &Shot, impact: &Impact) -> Markup {
     }
     let gain = gain(&shown);
     html! {
-        div class="moments" { @for snapshot in &shown { (figure(shot, snapshot, gain)) } }
+        div class="moments" { @for snapshot in &shown { (moment_figure(shot, snapshot, gain)) } }
         p class="note" {
             span class="key outline" {} "detected outline" span class="key arrow" {}
             "motion to the next frame, enlarged " (gain_text(gain)) " times in all pictures"
@@ -30,7 +30,8 @@ pub(super) fn strip(shot: &Shot, impact: &Impact) -> Markup {
     }
 }
 
-fn figure(shot: &Shot, snapshot: &Snapshot, gain: f64) -> Markup {
+/// Draws the picture of a moment, with its time, frame and velocities in the caption.
+fn moment_figure(shot: &Shot, snapshot: &Snapshot, gain: f64) -> Markup {
     let moment_ms = 1e3 * shot.seconds(snapshot.moment_ns);
     let off_ms = 1e3 * (shot.seconds(snapshot.row.stamp_ns) - shot.seconds(snapshot.moment_ns));
     html! {
@@ -58,7 +59,8 @@ fn figure(shot: &Shot, snapshot: &Snapshot, gain: f64) -> Markup {
     }
 }
 
-/// Computes the gain of the arrows: the longest of all pictures spans at most 1.8 grid steps.
+/// Computes the common gain of the arrows, rounded down to one digit. The longest of all pictures spans at most 1.8
+/// grid steps.
 pub(super) fn gain(shown: &[&Snapshot]) -> f64 {
     let (mut longest, mut step) = (0.0_f64, f64::INFINITY);
     for field in shown.iter().filter_map(|snapshot| snapshot.field.as_ref()) {
@@ -84,7 +86,7 @@ pub(super) fn draw(snapshot: &Snapshot, crop: Crop, png: &[u8], gain: f64) -> Ma
     // Pixel (0, 0) is centred on (0, 0), so the picture begins half a pixel before it.
     let (left, top) = (x as f64 - 0.5, y as f64 - 0.5);
     let row = &snapshot.row;
-    let arrows = snapshot.field.as_ref().map(|field| arrows(field, gain)).filter(|path| !path.is_empty());
+    let arrows = snapshot.field.as_ref().map(|field| arrow_path(field, gain)).filter(|path| !path.is_empty());
     html! {
         svg class="moment" viewBox={ (left) " " (top) " " (width) " " (height) } role="img"
             aria-label=(snapshot.title) {
@@ -101,8 +103,8 @@ pub(super) fn draw(snapshot: &Snapshot, crop: Crop, png: &[u8], gain: f64) -> Ma
     }
 }
 
-/// The path of all arrows of a field, px.
-fn arrows(field: &PairField, gain: f64) -> String {
+/// Returns the SVG path of all arrows of a field, px; displacements are enlarged by `gain`.
+fn arrow_path(field: &PairField, gain: f64) -> String {
     let every = field.points.len().div_ceil(ARROWS_MAX).max(1);
     let mut path = String::new();
     for point in field.points.iter().step_by(every) {

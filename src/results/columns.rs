@@ -66,17 +66,17 @@ pub struct Column<R> {
 }
 
 impl<R> Column<R> {
-    /// A column with numbers in double precision.
+    /// Returns a column with numbers in double precision, read from a row by `cell`.
     pub const fn double(name: &'static str, cell: fn(&R) -> Cell) -> Self {
         Self { heading: Heading { name, kind: Kind::Double }, cell }
     }
 
-    /// A column with numbers in single precision.
+    /// Returns a column with numbers in single precision, read from a row by `cell`.
     pub const fn single(name: &'static str, cell: fn(&R) -> Cell) -> Self {
         Self { heading: Heading { name, kind: Kind::Single }, cell }
     }
 
-    /// A column with text.
+    /// Returns a column with text, read from a row by `cell`.
     pub const fn text(name: &'static str, cell: fn(&R) -> Cell) -> Self {
         Self { heading: Heading { name, kind: Kind::Text }, cell }
     }
@@ -87,7 +87,7 @@ pub trait Part: Copy {
     /// Returns the number, if it was measured.
     fn known(self) -> Option<f64>;
 
-    /// Returns the part of a measured group; `None` if the group cannot be without it.
+    /// Returns the part of a measured group; `None` if the group cannot be without this number.
     fn of(number: Option<f64>) -> Option<Self>;
 }
 
@@ -116,13 +116,13 @@ pub trait Sample: Sized + 'static {
     /// The columns behind frame, body and time.
     const COLUMNS: &'static [Column<Self>];
 
-    /// The sequence number of the frame.
+    /// Returns the sequence number of the frame.
     fn frame(&self) -> u64;
 
-    /// The index of the body in the configuration.
+    /// Returns the index of the body in the configuration.
     fn body(&self) -> u32;
 
-    /// The start of the exposure, ns since the Unix epoch.
+    /// Returns the start of the exposure, ns since the Unix epoch.
     fn stamp_ns(&self) -> u64;
 }
 

@@ -10,7 +10,8 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// Adds the uncertainty of a true number that may differ by a share of this one.
+    /// Adds `share * value` to the standard uncertainty in quadrature, for a number that may be wrong by this share (no
+    /// unit).
     #[must_use]
     pub fn short_by(self, share: f64) -> Self {
         Self { sigma: self.sigma.hypot(share * self.value), ..self }

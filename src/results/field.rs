@@ -57,7 +57,7 @@ macro_rules! field_structs {
         #[derive(Debug, Clone, Copy, PartialEq)]
         pub struct FieldPoint {
             $($(#[$position_doc])* pub $position: f32,)*
-            /// The displacement to the target frame; `None` where `status` says why.
+            /// The displacement to the target frame; `None` for the reason in `status`.
             pub displacement: Option<Displacement>,
             $($(#[$score_doc])* pub $score: Option<f32>,)*
             /// The status of the subset.

@@ -120,7 +120,7 @@ macro_rules! impact_struct {
             const SIGMAS: [Column<Self>; IMPACT_NUMBERS] =
                 [$(Column::double(stringify!($sigma), |row| Cell::Double(row.$number.map(|e| e.sigma)))),+];
 
-            /// A collision of which nothing is known yet.
+            /// Returns a collision of which nothing is known yet, with the status [`PointStatus::Lost`].
             pub fn unknown(body: u32, number: u32, origin_ns: u64) -> Self {
                 Self {
                     body,
@@ -170,12 +170,12 @@ impl Impact {
         Column::double("force_law_probability", |row| Cell::Double(row.force_law_probability));
     const STATUS: Column<Self> = Column::text("status", |row| Cell::Text(row.status.as_str().into()));
 
-    /// Returns the measured number of this name.
+    /// Returns the measured number of the column with this name; `None` if it is unknown or was not measured.
     pub fn get(&self, name: &str) -> Option<Estimate> {
         self.numbers().into_iter().find(|(column, _)| *column == name).and_then(|(_, number)| number)
     }
 
-    /// Returns the columns of the table behind the body.
+    /// Returns the columns of the table after the body's, in their order.
     pub fn table() -> Vec<Column<Self>> {
         let [values, sigmas] = [Self::VALUES, Self::SIGMAS];
         let (first, later) = values.split_at(FIRST_NUMBERS);

@@ -30,7 +30,7 @@ impl MeasuredFrames {
     ///
     /// A row counts as measured if it is valid. The last rows need no motion to be valid. If other rows failed and none has
     /// a motion or a velocity, the body was therefore not measured at all.
-    pub fn of<'a>(rows: impl Iterator<Item = &'a VelocitySample>) -> Self {
+    pub fn count<'a>(rows: impl Iterator<Item = &'a VelocitySample>) -> Self {
         let (mut total, mut valid, mut moved) = (0, 0, 0);
         let mut failed: BTreeMap<PointStatus, FrequentStatus> = BTreeMap::new();
         for row in rows {
@@ -79,7 +79,7 @@ mod tests {
     fn the_most_frequent_status_comes_with_its_first_frame() {
         use PointStatus::{Lost, LowContrast, Valid};
         let rows = rows(&[Valid, Lost, LowContrast, Lost, LowContrast, Valid], Some(RigidStep::STILL));
-        let counted = MeasuredFrames::of(rows.iter());
+        let counted = MeasuredFrames::count(rows.iter());
         assert_eq!((counted.measured_frames, counted.total_frames), (2, 6));
         assert_eq!(counted.reason, Some(FrequentStatus { status: Lost, count_frames: 2, frame: 6 }));
     }
@@ -87,9 +87,9 @@ mod tests {
     #[test]
     fn a_last_row_without_motion_is_no_measurement_when_all_others_failed() {
         use PointStatus::{OutOfFrame, Valid};
-        let counted = MeasuredFrames::of(rows(&[OutOfFrame, OutOfFrame, Valid], None).iter());
+        let counted = MeasuredFrames::count(rows(&[OutOfFrame, OutOfFrame, Valid], None).iter());
         assert_eq!((counted.measured_frames, counted.total_frames), (0, 3));
-        let still = MeasuredFrames::of(rows(&[Valid], None).iter());
+        let still = MeasuredFrames::count(rows(&[Valid], None).iter());
         assert_eq!((still.measured_frames, still.reason), (1, None), "a film of one frame has a position");
     }
 }

@@ -4,7 +4,8 @@ use std::fmt;
 
 /// Declares an enum: each value with its number and its name.
 ///
-/// Adds `ALL`, `as_str`, `from_number` and [`FromStr`](std::str::FromStr). The text after the enum's name says what a value is in errors.
+/// Adds `ALL`, `as_str`, `from_number` and [`FromStr`](std::str::FromStr). The text after the enum's name is the noun for a
+/// value in errors.
 macro_rules! named_enum {
     (
         $(#[$meta:meta])*
@@ -21,14 +22,14 @@ macro_rules! named_enum {
             /// Every value, in the order of its number.
             pub const ALL: [Self; [$($number),+].len()] = [$(Self::$Value),+];
 
-            /// The name used in tables, files and configurations.
+            /// Returns the name used in tables, files and configurations.
             pub fn as_str(self) -> &'static str {
                 match self {
                     $(Self::$Value => $name,)+
                 }
             }
 
-            /// The value with this number, if there is one.
+            /// Returns the value with this number, if there is one.
             pub fn from_number(number: u32) -> Option<Self> {
                 Self::ALL.into_iter().find(|value| *value as u32 == number)
             }

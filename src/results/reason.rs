@@ -5,7 +5,7 @@ use super::{BodyKind, PointStatus};
 /// The reason why a body was not measured in a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Reason {
-    /// The reason, as an engineer would say it.
+    /// The reason in a few words.
     pub text: &'static str,
     /// The keys of the rig file that change it, the most likely first. Those of a body begin with `body.`.
     pub keys: &'static [&'static str],

@@ -8,7 +8,7 @@ pub const ROD_EDGES: usize = 4;
 /// An edge of a tape, across the rod.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RodEdge {
-    /// The position where it crosses the middle of the rod, px (down); `None` where `status` says why.
+    /// The position where it crosses the middle of the rod, px (down); `None` for the reason in `status`.
     pub y_px: Option<Estimate>,
     /// The status of the edge.
     pub status: PointStatus,

@@ -5,18 +5,18 @@ use super::Rod;
 /// A line from (x, y) to (x, y), px.
 pub type Segment = [[f64; 2]; 2];
 
-/// Returns the measured edges from side to side, and both sides between the outermost edges.
+/// Returns the lines of a rod, px: each measured edge from side to side, then both sides between the outermost edges.
 pub fn segments(rod: &Rod) -> Vec<Segment> {
     let (sin, cos) = rod.tilt_deg.value.to_radians().sin_cos();
     let half = rod.half_width_px.value;
-    let ends = |y: f64| {
+    let edge_ends = |y: f64| {
         let x = rod.x_px.value + (y - rod.y_px.value) * sin / cos;
         [[x - half * cos, y + half * sin], [x + half * cos, y - half * sin]]
     };
     let places: Vec<f64> = rod.edges.iter().flatten().filter_map(|edge| edge.y_px).map(|y| y.value).collect();
-    let mut lines: Vec<Segment> = places.iter().map(|y| ends(*y)).collect();
+    let mut lines: Vec<Segment> = places.iter().map(|y| edge_ends(*y)).collect();
     if let (Some(first), Some(last)) = (places.first(), places.last()) {
-        let (upper, lower) = (ends(*first), ends(*last));
+        let (upper, lower) = (edge_ends(*first), edge_ends(*last));
         lines.extend([[upper[0], lower[0]], [upper[1], lower[1]]]);
     }
     lines

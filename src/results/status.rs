@@ -17,7 +17,7 @@ named_enum! {
         Ambiguous = 3 "ambiguous",
         /// Measured, but the neighbours disagree; a collision: measured, but no fixed surface and no fall explains it.
         Outlier = 4 "outlier",
-        /// Hidden behind something.
+        /// Covered by something in front of it.
         Occluded = 5 "occluded",
         /// The subset or the body reaches over the edge of the image.
         OutOfFrame = 6 "out-of-frame",

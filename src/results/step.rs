@@ -63,7 +63,8 @@ impl RigidStep {
         points: 0,
     };
 
-    /// Adds the uncertainty that the rotation about a centre uncertain by `center_sigma_px` brings.
+    /// Adds the uncertainty of rotating about a centre that is uncertain by `center_sigma_px`, px: the rotation in rad
+    /// times that uncertainty.
     #[must_use]
     pub fn about(self, center_sigma_px: f64) -> Self {
         let sigma_px = self.dtheta_deg.to_radians() * center_sigma_px;
@@ -104,7 +105,7 @@ pub struct Outline {
 }
 
 impl Outline {
-    /// An outline of this shape and origin.
+    /// Returns an outline of this shape and origin, without a visible share by its rim.
     #[must_use]
     pub fn new(shape: OutlineShape, origin: OutlineOrigin) -> Self {
         Self { shape, origin, rim_fraction: None }
@@ -147,7 +148,7 @@ named_enum! {
         Subsets = 1 "subsets",
         /// A rigid match of the whole body with a stored reference.
         WholeBody = 2 "whole-body",
-        /// The outlines of the body in both frames, which say nothing about its rotation.
+        /// The outlines of the body in both frames, which leave its rotation open.
         Outlines = 3 "outlines",
     }
 }

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use serde_json::json;
 
-use super::{BenchOptions, rate, timed};
+use super::{BenchOptions, rate_per_s, timed};
 use crate::ball::{BallFinder, BallParams, Presence};
 use crate::camera::simulated;
 use crate::dic::grid;
@@ -27,8 +27,9 @@ const MOTION: PlanarMotion = PlanarMotion { u_px: 0.37, v_px: -0.21, angle_deg: 
 /// Grid step, px: 60 subsets of 31 x 31 px on a ball of 120 px.
 const STEP_PX: u32 = 9;
 
-/// Margin that is prepared around a predicted ball and around a searched one, px.
+/// The margin that is prepared around a predicted ball, px.
 const PREDICTED_PX: f64 = 8.0;
+/// The margin that is prepared around a searched ball, px.
 const SEARCHED_PX: f64 = 22.0;
 
 /// Frames per block; in the first of them the ball is searched for anywhere.
@@ -92,6 +93,7 @@ struct Film {
 }
 
 impl Film {
+    /// Draws a film of a moving ball of 120 px.
     fn new() -> Result<Self, Failure> {
         let mut scenario = Scenario::translation(MOTION.u_px, MOTION.v_px, MOTION.angle_deg);
         scenario.camera.frames = 64;
@@ -119,7 +121,7 @@ impl Film {
         let mut failed = None;
         let mut measured: Vec<Measured> = Vec::new();
         let mut seconds = vec![Vec::new(); self.frames.len()];
-        rate(duration, || {
+        rate_per_s(duration, || {
             measurer.reset();
             for ((meta, bytes), seconds) in self.frames.iter().zip(&mut seconds) {
                 measured.clear();
@@ -150,10 +152,11 @@ impl Film {
         let mut finder = BallFinder::new(&self.ball, 512, 512)?;
         let circle = finder.find(first.view()).ok_or_else(|| Failure::internal("cannot find the ball of the film"))?;
         let moved = Circle { x_px: circle.x_px + MOTION.u_px, y_px: circle.y_px + MOTION.v_px, ..circle };
-        let cold = rate(duration, || usize::from(finder.find(second.view()).is_some()));
+        let cold = rate_per_s(duration, || usize::from(finder.find(second.view()).is_some()));
         // The whole-body match has confirmed the ball.
-        let follow =
-            rate(duration, || usize::from(finder.follow_closely(second.view(), &moved, Presence::Certain).is_some()));
+        let follow = rate_per_s(duration, || {
+            usize::from(finder.follow_closely(second.view(), &moved, Presence::Certain).is_some())
+        });
         let images = (&first, &second);
         let mut pair = Pair::new(&circle, images, Shape::Affine, PREDICTED_PX)?;
         let mut anywhere = Pair::new(&circle, images, Shape::Affine, SEARCHED_PX)?;
@@ -161,19 +164,20 @@ impl Film {
         let subsets = pair.points.len();
         let part = part_around(&circle, PREDICTED_PX);
         let (meta, bytes) = &self.frames[21];
-        let unpack =
-            rate(duration, || usize::from(Frame { meta: *meta, bytes }.unpack_part(part.into(), &mut second).is_ok()));
-        let ready = rate(duration, || {
+        let unpack = rate_per_s(duration, || {
+            usize::from(Frame { meta: *meta, bytes }.unpack_part(part.into(), &mut second).is_ok())
+        });
+        let ready = rate_per_s(duration, || {
             pair.correlator.prepare_part_into(second.view(), part, &mut pair.target);
             1
         });
-        let predicted = rate(duration, || pair.subsets(pair.near));
-        let fit = rate(duration, || pair.fit(&circle));
-        let neighbor = rate(duration, || anywhere.subsets(Start::Neighbor));
-        let whole = rate(duration, || usize::from(pair.whole(&circle)));
+        let predicted = rate_per_s(duration, || pair.correlate_subsets(pair.near));
+        let fit = rate_per_s(duration, || pair.fit_motion(&circle));
+        let neighbor = rate_per_s(duration, || anywhere.correlate_subsets(Start::Neighbor));
+        let whole = rate_per_s(duration, || usize::from(pair.match_ball(&circle)));
         let kept = still.correlator.keep(still.reference.clone(), &still.points);
         let mut field = Vec::new();
-        let translation = rate(duration, || {
+        let translation = rate_per_s(duration, || {
             still.correlator.correlate_kept(&kept, &still.target, still.near, &mut field);
             1
         });
@@ -205,6 +209,7 @@ struct Pair {
 }
 
 impl Pair {
+    /// Prepares two frames and the ball in them, with a margin of `around_px` around it.
     fn new(circle: &Circle, (first, second): (&Image, &Image), shape: Shape, around_px: f64) -> Result<Self, Failure> {
         let params = CorrelationParams { step_px: STEP_PX, shape, ..CorrelationParams::default() };
         let correlator = Correlator::new(&params, 512, 512)?;
@@ -222,28 +227,28 @@ impl Pair {
         Ok(Self { correlator, reference, target, points, near, body, field: Vec::new() })
     }
 
-    /// Correlates all subsets with a new reference.
-    fn subsets(&mut self, start: Start) -> usize {
+    /// Correlates all subsets with a new reference; returns 1, a field.
+    fn correlate_subsets(&mut self, start: Start) -> usize {
         self.correlator.correlate(&self.reference, &self.target, &self.points, start, &mut self.field);
         1
     }
 
-    /// Fits the rigid motion of the last field.
-    fn fit(&mut self, circle: &Circle) -> usize {
+    /// Fits the rigid motion of the last field; returns the number of motions found.
+    fn fit_motion(&mut self, circle: &Circle) -> usize {
         let subset_px = self.correlator.params().subset_size_px;
         let motion = rigid_fit_near(&mut self.field, Point::new(circle.x_px, circle.y_px), subset_px, Some(MOTION));
         usize::from(motion.is_some())
     }
 
-    /// Matches the whole ball, from a start as far off as a typical prediction.
-    fn whole(&mut self, circle: &Circle) -> bool {
+    /// Matches the whole ball, from a start as far off as a typical prediction; returns whether it was found.
+    fn match_ball(&mut self, circle: &Circle) -> bool {
         let PlanarMotion { u_px, v_px, angle_deg } = MOTION;
         let near = PlanarMotion { u_px: u_px - 0.004, v_px: v_px + 0.003, angle_deg: angle_deg + 0.006 };
         self.body.find_visible(&self.target, Point::new(circle.x_px, circle.y_px), near).is_ok()
     }
 }
 
-/// Returns the part of a frame that holds a ball and a margin.
+/// Returns the part of a frame (x, y, width, height) that holds a ball and a margin, px.
 fn part_around(circle: &Circle, around_px: f64) -> [u32; 4] {
     let reach = circle.radius_px + around_px;
     let side = (2.0 * reach).ceil() as u32 + 1;

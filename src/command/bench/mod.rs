@@ -54,9 +54,9 @@ pub fn run(options: &BenchOptions) -> Result<Outcome, Failure> {
     Ok(Outcome::Clean)
 }
 
-/// Returns the sum of the calls' results per second over a duration.
+/// Returns the sum of the results of `round` per second, called again and again over a duration.
 #[expect(clippy::disallowed_methods, reason = "a benchmark reads the clock")]
-fn rate(duration: Duration, mut round: impl FnMut() -> usize) -> f64 {
+fn rate_per_s(duration: Duration, mut round: impl FnMut() -> usize) -> f64 {
     let (start, mut points) = (Instant::now(), 0);
     while start.elapsed() < duration {
         points += round();

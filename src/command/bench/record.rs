@@ -11,7 +11,9 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+/// The side of a frame, px.
 const SIDE_PX: u32 = 512;
+/// The size of a frame, bytes.
 const FRAME_BYTES: usize = (SIDE_PX * SIDE_PX) as usize;
 /// Frames per turn, 134 MB.
 const FRAMES: u64 = 512;
@@ -36,24 +38,25 @@ struct Timing {
 ///
 /// When the directory cannot be written, or the result cannot be printed.
 pub(super) fn run(options: &BenchOptions) -> Result<(), Failure> {
-    let pool: Vec<Vec<u8>> = (1..=POOL as u32).map(noise).collect();
+    let pool: Vec<Vec<u8>> = (1..=POOL as u32).map(noise_frame).collect();
     let files = Files::new(&options.directory);
     let (mut plain, mut recorded) = (Vec::new(), Vec::new());
     let start = now();
     while plain.len() < TURNS.start || (start.elapsed().as_secs_f64() < options.seconds && plain.len() < TURNS.end) {
         // The order alternates because the previous write still fills the queue of the disk.
         if plain.len() % 2 == 0 {
-            plain.push(files.plain(&pool)?);
-            recorded.push(files.recording(&pool)?);
+            plain.push(files.write_plain(&pool)?);
+            recorded.push(files.write_recording(&pool)?);
         } else {
-            recorded.push(files.recording(&pool)?);
-            plain.push(files.plain(&pool)?);
+            recorded.push(files.write_recording(&pool)?);
+            plain.push(files.write_plain(&pool)?);
         }
     }
-    print(options, &plain, &recorded)
+    print_medians(options, &plain, &recorded)
 }
 
-fn print(options: &BenchOptions, plain: &[Timing], recorded: &[Timing]) -> Result<(), Failure> {
+/// Prints the medians of both ways to write, and their ratio turn by turn.
+fn print_medians(options: &BenchOptions, plain: &[Timing], recorded: &[Timing]) -> Result<(), Failure> {
     let rate = |timing: &Timing| FRAMES as f64 / timing.wall_s;
     let cpu_us = |timing: &Timing| timing.cpu_s * 1e6 / FRAMES as f64;
     let rates = [median(plain.iter().map(rate)), median(recorded.iter().map(rate))];
@@ -92,13 +95,15 @@ struct Files {
 }
 
 impl Files {
+    /// Names files of this process in a directory.
     fn new(directory: &Path) -> Self {
         let name = |ending: &str| directory.join(format!(".ricochet-bench-{}.{ending}", std::process::id()));
         Self { plain: name("raw"), recording: name("mcap") }
     }
 
-    fn plain(&self, pool: &[Vec<u8>]) -> Result<Timing, Failure> {
-        let timing = timed(|| {
+    /// Writes the frames as plain bytes, synced as often as a recording, and removes the file.
+    fn write_plain(&self, pool: &[Vec<u8>]) -> Result<Timing, Failure> {
+        let timing = time_write(|| {
             let mut file = File::create(&self.plain)
                 .map_err(|error| Failure::internal(format!("cannot write {}: {error}", self.plain.display())))?;
             for number in 0..FRAMES {
@@ -113,8 +118,9 @@ impl Files {
         timing
     }
 
-    fn recording(&self, pool: &[Vec<u8>]) -> Result<Timing, Failure> {
-        let timing = timed(|| {
+    /// Writes the frames as a recording, and removes it.
+    fn write_recording(&self, pool: &[Vec<u8>]) -> Result<Timing, Failure> {
+        let timing = time_write(|| {
             let options = WriterOptions::default();
             let mut writer = RecordingWriter::create(&self.recording, &RecordingInfo::default(), &options)?;
             for sequence in 0..FRAMES {
@@ -137,6 +143,7 @@ impl Files {
         timing
     }
 
+    /// Removes all files that exist.
     fn remove(&self) {
         for path in [&self.plain, &self.recording, &part_path(&self.recording)] {
             // Most of them do not exist.
@@ -151,12 +158,14 @@ impl Drop for Files {
     }
 }
 
-fn timed(write: impl FnOnce() -> Result<(), Failure>) -> Result<Timing, Failure> {
+/// Runs a write and returns its duration and processor time.
+fn time_write(write: impl FnOnce() -> Result<(), Failure>) -> Result<Timing, Failure> {
     let (start, before_s) = (now(), cpu_s());
     write()?;
     Ok(Timing { wall_s: start.elapsed().as_secs_f64(), cpu_s: cpu_s() - before_s })
 }
 
+/// Reads the clock.
 #[expect(clippy::disallowed_methods, reason = "a benchmark reads the clock")]
 fn now() -> Instant {
     Instant::now()
@@ -168,8 +177,9 @@ fn cpu_s() -> f64 {
     time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
 }
 
-/// Returns an incompressible frame (Marsaglia's xorshift).
-fn noise(seed: u32) -> Vec<u8> {
+/// Returns an incompressible frame of random bytes, for a seed other than 0 (Marsaglia's xorshift,
+/// doi:10.18637/jss.v008.i14).
+fn noise_frame(seed: u32) -> Vec<u8> {
     let mut state = seed;
     let mut next = || {
         state ^= state << 13;
@@ -180,6 +190,7 @@ fn noise(seed: u32) -> Vec<u8> {
     (0..FRAME_BYTES / 4).flat_map(|_| next()).collect()
 }
 
+/// Returns the median; 0 of nothing.
 fn median(values: impl Iterator<Item = f64>) -> f64 {
     quantile(&mut values.collect::<Vec<_>>(), 0.5).unwrap_or(0.0)
 }

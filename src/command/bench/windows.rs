@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use serde_json::json;
 
-use super::{BenchOptions, rate};
+use super::{BenchOptions, rate_per_s};
 use crate::dic::grid;
 use crate::dic::{
     CorrelationParams, Correlator, GridPoint, KernelBenchmark, Method, PlanarMotion, Point, Region, RigidBody, Shape,
@@ -49,6 +49,7 @@ enum Kind {
     Arithmetic,
 }
 
+/// The number of points of a round.
 #[derive(Clone, Copy, PartialEq)]
 enum Points {
     Field,
@@ -80,6 +81,7 @@ const CASES: [Case; 10] = [
     case("limit: register arithmetic", Kind::Arithmetic, Method::IcGn, Shape::Translation, Points::Few),
 ];
 
+/// Returns a case, so that the table above has one line for each.
 const fn case(name: &'static str, kind: Kind, method: Method, shape: Shape, points: Points) -> Case {
     Case { name, kind, method, shape, points }
 }
@@ -92,17 +94,18 @@ const fn case(name: &'static str, kind: Kind, method: Method, shape: Shape, poin
 ///
 /// When the result cannot be printed.
 pub(super) fn run(options: &BenchOptions) -> Result<(), Failure> {
-    let most = options.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from)).max(1);
-    let counts = (0..usize::BITS).map(|power| 1 << power).take_while(|count| *count < most).chain([most]);
+    let max_threads =
+        options.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from)).max(1);
+    let counts = (0..usize::BITS).map(|power| 1 << power).take_while(|count| *count < max_threads).chain([max_threads]);
     let counts: Vec<usize> = counts.collect();
-    let frames = (pattern(Point::default(), 1), pattern(SHIFT, 2));
+    let frames = (render_speckles(Point::default(), 1), render_speckles(SHIFT, 2));
     let duration = Duration::from_secs_f64(options.seconds.clamp(0.01, 60.0));
     let mut rows = Vec::new();
     for case in CASES {
         let mut rates = vec![Vec::new(); counts.len()];
         for _ in 0..TURNS {
             for (threads, rates) in counts.iter().zip(&mut rates) {
-                rates.push(measure(&case, *threads, &frames, duration / TURNS)?);
+                rates.push(measure_rate(&case, *threads, &frames, duration / TURNS)?);
             }
         }
         for (threads, own) in counts.iter().zip(&rates) {
@@ -111,11 +114,11 @@ pub(super) fn run(options: &BenchOptions) -> Result<(), Failure> {
             rows.push(Row { name: case.name, threads: *threads, points_per_s, speedup });
         }
     }
-    print(&rows, &parts(&frames, duration), options.json)
+    print_rates(&rows, &time_parts(&frames, duration), options.json)
 }
 
 /// Measures the time of each part of a match on one thread, us.
-fn parts(frames: &(Image, Image), duration: Duration) -> [(&'static str, f64); 5] {
+fn time_parts(frames: &(Image, Image), duration: Duration) -> [(&'static str, f64); 5] {
     // Rotated by 1 deg, so that no iteration takes the shortcut for pure translation.
     let motion = PlanarMotion { u_px: SHIFT.x_px, v_px: SHIFT.y_px, angle_deg: 1.0 };
     let mut parts = KernelBenchmark::new(frames.0.view(), frames.1.view(), motion);
@@ -123,7 +126,7 @@ fn parts(frames: &(Image, Image), duration: Duration) -> [(&'static str, f64); 5
     let (second, mut next) = (frames.1.view(), points.iter().copied().cycle());
     let mut time = |part: &mut dyn FnMut(&mut KernelBenchmark, GridPoint) -> bool| {
         let mut call = |at| std::hint::black_box(part(&mut parts, at));
-        1e6 / rate(duration, || next.by_ref().take(64).map(&mut call).count())
+        1e6 / rate_per_s(duration, || next.by_ref().take(64).map(&mut call).count())
     };
     [
         (
@@ -140,7 +143,8 @@ fn parts(frames: &(Image, Image), duration: Duration) -> [(&'static str, f64); 5
     ]
 }
 
-fn print(rows: &[Row], parts: &[(&str, f64)], as_json: bool) -> Result<(), Failure> {
+/// Prints the rates of the methods and the times of the parts, as a table or as JSON.
+fn print_rates(rows: &[Row], parts: &[(&str, f64)], as_json: bool) -> Result<(), Failure> {
     let mut out = std::io::stdout().lock();
     if as_json {
         let row = |row: &Row| {
@@ -183,10 +187,10 @@ fn print(rows: &[Row], parts: &[(&str, f64)], as_json: bool) -> Result<(), Failu
 }
 
 /// Returns the points per second of all threads together.
-fn measure(case: &Case, threads: usize, frames: &(Image, Image), duration: Duration) -> Result<f64, Failure> {
+fn measure_rate(case: &Case, threads: usize, frames: &(Image, Image), duration: Duration) -> Result<f64, Failure> {
     let ready = Barrier::new(threads);
     std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(|| work(case, frames, duration, &ready))).collect();
+        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(|| run_case(case, frames, duration, &ready))).collect();
         let mut sum = 0.0;
         for worker in workers {
             sum += worker.join().map_err(|_| Failure::internal("a worker of the benchmark panicked"))??;
@@ -196,7 +200,7 @@ fn measure(case: &Case, threads: usize, frames: &(Image, Image), duration: Durat
 }
 
 /// Returns the points per second of one thread after all threads are ready.
-fn work(case: &Case, frames: &(Image, Image), duration: Duration, ready: &Barrier) -> Result<f64, Failure> {
+fn run_case(case: &Case, frames: &(Image, Image), duration: Duration, ready: &Barrier) -> Result<f64, Failure> {
     let params =
         CorrelationParams { method: case.method, shape: case.shape, step_px: STEP_PX, ..CorrelationParams::default() };
     let mut correlator = Correlator::new(&params, SIDE, SIDE)?;
@@ -234,16 +238,19 @@ fn work(case: &Case, frames: &(Image, Image), duration: Duration, ready: &Barrie
     };
     round(&mut field);
     ready.wait();
-    Ok(rate(duration, || round(&mut field)))
+    Ok(rate_per_s(duration, || round(&mut field)))
 }
 
-/// Returns the median.
+/// Returns the median; NaN of nothing.
 fn median(figures: impl Iterator<Item = f64>) -> f64 {
     quantile(&mut figures.collect::<Vec<_>>(), 0.5).unwrap_or(f64::NAN)
 }
 
-/// Renders speckle discs of 3 to 6 px with soft edges, shifted, with noise.
-fn pattern(shift: Point, noise_seed: u32) -> Image {
+/// Renders speckle discs of 3 to 6 px with soft edges and uniform noise, shifted by `shift`.
+///
+/// The discs are the same for every noise seed. Random numbers are those of Marsaglia's xorshift
+/// (doi:10.18637/jss.v008.i14).
+fn render_speckles(shift: Point, noise_seed: u32) -> Image {
     let mut state = 7_u32;
     let random = |state: &mut u32| {
         *state ^= *state << 13;
@@ -279,9 +286,9 @@ mod tests {
 
     #[test]
     fn every_case_measures_a_rate() {
-        let frames = (pattern(Point::default(), 1), pattern(SHIFT, 2));
+        let frames = (render_speckles(Point::default(), 1), render_speckles(SHIFT, 2));
         for case in CASES {
-            let rate = measure(&case, 1, &frames, Duration::from_millis(1)).unwrap();
+            let rate = measure_rate(&case, 1, &frames, Duration::from_millis(1)).unwrap();
             assert!(rate > 0.0, "{}", case.name);
         }
     }

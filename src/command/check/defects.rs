@@ -4,22 +4,25 @@ use super::grab::Grabbed;
 use crate::failure::Failure;
 use crate::image::{Correction, Frame, Image, PixelRect};
 
-/// A defective pixel differs from all but one of its neighbours by this many standard deviations of the noise ...
-const NOISES: f64 = 10.0;
-/// ... and by this fraction of full scale, since a lens spreads an object over more than two pixels.
-const SHARE: f64 = 0.06;
-/// Fraction of the frames in which it does.
-const FRAMES_SHARE: f64 = 0.9;
+/// The minimum difference of a defective pixel from all but one of its neighbours, standard deviations of the noise.
+const MIN_NOISE_SIGMAS: f64 = 10.0;
+/// The minimum difference of a defective pixel relative to full scale. A lens spreads an object over more than two
+/// pixels.
+const MIN_FULL_SCALE_SHARE: f64 = 0.06;
+/// The minimum fraction of the frames in which a defective pixel stands out.
+const MIN_FRAMES_SHARE: f64 = 0.9;
 
 /// Returns column and row of the pixels that stand out from their neighbours in nearly every kept frame.
-pub(super) fn find(
+///
+/// `noise_dn` is the temporal noise and `full_dn` full scale, both in DN.
+pub(super) fn find_defects(
     grabbed: &Grabbed,
     correction: &Correction,
     noise_dn: f64,
     full_dn: f64,
 ) -> Result<Vec<[u32; 2]>, Failure> {
     let (width, height) = (grabbed.format.width_px as usize, grabbed.format.height_px as usize);
-    let min_dn = (NOISES * noise_dn).max(SHARE * full_dn) as f32;
+    let min_dn = (MIN_NOISE_SIGMAS * noise_dn).max(MIN_FULL_SCALE_SHARE * full_dn) as f32;
     let (mut image, mut counts) = (Image::default(), vec![0_u32; width * height]);
     for (meta, bytes) in &grabbed.frames {
         image.reshape(width, height);
@@ -32,7 +35,7 @@ pub(super) fn find(
         let places = counts.iter_mut().enumerate();
         places.for_each(|(at, count)| *count += u32::from(stands_out(data, (at % width, at / width), width, min_dn)));
     }
-    let min_frames = FRAMES_SHARE * grabbed.frames.len() as f64;
+    let min_frames = MIN_FRAMES_SHARE * grabbed.frames.len() as f64;
     let found = counts.iter().enumerate().filter(|(_, count)| **count > 0 && f64::from(**count) >= min_frames);
     Ok(found.map(|(at, _)| [(at % width) as u32, (at / width) as u32]).collect())
 }
@@ -47,16 +50,16 @@ fn stands_out(data: &[f32], (x, y): (usize, usize), width: usize, min_dn: f32) -
         for column in x.saturating_sub(1)..(x + 2).min(width) {
             if (column, row) != (x, y) {
                 let near = data[row * width + column];
-                keep(&mut brighter, near - level);
-                keep(&mut darker, level - near);
+                keep_largest_two(&mut brighter, near - level);
+                keep_largest_two(&mut darker, level - near);
             }
         }
     }
     brighter[1] < -min_dn || darker[1] < -min_dn
 }
 
-/// Keeps the two largest numbers.
-fn keep(largest: &mut [f32; 2], number: f32) {
+/// Adds a number to the two largest ones, the largest first.
+fn keep_largest_two(largest: &mut [f32; 2], number: f32) {
     if number > largest[0] {
         *largest = [number, largest[0]];
     } else {

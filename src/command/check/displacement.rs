@@ -10,8 +10,9 @@ use crate::results::{PairField, PointStatus, RigidStep};
 
 /// A body is static if its mean motion is below this many standard errors, or below `STILL_PX` and `STILL_DEG`.
 const STILL_SIGMAS: f64 = 5.0;
-/// Negligible motion, px and deg per frame.
+/// The negligible motion, px per frame.
 const STILL_PX: f64 = 0.01;
+/// The negligible rotation, deg per frame.
 const STILL_DEG: f64 = 0.01;
 
 /// Minimum number of displacements for a scatter.
@@ -50,7 +51,7 @@ impl Floor {
 /// # Errors
 ///
 /// When the frames cannot be measured.
-pub(super) fn floor(config: &Config, grabbed: &Grabbed) -> Result<Floor, Failure> {
+pub(super) fn measure_floor(config: &Config, grabbed: &Grabbed) -> Result<Floor, Failure> {
     let format = grabbed.format;
     let (params, _) = analysis_params(config, &format);
     let shortest = params.intervals_frames[0];
@@ -76,15 +77,15 @@ pub(super) fn floor(config: &Config, grabbed: &Grabbed) -> Result<Floor, Failure
             measured.step.motion.filter(RigidStep::has_rotation).map(|step| [step.dx_px, step.dy_px, step.dtheta_deg])
         })
         .collect();
-    let moves = motion(&steps);
+    let moves = significant_motion(&steps);
     let still = moves.is_none();
-    let spreads = spreads(&steps);
+    let spreads = standard_deviations(&steps);
     let body = |axes: &[usize]| {
         let squares = axes.iter().map(|axis| spreads.map(|spreads| spreads[*axis].powi(2))).sum::<Option<f64>>();
         squares.filter(|_| still).map(|squares| (squares / axes.len() as f64).sqrt())
     };
     Ok(Floor {
-        subset_px: subsets(&measured).filter(|_| still),
+        subset_px: subset_scatter_px(&measured).filter(|_| still),
         body_px: body(&[0, 1]),
         body_deg: body(&[2]),
         moves,
@@ -95,19 +96,21 @@ pub(super) fn floor(config: &Config, grabbed: &Grabbed) -> Result<Floor, Failure
     })
 }
 
+/// Returns the mean of each component: dx and dy in px, rotation in deg.
 fn means(steps: &[[f64; 3]]) -> [f64; 3] {
     std::array::from_fn(|axis| steps.iter().map(|step| step[axis]).sum::<f64>() / steps.len() as f64)
 }
 
-fn spreads(steps: &[[f64; 3]]) -> Option<[f64; 3]> {
+/// Returns the sample standard deviation of each component; `None` for fewer than two steps.
+fn standard_deviations(steps: &[[f64; 3]]) -> Option<[f64; 3]> {
     let means = means(steps);
     let squares = |axis: usize| steps.iter().map(|step| (step[axis] - means[axis]).powi(2)).sum::<f64>();
     (steps.len() >= 2).then(|| std::array::from_fn(|axis| (squares(axis) / (steps.len() as f64 - 1.0)).sqrt()))
 }
 
 /// Returns the mean motion per frame, px and deg, if it is significant.
-fn motion(steps: &[[f64; 3]]) -> Option<(f64, f64)> {
-    let (means, spreads) = (means(steps), spreads(steps)?);
+fn significant_motion(steps: &[[f64; 3]]) -> Option<(f64, f64)> {
+    let (means, spreads) = (means(steps), standard_deviations(steps)?);
     let clear = |axis: usize, still: f64| {
         means[axis].abs() > still && means[axis].abs() > STILL_SIGMAS * spreads[axis] / (steps.len() as f64).sqrt()
     };
@@ -115,8 +118,10 @@ fn motion(steps: &[[f64; 3]]) -> Option<(f64, f64)> {
         .then(|| (means[0].hypot(means[1]), means[2].abs()))
 }
 
-/// Returns the scatter of the subset displacements over all frames, root mean square over both axes.
-fn subsets(measured: &[Measured]) -> Option<f64> {
+/// Returns the scatter of the subset displacements over all frames, root mean square over both axes, px.
+///
+/// `None` for fewer than [`MIN_POINTS`] valid displacements.
+fn subset_scatter_px(measured: &[Measured]) -> Option<f64> {
     let fields = measured.iter().filter_map(|measured| measured.field.as_ref());
     let valid = fields.flat_map(|field| &field.points).filter(|point| point.status == PointStatus::Valid);
     let moved: Vec<[f64; 2]> = valid

@@ -66,7 +66,7 @@ pub(super) struct Seen<'a> {
 }
 
 /// Returns `Good` below `fair`, `Fair` below `bad`, else `Bad`.
-fn rising(value: f64, fair: f64, bad: f64) -> Verdict {
+fn verdict_by_limits(value: f64, fair: f64, bad: f64) -> Verdict {
     match value {
         _ if value >= bad => Verdict::Bad,
         _ if value >= fair => Verdict::Fair,
@@ -74,6 +74,7 @@ fn rising(value: f64, fair: f64, bad: f64) -> Verdict {
     }
 }
 
+/// Returns a finding. Without a value its verdict is `Unknown`.
 fn finding(name: &'static str, value: Option<f64>, unit: &'static str, verdict: Verdict, words: &str) -> Finding {
     Finding {
         name,
@@ -87,11 +88,13 @@ fn finding(name: &'static str, value: Option<f64>, unit: &'static str, verdict: 
 impl Seen<'_> {
     /// Returns all findings, in the order in which a rig is set up.
     pub(super) fn findings(&self) -> Vec<Finding> {
-        let groups = [self.stream(), self.light(), self.pattern(), self.displacement()];
+        let groups =
+            [self.stream_findings(), self.light_findings(), self.pattern_findings(), self.displacement_findings()];
         groups.into_iter().flatten().collect()
     }
 
-    fn stream(&self) -> Vec<Finding> {
+    /// Returns the findings about lost frames, the frame rate, and whether the workers keep up with it.
+    fn stream_findings(&self) -> Vec<Finding> {
         let (grabbed, wanted_hz) = (self.grabbed, self.grabbed.format.frame_rate_hz);
         let lost = match grabbed.lost {
             0 if grabbed.is_live => finding("lost-frames", Some(0.0), "", Verdict::Good, "no frame lost"),
@@ -137,48 +140,51 @@ impl Seen<'_> {
         ]
     }
 
-    fn light(&self) -> Vec<Finding> {
+    /// Returns the findings about clipping, contrast, noise, defective pixels and flicker.
+    fn light_findings(&self) -> Vec<Finding> {
         let levels = &self.levels;
-        let saturated = rising(levels.saturated, 5e-4, 1e-2);
+        let saturated = verdict_by_limits(levels.saturated, 5e-4, 1e-2);
         let words = match saturated {
             Verdict::Good => "no highlights are clipped",
             _ => "highlights are clipped: reduce light, exposure, gain or aperture",
         };
-        let black = rising(levels.black, 0.05, 0.5);
+        let black = verdict_by_limits(levels.black, 0.05, 0.5);
         let dark = match black {
             Verdict::Good => "no shadows are clipped",
             _ => "shadows are clipped: add light, or raise the black level",
         };
         let contrast = (levels.high_dn - levels.low_dn) / self.full_dn;
-        let flat = rising(1.0 - contrast, 0.75, 0.92);
+        let flat = verdict_by_limits(1.0 - contrast, 0.75, 0.92);
         let contrasty = match flat {
             Verdict::Good => "the pattern uses the range of the camera",
             _ => "low contrast: add light, use darker paint, or a longer exposure if motion blur allows",
         };
         let noise = levels.noise_dn.map(|noise_dn| noise_dn / (levels.high_dn - levels.low_dn).max(1e-9));
-        let noisy = rising(noise.unwrap_or(0.0), 0.05, 0.25);
+        let noisy = verdict_by_limits(noise.unwrap_or(0.0), 0.05, 0.25);
         let words_of_noise = match (noise, noisy) {
             (None, _) => "not measured: the scene moves, or the image is clipped",
             (_, Verdict::Good) => "small compared with the contrast",
             _ => "large compared with the contrast: add light and reduce the gain",
         };
-        let (share, unsteady) = self
-            .flicker
-            .map_or((None, Verdict::Good), |flicker| (Some(flicker.share), rising(flicker.share, 0.02, 0.25)));
+        let (share, unsteady) = self.flicker.map_or((None, Verdict::Good), |flicker| {
+            (Some(flicker.share), verdict_by_limits(flicker.share, 0.02, 0.25))
+        });
         vec![
             finding("saturated", Some(levels.saturated), "", saturated, words),
             finding("black", Some(levels.black), "", black, dark),
             finding("contrast", Some(contrast), "", flat, contrasty),
             finding("noise", levels.noise_dn, "DN", noisy, words_of_noise),
-            self.fixed_pattern(),
-            self.defective(),
-            finding("flicker", share, "", unsteady, &self.words_of_flicker(unsteady)),
+            self.fixed_pattern_finding(),
+            self.defects_finding(),
+            finding("flicker", share, "", unsteady, &self.flicker_advice(unsteady)),
         ]
     }
 
-    fn fixed_pattern(&self) -> Finding {
-        let short = self.fixed.map_or(0.0, |fixed| fixed.short());
-        let verdict = rising(short, 1e-3, 1e-2);
+    /// Returns the finding about pixels that respond differently, by the underestimate of displacements that they
+    /// cause.
+    fn fixed_pattern_finding(&self) -> Finding {
+        let short = self.fixed.map_or(0.0, |fixed| fixed.underestimate_fraction());
+        let verdict = verdict_by_limits(short, 1e-3, 1e-2);
         let words = match (self.fixed, verdict) {
             (None, _) => "not measured: the scene moves, or too little of it is visible".into(),
             (_, Verdict::Good) => "pixels respond uniformly".into(),
@@ -192,7 +198,8 @@ impl Seen<'_> {
         finding("fixed-pattern", self.fixed.map(|fixed| fixed.dn), "DN", verdict, &words)
     }
 
-    fn defective(&self) -> Finding {
+    /// Returns the finding about hot and dead pixels.
+    fn defects_finding(&self) -> Finding {
         let pixels = self.defective_px;
         let shown: Vec<String> = pixels.iter().take(SHOWN_PIXELS).map(|[x, y]| format!("[{x}, {y}]")).collect();
         let more = if pixels.len() > shown.len() { "; --json lists all of them" } else { "" };
@@ -210,7 +217,8 @@ impl Seen<'_> {
         finding("defective-pixels", Some(pixels.len() as f64), "", verdict, &words)
     }
 
-    fn words_of_flicker(&self, verdict: Verdict) -> String {
+    /// Describes the flicker and names its cure.
+    fn flicker_advice(&self, verdict: Verdict) -> String {
         let Some(flicker) = self.flicker else { return "the image is black".into() };
         let often = flicker.frequency_hz.map_or_else(String::new, |hz| format!(" at {hz:.0} Hz"));
         let seen = flicker.seen_s;
@@ -222,8 +230,9 @@ impl Seen<'_> {
         }
     }
 
-    fn pattern(&self) -> Vec<Finding> {
-        let blurred = rising(self.blur_px.unwrap_or(0.0), 1.5, 2.5);
+    /// Returns the findings about focus, and about size and density of the speckles.
+    fn pattern_findings(&self) -> Vec<Finding> {
+        let blurred = verdict_by_limits(self.blur_px.unwrap_or(0.0), 1.5, 2.5);
         let focus = match (self.blur_px, blurred) {
             (None, _) => "not measured: there are no edges",
             (_, Verdict::Good) => "edges are sharp",
@@ -255,19 +264,20 @@ impl Seen<'_> {
         ]
     }
 
-    fn displacement(&self) -> Vec<Finding> {
+    /// Returns the findings about visible bodies, matched subsets and the noise floor of displacements.
+    fn displacement_findings(&self) -> Vec<Finding> {
         let floor = self.floor;
-        let found = rising(1.0 - floor.found, 0.05, 0.5);
+        let found = verdict_by_limits(1.0 - floor.found, 0.05, 0.5);
         let visible = match found {
             Verdict::Good => "a body is visible in every frame",
             _ => "bodies are not found: make them visible, and check roi_px, diameter_mm and the radii in the rig file",
         };
-        let valid = rising(1.0 - floor.valid, 0.1, 0.5);
+        let valid = verdict_by_limits(1.0 - floor.valid, 0.1, 0.5);
         let matched = match valid {
             Verdict::Good => "nearly every subset is matched",
             _ => "subsets are not matched: see pattern, light and focus above",
         };
-        let noisy = rising(floor.subset_px.unwrap_or(0.0), 0.05, 0.25);
+        let noisy = verdict_by_limits(floor.subset_px.unwrap_or(0.0), 0.05, 0.25);
         let compared =
             self.expected_px.map_or_else(String::new, |px| format!("; {px:.4} px expected from noise and pattern"));
         let words = match (floor.subset_px, floor.moves) {
@@ -285,12 +295,18 @@ impl Seen<'_> {
             finding("body-found", Some(floor.found), "", found, visible),
             finding("subsets-matched", Some(floor.valid), "", valid, matched),
             finding("noise-floor", floor.subset_px, "px", noisy, &words),
-            finding("noise-floor-body", floor.body_px, "px", rising(floor.body_px.unwrap_or(0.0), 0.02, 0.1), body),
+            finding(
+                "noise-floor-body",
+                floor.body_px,
+                "px",
+                verdict_by_limits(floor.body_px.unwrap_or(0.0), 0.02, 0.1),
+                body,
+            ),
             finding(
                 "noise-floor-rotation",
                 floor.body_deg,
                 "deg",
-                rising(floor.body_deg.unwrap_or(0.0), 0.02, 0.1),
+                verdict_by_limits(floor.body_deg.unwrap_or(0.0), 0.02, 0.1),
                 body,
             ),
         ]

@@ -27,13 +27,13 @@ pub(super) struct Fixed {
 }
 
 impl Fixed {
-    /// Returns the maximum relative underestimate of subpixel displacements of subsets.
+    /// Returns the maximum relative underestimate of subpixel displacements of subsets (no unit).
     ///
     /// The flattest parts are often the brightest, where gains differ by more, so this is an upper bound.
     ///
-    /// The pattern does not move. In the least squares of a match it votes for zero displacement with the square of
-    /// its own gradient, about its standard deviation, against that of the speckles.
-    pub(super) fn short(&self) -> f64 {
+    /// The pattern does not move. In the least squares of a match it votes for zero displacement with the square of its
+    /// own gradient, about its standard deviation, against that of the speckles.
+    pub(super) fn underestimate_fraction(&self) -> f64 {
         (self.dn / self.slope_dn_px).powi(2)
     }
 }
@@ -43,13 +43,14 @@ impl Fixed {
 ///
 /// It is estimated where the image is flattest, so that neighbouring pixels differ by the sensor and not by the
 /// scene.
-pub(super) fn fixed_dn(stack: &Stack, region: &Region, noise_dn: Option<f64>, full_dn: f64) -> Option<f64> {
+pub(super) fn fixed_pattern_dn(stack: &Stack, region: &Region, noise_dn: Option<f64>, full_dn: f64) -> Option<f64> {
     let data = stack.mean.view().data();
     let seen = |at: usize| region.mask[at] && f64::from(stack.highest[at]) < full_dn && stack.lowest[at] > 0.0;
     let whole = |at: usize| around(at, region.width).all(seen);
     let rows = REACH..region.height.saturating_sub(REACH);
     let places = rows.flat_map(|y| (REACH..region.width.saturating_sub(REACH)).map(move |x| y * region.width + x));
-    let residuals: Vec<[f32; 2]> = places.filter(|at| whole(*at)).map(|at| residual(data, at, region.width)).collect();
+    let residuals: Vec<[f32; 2]> =
+        places.filter(|at| whole(*at)).map(|at| unevenness_and_residual(data, at, region.width)).collect();
     if residuals.len() < MIN_PLACES {
         return None;
     }
@@ -59,13 +60,16 @@ pub(super) fn fixed_dn(stack: &Stack, region: &Region, noise_dn: Option<f64>, fu
     Some((spread_dn.powi(2) - noise_dn?.powi(2) / stack.frames as f64).max(0.0).sqrt())
 }
 
+/// Returns the indices of the 5 x 5 pixels around a pixel that is at least [`REACH`] from the edge, row by row.
 fn around(at: usize, width: usize) -> impl Iterator<Item = usize> {
     let first = at - REACH * width - REACH;
     (0..=2 * REACH).flat_map(move |y| (0..=2 * REACH).map(move |x| first + y * width + x))
 }
 
-/// Returns the local unevenness and curvature of the illumination, and the magnitude of the fourth difference.
-fn residual(data: &[f32], at: usize, width: usize) -> [f32; 2] {
+/// Returns the unevenness of the 5 x 5 pixels around a pixel, and the magnitude of their fourth difference.
+///
+/// The unevenness is the sum of the squared coefficients of their slopes, curvatures and twist, DN^2.
+fn unevenness_and_residual(data: &[f32], at: usize, width: usize) -> [f32; 2] {
     let (mut terms, mut fourth) = ([0.0_f64; 5], 0.0);
     for (k, near) in around(at, width).enumerate() {
         let (column, row) = (k % FOURTH.len(), k / FOURTH.len());

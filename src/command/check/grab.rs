@@ -14,6 +14,7 @@ pub(super) const KEPT: usize = 33;
 const ON_DEMAND_MAX: usize = 1000;
 /// Timeout of a silent camera.
 const SILENCE: Duration = Duration::from_secs(5);
+/// The time to wait for a frame before a stop is checked.
 const WAIT: Duration = Duration::from_millis(50);
 /// Row step for the mean grey level of a frame.
 const ROW_STEP: usize = 4;
@@ -33,7 +34,7 @@ pub(super) struct Grabbed {
 }
 
 impl Grabbed {
-    /// Returns the frame rate from the time stamps.
+    /// Returns the frame rate from the time stamps, lost frames included; `None` for a single frame.
     pub(super) fn rate_hz(&self) -> Option<f64> {
         let (last, count) = (self.means.last()?.0, self.means.len() as u64 - 1 + self.lost);
         (last > 0.0).then(|| count as f64 / last)
@@ -71,7 +72,7 @@ pub(super) fn grab(config: &Config, seconds: f64, stop: &Stop) -> Result<Grabbed
         match source.camera().next(WAIT)? {
             Next::Frame(mut slot, meta) => {
                 let from = *first_ns.get_or_insert(meta.stamp_ns);
-                grabbed.take(&meta, slot.bytes_mut(), from);
+                grabbed.add_frame(&meta, slot.bytes_mut(), from);
                 grabbed.lost += meta.sequence.saturating_sub(next.unwrap_or(meta.sequence));
                 next = Some(meta.sequence + 1);
                 torn = 0;
@@ -116,7 +117,8 @@ pub(super) fn grab(config: &Config, seconds: f64, stop: &Stop) -> Result<Grabbed
 }
 
 impl Grabbed {
-    fn take(&mut self, meta: &FrameMeta, bytes: &[u8], first_ns: u64) {
+    /// Adds the mean grey level of a frame, and keeps one of the first [`KEPT`] frames.
+    fn add_frame(&mut self, meta: &FrameMeta, bytes: &[u8], first_ns: u64) {
         let since_s = meta.stamp_ns.saturating_sub(first_ns) as f64 * 1e-9;
         self.means.push((since_s, mean_dn(meta, bytes)));
         if self.frames.len() < KEPT {
@@ -128,6 +130,7 @@ impl Grabbed {
     }
 }
 
+/// Returns the mean grey level of every [`ROW_STEP`]-th row, DN.
 fn mean_dn(meta: &FrameMeta, bytes: &[u8]) -> f64 {
     let (width, size) = (meta.width_px as usize, meta.format.bytes_per_pixel());
     let rows = (0..meta.height_px as usize).step_by(ROW_STEP);
@@ -143,6 +146,7 @@ fn mean_dn(meta: &FrameMeta, bytes: &[u8]) -> f64 {
     sum as f64 / count.max(1) as f64
 }
 
+/// Reads the clock.
 #[expect(clippy::disallowed_methods, reason = "how long is filmed, and when a camera is silent")]
 pub(super) fn now() -> Instant {
     Instant::now()

@@ -23,7 +23,7 @@ pub(super) struct Flicker {
 
 /// Estimates the flicker from times (s) and mean grey levels; returns `None` for fewer than three frames or black
 /// ones.
-pub(super) fn flicker(means: &[(f64, f64)]) -> Option<Flicker> {
+pub(super) fn estimate_flicker(means: &[(f64, f64)]) -> Option<Flicker> {
     let mean = means.iter().map(|(_, level)| level).sum::<f64>() / means.len() as f64;
     if means.len() < 3 || mean <= 0.0 {
         return None;
@@ -31,12 +31,16 @@ pub(super) fn flicker(means: &[(f64, f64)]) -> Option<Flicker> {
     let (low, high) = means.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), (_, v)| (low.min(*v), high.max(*v)));
     let share = 0.5 * (high - low) / mean;
     let seen_s = means[means.len() - 1].0 - means[0].0;
-    let frequency_hz = (share > MIN_AMPLITUDE && seen_s > 0.0).then(|| strongest(means, mean, share)).flatten();
+    let frequency_hz =
+        (share > MIN_AMPLITUDE && seen_s > 0.0).then(|| strongest_frequency_hz(means, mean, share)).flatten();
     Some(Flicker { share, frequency_hz, seen_s })
 }
 
-/// Returns the frequency of the strongest oscillation, from one and a half periods up to half the frame rate.
-fn strongest(means: &[(f64, f64)], mean: f64, share: f64) -> Option<f64> {
+/// Returns the frequency of the strongest oscillation, Hz, from one and a half periods up to half the frame rate.
+///
+/// `share` is half of the range of the levels relative to their `mean`. `None` for a slow drift, or if no single
+/// frequency explains most of it.
+fn strongest_frequency_hz(means: &[(f64, f64)], mean: f64, share: f64) -> Option<f64> {
     let means = &means[..means.len().min(MAX_FRAMES)];
     let seen_s = means[means.len() - 1].0 - means[0].0;
     let highest = 0.5 * (means.len() - 1) as f64 / seen_s;
@@ -69,20 +73,20 @@ mod tests {
 
     #[test]
     fn a_lamp_on_the_mains_has_its_amplitude_and_frequency() {
-        let flicker = flicker(&lamp(1000.0, 300, 0.08, 100.0)).unwrap();
+        let flicker = estimate_flicker(&lamp(1000.0, 300, 0.08, 100.0)).unwrap();
         assert!((flicker.share - 0.08).abs() < 0.005, "{flicker:?}");
         assert!((flicker.frequency_hz.unwrap() - 100.0).abs() < 2.0, "{flicker:?}");
     }
 
     #[test]
     fn a_swing_seen_for_less_than_a_period_has_no_such_frequency() {
-        let flicker = flicker(&lamp(10_000.0, 30, 0.08, 100.0)).unwrap();
+        let flicker = estimate_flicker(&lamp(10_000.0, 30, 0.08, 100.0)).unwrap();
         assert_eq!(flicker.frequency_hz, None);
     }
 
     #[test]
     fn a_steady_lamp_does_not_swing() {
-        let flicker = flicker(&lamp(1000.0, 100, 0.0, 1.0)).unwrap();
+        let flicker = estimate_flicker(&lamp(1000.0, 100, 0.0, 1.0)).unwrap();
         assert_eq!((flicker.share, flicker.frequency_hz), (0.0, None));
     }
 }

@@ -80,15 +80,15 @@ pub fn run(options: &CheckOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let config = Config::load(&options.config)?;
     config.check_sources()?;
     let grabbed = grab::grab(&config, options.seconds, stop)?;
-    let floor = displacement::floor(&config, &grabbed)?;
+    let floor = displacement::measure_floor(&config, &grabbed)?;
     let inspection = inspect(&config, &grabbed, &floor)?;
     if options.json {
-        print_line(&as_json(&config, &grabbed, &inspection).to_string());
+        print_line(&inspection_as_json(&config, &grabbed, &inspection).to_string());
     } else {
-        print(&inspection.findings);
+        print_findings(&inspection.findings);
     }
     if let Some(output) = &options.output {
-        write_file(output, page(&config, &grabbed, &inspection), options.overwrite)?;
+        write_file(output, findings_page(&config, &grabbed, &inspection), options.overwrite)?;
         if !options.json {
             print_line(&output.display().to_string());
         }
@@ -110,29 +110,31 @@ struct Inspection {
     defective_px: Vec<[u32; 2]>,
 }
 
+/// Computes the findings from the frames and from the noise floor measured in them.
 fn inspect(config: &Config, grabbed: &Grabbed, floor: &Floor) -> Result<Inspection, Failure> {
     let format = grabbed.format;
     let subset_px = config.correlation.subset_size_px;
     let (width, height) = (format.width_px as usize, format.height_px as usize);
-    let region = Region::of(&floor.first_fields(), subset_px, width, height);
+    let region = Region::of_subsets(&floor.first_fields(), subset_px, width, height);
     let correction = analysis_params(config, &format).0.correction(width, height)?;
     let max_frames = if floor.moves.is_some() { 1 } else { usize::MAX };
-    let stack = Stack::of(grabbed, max_frames, &correction)?;
+    let stack = Stack::new(grabbed, max_frames, &correction)?;
     let full_dn = f64::from((1_u32 << format.format.bits()) - 1);
-    let levels = texture::levels(&stack, &region, full_dn);
+    let levels = texture::measure_levels(&stack, &region, full_dn);
     let noise_dn = levels.noise_dn.unwrap_or(0.0);
-    let defective_px = defects::find(grabbed, &correction, noise_dn, full_dn)?;
+    let defective_px = defects::find_defects(grabbed, &correction, noise_dn, full_dn)?;
     let slope = texture::slope_dn_px(&stack, &region, noise_dn);
     let seen = Seen {
         config,
         grabbed,
         floor,
         levels,
-        speckles: texture::speckles(&stack, &region, noise_dn, subset_px as usize),
-        blur_px: texture::blur_px(&stack, &region),
-        flicker: light::flicker(&grabbed.means),
+        speckles: texture::measure_speckles(&stack, &region, noise_dn, subset_px as usize),
+        blur_px: texture::edge_blur_px(&stack, &region),
+        flicker: light::estimate_flicker(&grabbed.means),
         defective_px: &defective_px,
-        fixed: fixed::fixed_dn(&stack, &region, levels.noise_dn, full_dn).map(|dn| Fixed { dn, slope_dn_px: slope }),
+        fixed: fixed::fixed_pattern_dn(&stack, &region, levels.noise_dn, full_dn)
+            .map(|dn| Fixed { dn, slope_dn_px: slope }),
         // Two noisy images and one sum of squared gradients (Pan et al. 2008, doi:10.1364/OE.16.007037).
         expected_px: (slope > 0.0)
             .then_some(levels.noise_dn)
@@ -144,8 +146,8 @@ fn inspect(config: &Config, grabbed: &Grabbed, floor: &Floor) -> Result<Inspecti
     Ok(Inspection { findings, stack, region, defective_px })
 }
 
-/// Formats the value of a finding for people.
-fn shown(finding: &Finding) -> String {
+/// Formats the value of a finding with its unit, or as a percentage.
+fn value_text(finding: &Finding) -> String {
     match finding.value {
         None => "-".into(),
         Some(value) if finding.unit == "Hz" => format!("{value:.0} Hz"),
@@ -156,7 +158,8 @@ fn shown(finding: &Finding) -> String {
     }
 }
 
-fn as_json(config: &Config, grabbed: &Grabbed, inspection: &Inspection) -> Value {
+/// Returns the findings, the verdict and the defective pixels as JSON.
+fn inspection_as_json(config: &Config, grabbed: &Grabbed, inspection: &Inspection) -> Value {
     let findings = &inspection.findings;
     let rows = findings.iter().map(|finding| {
         json!({
@@ -172,20 +175,23 @@ fn as_json(config: &Config, grabbed: &Grabbed, inspection: &Inspection) -> Value
     })
 }
 
-fn print(findings: &[Finding]) {
-    let cells = |finding: &Finding| vec![finding.name.to_owned(), shown(finding), finding.verdict.as_str().to_owned()];
+/// Prints the findings as a table with their advice.
+fn print_findings(findings: &[Finding]) {
+    let cells =
+        |finding: &Finding| vec![finding.name.to_owned(), value_text(finding), finding.verdict.as_str().to_owned()];
     let rows: Vec<Vec<String>> = findings.iter().map(cells).collect();
     for (line, finding) in table(&rows).lines().zip(findings) {
         print_line(&format!("{line}  {}", finding.words));
     }
 }
 
-fn page(config: &Config, grabbed: &Grabbed, inspection: &Inspection) -> String {
+/// Returns the page of the findings, with the first frame, the measured region and the temporal noise.
+fn findings_page(config: &Config, grabbed: &Grabbed, inspection: &Inspection) -> String {
     let Inspection { findings, stack, region, .. } = inspection;
     let format = grabbed.format;
     let row = |finding: &Finding| report::CheckRow {
         name: finding.name.replace('-', " "),
-        value: shown(finding),
+        value: value_text(finding),
         verdict: finding.verdict.as_str(),
         advice: finding.words.clone(),
     };

@@ -15,7 +15,7 @@ pub(super) struct Region {
 
 impl Region {
     /// Returns the pixels covered by the subsets, or all pixels if there are no subsets.
-    pub(super) fn of(fields: &[&PairField], subset_px: u32, width: usize, height: usize) -> Self {
+    pub(super) fn of_subsets(fields: &[&PairField], subset_px: u32, width: usize, height: usize) -> Self {
         let mut mask = vec![false; width * height];
         let half = f64::from(subset_px) / 2.0;
         for point in fields.iter().flat_map(|field| &field.points) {
@@ -41,7 +41,7 @@ impl Region {
         places.filter(move |at| [*at, at - 1, at + 1, at - width, at + width].iter().all(|at| self.mask[*at]))
     }
 
-    /// Iterates over the values of these pixels.
+    /// Iterates over the values of the region's pixels.
     pub(super) fn values<'a>(&'a self, data: &'a [f32]) -> impl Iterator<Item = f32> + 'a {
         data.iter().zip(&self.mask).filter(|(_, inside)| **inside).map(|(value, _)| *value)
     }
@@ -80,7 +80,7 @@ impl Stack {
     /// # Errors
     ///
     /// When a frame cannot be unpacked.
-    pub(super) fn of(grabbed: &Grabbed, max_frames: usize, correction: &Correction) -> Result<Self, Failure> {
+    pub(super) fn new(grabbed: &Grabbed, max_frames: usize, correction: &Correction) -> Result<Self, Failure> {
         let mut images = Vec::new();
         for (meta, bytes) in grabbed.frames.iter().take(max_frames) {
             let mut image = Image::default();
@@ -112,6 +112,7 @@ impl Stack {
     }
 }
 
+/// Returns the mean of the values; 0 of nothing.
 fn mean(data: &[f32]) -> f64 {
     data.iter().map(|value| f64::from(*value)).sum::<f64>() / data.len().max(1) as f64
 }

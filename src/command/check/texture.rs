@@ -26,8 +26,8 @@ pub(super) struct Levels {
     pub(super) noise_dn: Option<f64>,
 }
 
-/// Computes the grey levels.
-pub(super) fn levels(stack: &Stack, region: &Region, full_dn: f64) -> Levels {
+/// Measures range, clipping and temporal noise of the grey levels; `full_dn` is full scale, DN.
+pub(super) fn measure_levels(stack: &Stack, region: &Region, full_dn: f64) -> Levels {
     let mut means: Vec<f32> = region.values(stack.mean.view().data()).collect();
     let count = means.len().max(1) as f64;
     let share =
@@ -54,7 +54,7 @@ pub(super) fn slope_dn_px(stack: &Stack, region: &Region, noise_dn: f64) -> f64 
     let data = stack.mean.view().data();
     let (mut sum, mut count) = (0.0, 0.0);
     for at in region.inner() {
-        let (x, y) = slopes(data, at, region.width);
+        let (x, y) = central_differences(data, at, region.width);
         sum += (x * x + y * y) / 2.0;
         count += 1.0;
     }
@@ -63,7 +63,8 @@ pub(super) fn slope_dn_px(stack: &Stack, region: &Region, noise_dn: f64) -> f64 
     (sum / f64::max(count, 1.0) - of_noise).max(0.0).sqrt()
 }
 
-fn slopes(data: &[f32], at: usize, width: usize) -> (f64, f64) {
+/// Returns the image gradient along x and y at an inner pixel by central differences, DN/px.
+fn central_differences(data: &[f32], at: usize, width: usize) -> (f64, f64) {
     let half = |after: f32, before: f32| 0.5 * f64::from(after - before);
     (half(data[at + 1], data[at - 1]), half(data[at + width], data[at - width]))
 }
@@ -71,12 +72,12 @@ fn slopes(data: &[f32], at: usize, width: usize) -> (f64, f64) {
 /// Returns the blur of the sharpest edges as the standard deviation of a Gaussian, px; `None` without edges.
 ///
 /// Uses the slope at the centre of a blurred step, relative to its height.
-pub(super) fn blur_px(stack: &Stack, region: &Region) -> Option<f64> {
+pub(super) fn edge_blur_px(stack: &Stack, region: &Region) -> Option<f64> {
     let data = stack.mean.view().data();
     let steep: Vec<(usize, f64)> = region
         .inner()
         .map(|at| {
-            let (x, y) = slopes(data, at, region.width);
+            let (x, y) = central_differences(data, at, region.width);
             (at, x.hypot(y))
         })
         .collect();
@@ -85,13 +86,13 @@ pub(super) fn blur_px(stack: &Stack, region: &Region) -> Option<f64> {
     let mut blurs: Vec<f32> = steep
         .iter()
         .filter(|(_, slope)| *slope >= min_slope && *slope > 0.0)
-        .map(|(at, slope)| blur_of(slope / height(data, *at, region)) as f32)
+        .map(|(at, slope)| blur_of_step_px(slope / edge_height_dn(data, *at, region)) as f32)
         .collect();
     (!blurs.is_empty()).then(|| quantile(&mut blurs, 0.5))
 }
 
-/// Returns the difference of the grey levels on both sides of an edge.
-fn height(data: &[f32], at: usize, region: &Region) -> f64 {
+/// Returns the range of the grey levels around an edge, DN.
+fn edge_height_dn(data: &[f32], at: usize, region: &Region) -> f64 {
     let (x, y) = (at % region.width, at / region.width);
     let columns = x.saturating_sub(SIDE_PX)..(x + SIDE_PX + 1).min(region.width);
     let rows = y.saturating_sub(SIDE_PX)..(y + SIDE_PX + 1).min(region.height);
@@ -100,12 +101,18 @@ fn height(data: &[f32], at: usize, region: &Region) -> f64 {
     f64::from(high - low).max(f64::MIN_POSITIVE)
 }
 
-/// Returns the blur of a step with this relative slope in central differences.
-fn blur_of(share: f64) -> f64 {
+/// Returns the standard deviation of the Gaussian that blurs a unit step to this slope in central differences, px.
+///
+/// Solves `erf(1 / (sigma sqrt 2)) / 2 = slope` for sigma by bisection.
+fn blur_of_step_px(relative_slope: f64) -> f64 {
     let [mut low, mut high] = BLUR_PX;
     for _ in 0..40 {
         let middle = 0.5 * (low + high);
-        if 0.5 * libm::erf(1.0 / (middle * std::f64::consts::SQRT_2)) > share { low = middle } else { high = middle }
+        if 0.5 * libm::erf(1.0 / (middle * std::f64::consts::SQRT_2)) > relative_slope {
+            low = middle
+        } else {
+            high = middle
+        }
     }
     0.5 * (low + high)
 }
@@ -119,11 +126,13 @@ pub(super) struct Speckles {
     pub(super) coverage: f64,
 }
 
-/// Computes size and density of the speckles from the autocorrelation up to `reach_px`.
-pub(super) fn speckles(stack: &Stack, region: &Region, noise_dn: f64, reach_px: usize) -> Speckles {
+/// Measures size and density of the speckles from the autocorrelation up to `reach_px`.
+///
+/// The size follows from the lag at which the autocorrelation falls to one half, interpolated linearly.
+pub(super) fn measure_speckles(stack: &Stack, region: &Region, noise_dn: f64, reach_px: usize) -> Speckles {
     let data = stack.mean.view().data();
     let values: Vec<f32> = region.values(data).collect();
-    let middle = threshold(&values);
+    let middle = speckle_threshold_dn(&values);
     let bright = values.iter().filter(|value| **value > middle).count() as f64 / values.len().max(1) as f64;
     let mean = values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len().max(1) as f64;
     let covariances: Vec<f64> = (0..=reach_px).map(|lag| covariance(data, region, mean, lag)).collect();
@@ -139,7 +148,7 @@ pub(super) fn speckles(stack: &Stack, region: &Region, noise_dn: f64, reach_px: 
     Speckles { size_px: size, coverage: bright.min(1.0 - bright) }
 }
 
-/// Computes the autocovariance of the grey levels at a lag along x and y.
+/// Computes the autocovariance of the grey levels at a lag along x and y, DN^2.
 fn covariance(data: &[f32], region: &Region, mean: f64, lag: usize) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for y in 0..region.height {
@@ -162,8 +171,8 @@ fn covariance(data: &[f32], region: &Region, mean: f64, lag: usize) -> f64 {
     sum / f64::max(count, 1.0)
 }
 
-/// Returns the threshold between dark and bright.
-fn threshold(values: &[f32]) -> f32 {
+/// Returns the threshold between dark and bright by Otsu's method, DN.
+fn speckle_threshold_dn(values: &[f32]) -> f32 {
     let (low, high) = values.iter().fold((f32::INFINITY, 0.0_f32), |(low, high), v| (low.min(*v), high.max(*v)));
     if high <= low {
         return high;
@@ -181,14 +190,14 @@ mod tests {
     fn a_blur_is_read_from_the_slope_of_its_step() {
         for blur in [0.5, 1.0, 2.5] {
             let share = 0.5 * libm::erf(1.0 / (blur * std::f64::consts::SQRT_2));
-            assert!((blur_of(share) - blur).abs() < 1e-3, "{blur}");
+            assert!((blur_of_step_px(share) - blur).abs() < 1e-3, "{blur}");
         }
     }
 
     #[test]
     fn dark_and_bright_are_parted_between_them() {
         let values: Vec<f32> = (0..100).map(|k| if k % 4 == 0 { 20.0 } else { 200.0 }).collect();
-        let middle = threshold(&values);
+        let middle = speckle_threshold_dn(&values);
         assert!((20.0..200.0).contains(&middle), "{middle}");
     }
 }

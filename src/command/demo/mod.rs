@@ -14,6 +14,7 @@ use crate::results::{Estimate, Impact};
 use paper_settings::Setup;
 use std::path::{Path, PathBuf};
 
+/// The built-in experiments: name and rig file.
 const BUILT_IN: [(&str, &str); 3] = [
     ("lacrosse", include_str!("../../../config/lacrosse.toml")),
     ("tennis", include_str!("../../../config/tennis.toml")),
@@ -58,6 +59,7 @@ enum Tolerance {
 /// A compared number: column, heading, unit, factor from the column's unit, tolerance.
 type Line = (&'static str, &'static str, &'static str, f64, Tolerance);
 
+/// The compared numbers of a ball.
 const LINES: [Line; 12] = [
     ("vn_before_m_s", "normal speed before", "m/s", 1.0, Tolerance::Share(0.01)),
     ("vn_after_m_s", "normal speed after", "m/s", 1.0, Tolerance::Share(0.01)),
@@ -92,7 +94,7 @@ const ROD_LINES: [Line; 9] = [
 ///
 /// When the rig cannot run or a measured number is out of tolerance.
 pub fn run(options: &DemoOptions, stop: &Stop) -> Result<Outcome, Failure> {
-    let config = config(options)?;
+    let config = demo_config(options)?;
     let total = process::truth_world(&config)?.map_or(0, |world| world.frames());
     let bar = progress::frames(total, "measure");
     let tracker = Child::first(Role::Track);
@@ -109,8 +111,8 @@ pub fn run(options: &DemoOptions, stop: &Stop) -> Result<Outcome, Failure> {
         return Err(Failure::internal("the rig ended without a recording"));
     };
     let is_rod = config.bodies.iter().all(|body| body.kind == BodyKind::Rod);
-    let figures = figures(&config, &options.experiment, path)?;
-    let agrees = compare(path, &figures, if is_rod { &ROD_LINES } else { &LINES }, options.json)?;
+    let figures = write_figures(&config, &options.experiment, path)?;
+    let agrees = print_comparison(path, &figures, if is_rod { &ROD_LINES } else { &LINES }, options.json)?;
     if !agrees {
         return Err(Failure::internal(format!(
             "the measurement is out of tolerance; the recording is {}",
@@ -120,7 +122,8 @@ pub fn run(options: &DemoOptions, stop: &Stop) -> Result<Outcome, Failure> {
     Ok(Outcome::of_rig(&summary))
 }
 
-fn config(options: &DemoOptions) -> Result<Config, Failure> {
+/// Returns the rig of the experiment under a name of its own, as fast as it measures.
+fn demo_config(options: &DemoOptions) -> Result<Config, Failure> {
     let name = &options.experiment;
     let Some(text) = built_in_config(name) else {
         let known = BUILT_IN.map(|(name, _)| name).join(", ");
@@ -139,7 +142,7 @@ fn config(options: &DemoOptions) -> Result<Config, Failure> {
 }
 
 /// Draws the paper's figures of the experiment next to its recording; returns their paths.
-fn figures(config: &Config, experiment: &str, path: &Path) -> Result<Vec<PathBuf>, Failure> {
+fn write_figures(config: &Config, experiment: &str, path: &Path) -> Result<Vec<PathBuf>, Failure> {
     let recording = Recording::open(path)?;
     let shot = Shot::read(&recording)?;
     let mm_per_px = match config.scale {
@@ -167,8 +170,8 @@ fn figures(config: &Config, experiment: &str, path: &Path) -> Result<Vec<PathBuf
     report::figures(&shot, &experiment).into_iter().map(write).collect()
 }
 
-/// Prints the comparison; returns whether every number is within tolerance.
-fn compare(path: &Path, figures: &[PathBuf], lines: &[Line], json: bool) -> Result<bool, Failure> {
+/// Prints the measured numbers next to the true ones; returns whether every number is within tolerance.
+fn print_comparison(path: &Path, figures: &[PathBuf], lines: &[Line], json: bool) -> Result<bool, Failure> {
     let recording = Recording::open(path)?;
     let measured = last_revisions(&recording)?;
     let truths = recording.truth_impacts()?.collect::<Result<Vec<_>, _>>()?;
@@ -198,6 +201,7 @@ fn compare(path: &Path, figures: &[PathBuf], lines: &[Line], json: bool) -> Resu
     Ok(compared.iter().all(|compared| compared.within))
 }
 
+/// A measured number next to the true one.
 struct Compared {
     column: &'static str,
     heading: &'static str,
@@ -209,6 +213,7 @@ struct Compared {
 }
 
 impl Compared {
+    /// Compares a number of two impacts; `frame_s` is the duration of a frame, s.
     fn new(line: &Line, measured: &Impact, truth: &Impact, frame_s: f64) -> Self {
         let (column, heading, unit, factor, tolerance) = *line;
         let (measured, truth) = (measured.get(column), truth.get(column).map(|estimate| estimate.value));
@@ -226,6 +231,7 @@ impl Compared {
         Self { column, heading, unit, factor, measured, truth, within }
     }
 
+    /// Returns the cells of the printed table.
     fn as_row(&self) -> Vec<String> {
         let number =
             |value: Option<f64>| value.map_or_else(|| "-".into(), |value| format!("{:.4}", value * self.factor));
@@ -241,6 +247,7 @@ impl Compared {
         ]
     }
 
+    /// Returns the comparison as JSON.
     fn as_json(&self) -> serde_json::Value {
         serde_json::json!({
             "name": self.column, "measured": self.measured.map(|estimate| estimate.value),

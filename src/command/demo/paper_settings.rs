@@ -16,8 +16,9 @@ const SPLINE_POINTS: u32 = 5;
 /// Frame intervals and their labels: the extremes of those the paper tried on its rod.
 const INTERVALS: [(usize, &str); 2] = [(5, "5th next"), (15, "15th next")];
 
-/// Subset size and grid step, px: three subsets fit on the tape of the simulated rod.
+/// The subset size, px: three subsets fit on the tape of the simulated rod.
 const WINDOW_PX: u32 = 25;
+/// The grid step, px.
 const STEP_PX: u32 = 12;
 
 /// Search range, px: the simulated rod moves by 1.4 px in 15 frames.
@@ -63,7 +64,7 @@ pub(super) fn velocities(recording: &Recording, setup: &Setup<'_>) -> Result<Vec
             Some(finder) => finder,
             None => finder.insert(RodFinder::new(setup.rod, width, height)?),
         };
-        let tape_px = finder.find(image.view()).ok().map(|sight| tape(&sight));
+        let tape_px = finder.find(image.view()).ok().map(|observation| tape_bounds_px(&observation));
         film.push(Still { stamp_ns: meta.stamp_ns, image, tape_px });
     }
     if film.iter().all(|still| still.tape_px.is_none()) {
@@ -71,29 +72,31 @@ pub(super) fn velocities(recording: &Recording, setup: &Setup<'_>) -> Result<Vec
     }
     let bar = progress::frames((INTERVALS.len() * film.len()) as u64, "compare");
     let curves = INTERVALS.map(|(interval, label)| {
-        let points = by_the_paper(&film, SPLINE_POINTS, interval, setup, || bar.inc(1))?;
+        let points = normal_velocities(&film, SPLINE_POINTS, interval, setup, || bar.inc(1))?;
         Ok(Comparison { label, points })
     });
     bar.finish_and_clear();
     curves.into_iter().collect()
 }
 
-/// Returns the bounding box of the speckled tape in whole pixels.
-fn tape(sight: &RodObservation) -> [u32; 4] {
-    let [left, top, right, low] = sight.tape_px();
+/// Returns the bounding box of the speckled tape in whole pixels: left, top, width and height.
+fn tape_bounds_px(observation: &RodObservation) -> [u32; 4] {
+    let [left, top, right, low] = observation.tape_px();
     let whole = |place: f64| place.round().max(0.0) as u32;
-    let (x, y) = (sight.rod.x_px.value, sight.rod.y_px.value);
+    let (x, y) = (observation.rod.x_px.value, observation.rod.y_px.value);
     let (left, top) = (whole(x + left), whole(y + top));
     [left, top, whole(x + right + 1.0).saturating_sub(left), whole(y + low + 1.0).saturating_sub(top)]
 }
 
-/// Computes the time between two frames and the normal velocity, m/s, of each pair `interval` frames apart.
-fn by_the_paper(
+/// Computes the normal velocity, m/s, of each pair of frames `interval` frames apart, as the paper does.
+///
+/// Each value comes with the time midway between its two frames, ns. `on_pair` is called before each pair.
+fn normal_velocities(
     film: &[Still],
     spline_points: u32,
     interval: usize,
     setup: &Setup<'_>,
-    looked_at: impl Fn(),
+    on_pair: impl Fn(),
 ) -> Result<Vec<(u64, f64)>, Failure> {
     let Some(first) = film.first() else { return Ok(Vec::new()) };
     let params = CorrelationParams {
@@ -110,7 +113,7 @@ fn by_the_paper(
     let (sin, cos) = setup.surface_angle_deg.to_radians().sin_cos();
     let (mut field, mut curve) = (Vec::new(), Vec::new());
     for (before, after) in film.iter().zip(film.iter().skip(interval)) {
-        looked_at();
+        on_pair();
         let Some(tape_px) = before.tape_px else { continue };
         let points = grid::rectangle(tape_px, STEP_PX, WINDOW_PX);
         correlator.prepare_into(before.image.view(), &mut reference);
@@ -144,7 +147,7 @@ mod tests {
             let (meta, mut image) = (simulated::meta(&world, index), Image::default());
             Frame { meta, bytes: &bytes }.unpack(&mut image).unwrap();
             let finder = RodFinder::new(&rod, image.view().width(), image.view().height()).unwrap();
-            let tape_px = finder.find(image.view()).ok().map(|sight| tape(&sight));
+            let tape_px = finder.find(image.view()).ok().map(|observation| tape_bounds_px(&observation));
             Still { stamp_ns: meta.stamp_ns, image, tape_px }
         });
         let stills = stills.collect();
@@ -167,7 +170,7 @@ mod tests {
         // those times: half a step of the grid.
         for (points, interval, least, fast_m_s) in [(5, 1, 100, 0.9), (5, 5, 8, 0.18), (10, 5, 5, 0.1), (5, 15, 1, 0.0)]
         {
-            let curve = by_the_paper(&film, points, interval, &setup, || {}).unwrap();
+            let curve = normal_velocities(&film, points, interval, &setup, || {}).unwrap();
             assert!(curve.len() + interval == film.len(), "{} of {}", curve.len(), film.len());
             let still: Vec<f64> = curve.iter().filter(|(_, v)| v.abs() < 1e-9).map(|(at, _)| true_at(*at)).collect();
             let fastest = still.iter().fold(0.0_f64, |fastest, v| fastest.max(v.abs()));

@@ -14,7 +14,7 @@ const RADIUS_RANGE: [f64; 2] = [0.8, 1.25];
 const MAX_WHITE: f64 = 0.05;
 
 /// Returns the changes for the most frequent reason, the most certain first.
-pub(super) fn changes(
+pub(super) fn advise_changes(
     summary: &BodySummary,
     evidence: &[Evidence],
     config: &Config,
@@ -24,15 +24,15 @@ pub(super) fn changes(
     let Some(status) = summary.frequent_status() else { return Vec::new() };
     let refused: Vec<&Evidence> = evidence.iter().filter(|evidence| evidence.choice.status == status).collect();
     let found = match (status, config.bodies[body].kind) {
-        (PointStatus::Lost, BodyKind::Ball) => lost_ball(&refused, config, body, surveyed),
-        (PointStatus::LowCorrelation, _) => too_fast(config, surveyed),
-        _ => subset_size(&refused, config).or_else(|| overexposed(&refused)),
+        (PointStatus::Lost, BodyKind::Ball) => advise_ball_search(&refused, config, body, surveyed),
+        (PointStatus::LowCorrelation, _) => advise_search_range(config, surveyed),
+        _ => advise_subset_size(&refused, config).or_else(|| advise_exposure(&refused)),
     };
-    found.map_or_else(|| general(summary), |change| vec![change])
+    found.map_or_else(|| general_advice(summary), |change| vec![change])
 }
 
-/// Names the key by which a ball is outside of the search, or what moves instead of a ball.
-fn lost_ball(refused: &[&Evidence], config: &Config, body: usize, surveyed: &Surveyed) -> Option<Change> {
+/// Advises the radii or the region that include a ball outside of the search, or names what moves instead of a ball.
+fn advise_ball_search(refused: &[&Evidence], config: &Config, body: usize, surveyed: &Surveyed) -> Option<Change> {
     let [width, height] = surveyed.size_px.map(|size| size as u32);
     let search = config.ball(body, width, height);
     let moving = surveyed.bodies.iter().find_map(|body| body.kind.ball_radius_px());
@@ -68,11 +68,11 @@ fn lost_ball(refused: &[&Evidence], config: &Config, body: usize, surveyed: &Sur
         }
         return None;
     }
-    instead_of_a_ball(surveyed)
+    describe_other_mover(surveyed)
 }
 
 /// Describes what moves where no ball does.
-fn instead_of_a_ball(surveyed: &Surveyed) -> Option<Change> {
+fn describe_other_mover(surveyed: &Surveyed) -> Option<Change> {
     let note = |reason: String| Some(Change { lines: "# no key helps with this film".into(), reason });
     match surveyed.bodies.first().map(|body| &body.kind) {
         Some(Identified::Patch { polygon_px }) => {
@@ -94,8 +94,8 @@ fn instead_of_a_ball(surveyed: &Surveyed) -> Option<Change> {
     }
 }
 
-/// Names a subset size that fits into the ball, if none of them does.
-fn subset_size(refused: &[&Evidence], config: &Config) -> Option<Change> {
+/// Advises a subset size that fits into the ball, if fewer than three subsets do.
+fn advise_subset_size(refused: &[&Evidence], config: &Config) -> Option<Change> {
     let none_fits = |evidence: &&&Evidence| evidence.subsets().is_some_and(|(count, _)| count < 3);
     let circle = refused.iter().find(none_fits)?.circle()?;
     let (now, fitting) = (config.correlation().subset_size_px, (0.35 * circle.radius_px) as u32 * 2 + 1);
@@ -106,8 +106,8 @@ fn subset_size(refused: &[&Evidence], config: &Config) -> Option<Change> {
     })
 }
 
-/// Names the exposure if the body is white.
-fn overexposed(refused: &[&Evidence]) -> Option<Change> {
+/// Advises a shorter exposure if more than [`MAX_WHITE`] of the body is saturated.
+fn advise_exposure(refused: &[&Evidence]) -> Option<Change> {
     let white = refused.iter().filter_map(|evidence| evidence.searched.white_fraction).fold(0.0, f64::max);
     (white > MAX_WHITE).then(|| Change {
         lines: "# camera.exposure_us shorter, or less light".into(),
@@ -115,8 +115,8 @@ fn overexposed(refused: &[&Evidence]) -> Option<Change> {
     })
 }
 
-/// Names a larger search if the ball moves farther than the present one.
-fn too_fast(config: &Config, surveyed: &Surveyed) -> Option<Change> {
+/// Advises a larger search if the ball moves farther per frame than the present one reaches.
+fn advise_search_range(config: &Config, surveyed: &Surveyed) -> Option<Change> {
     let speeds = surveyed.bodies.iter().filter_map(|body| Some(body.path.as_ref()?.speed_px_frame));
     let (speed_px, now) = (speeds.fold(0.0, f64::max), config.correlation().search_px);
     (speed_px > f64::from(now)).then(|| Change {
@@ -125,18 +125,19 @@ fn too_fast(config: &Config, surveyed: &Surveyed) -> Option<Change> {
     })
 }
 
-/// Names the keys of the reason with their present values.
-fn general(summary: &BodySummary) -> Vec<Change> {
+/// Lists the keys that change the reason, with their present values.
+fn general_advice(summary: &BodySummary) -> Vec<Change> {
     let Some((reason, keys)) = summary.reason() else { return Vec::new() };
     let line = |key: &Key| match &key.value {
         Some(value) => format!("# {}      now {value}", key.name),
         None => format!("# {}", key.name),
     };
     let lines = keys.iter().map(line).collect::<Vec<_>>().join("\n");
-    vec![Change { lines, reason: format!("{}: {}.", capital(reason.text), reason.advice) }]
+    vec![Change { lines, reason: format!("{}: {}.", capitalized(reason.text), reason.advice) }]
 }
 
-fn capital(text: &str) -> String {
+/// Returns a text with its first letter in upper case.
+fn capitalized(text: &str) -> String {
     let mut letters = text.chars();
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }

@@ -10,9 +10,11 @@ pub(super) struct Choice {
     pub(super) status: PointStatus,
 }
 
-/// Returns the frames to show, by their sequence numbers: those wanted, by their numbers from `first_frame`, else the first,
-/// the first of each status, the middle and the last.
-pub(super) fn choices(rows: &[VelocitySample], first_frame: u64, wanted: &[u64]) -> BTreeMap<u64, Choice> {
+/// Chooses the frames to show, by their sequence numbers.
+///
+/// These are the wanted ones, by their numbers from `first_frame`. Without any they are the first, the first of each
+/// status, the middle and the last.
+pub(super) fn choose_frames(rows: &[VelocitySample], first_frame: u64, wanted: &[u64]) -> BTreeMap<u64, Choice> {
     let mut chosen = BTreeMap::new();
     let mut add = |row: Option<&VelocitySample>, reason| {
         if let Some(row) = row {

@@ -11,27 +11,32 @@ use crate::report::{FrameDiagnosis, Panel};
 use crate::results::{Circle, PointStatus, segments};
 use image::RgbImage;
 
+/// The colour of the searched region and radii.
 const ROI: Color = [90, 170, 255];
+/// The colour of outlines and subsets that were found.
 const FOUND: Color = [53, 224, 111];
+/// The colour of an outline outside of the search.
 const ELSEWHERE: Color = [255, 90, 60];
+/// The colour that tints what moves.
 const MOVING: Color = [122, 92, 255];
+/// The colour of refused subsets.
 const REFUSED: Color = [229, 154, 28];
 /// The width of an enlarged part, px.
 const PART_PX: u32 = 640;
 /// Half of the side of an enlarged part, in radii.
 const PART_RADII: f64 = 1.5;
 
-/// Draws one frame and says what was searched, found and refused.
-pub(super) fn frame(
+/// Draws one frame, and describes what was searched, found and refused.
+pub(super) fn draw_frame(
     evidence: &Evidence,
     config: &Config,
     body: usize,
     surveyed: &Surveyed,
 ) -> Result<FrameDiagnosis, Failure> {
     let view = View { evidence, config, body, surveyed };
-    let mut panels = vec![Panel { png: png(view.whole())?, caption: "The whole frame".into() }];
-    if let Some((part, caption)) = view.part() {
-        panels.push(Panel { png: png(part)?, caption });
+    let mut panels = vec![Panel { png: encode_png(view.draw_whole())?, caption: "The whole frame".into() }];
+    if let Some((part, caption)) = view.draw_part() {
+        panels.push(Panel { png: encode_png(part)?, caption });
     }
     Ok(FrameDiagnosis {
         number: evidence.index,
@@ -43,26 +48,26 @@ pub(super) fn frame(
     })
 }
 
-/// Draws what moves in the film over its background.
-pub(super) fn movement(film: &FilmFiles, surveyed: &Surveyed, stop: &Stop) -> Result<Option<Panel>, Failure> {
+/// Draws what moves in the film over the frame that shows the largest of it; `None` for fewer than three frames.
+pub(super) fn draw_movement(film: &FilmFiles, surveyed: &Surveyed, stop: &Stop) -> Result<Option<Panel>, Failure> {
     let Some(movement) = &surveyed.movement else { return Ok(None) };
     let busiest = surveyed.bodies.iter().flat_map(|body| &body.mover.appearances);
     let shown = busiest.max_by(|a, b| a.area_px2.total_cmp(&b.area_px2)).map_or(0, |appearance| appearance.index);
     let (meta, bytes) = film.frame(shown, stop)?;
     let levels = stretched_levels(&crate::command::export::grey_levels(meta, &bytes)?);
     let mut canvas = Canvas::of_levels(&levels, meta.width_px).with_line(2);
-    tint(&mut canvas, &movement.swept, surveyed);
+    tint_marked(&mut canvas, &movement.swept, surveyed);
     for body in &surveyed.bodies {
         canvas.rectangle(body.mover.bounds_px.map(|number| number as f32 - 0.5), ROI);
         let Some(path) = &body.path else { continue };
-        let centers: Vec<[f32; 2]> = path.track.iter().map(|point| center(&point.circle)).collect();
+        let centers: Vec<[f32; 2]> = path.track.iter().map(|point| center_px(&point.circle)).collect();
         canvas.path(&centers, FOUND);
         if let Some(point) = path.track.iter().find(|point| point.index == shown) {
-            canvas.circle(center(&point.circle), point.circle.radius_px as f32, FOUND);
+            canvas.circle(center_px(&point.circle), point.circle.radius_px as f32, FOUND);
         }
     }
     let caption = format!("Frame {shown}; tinted: every place over which something moves in the film");
-    Ok(Some(Panel { png: png(canvas)?, caption }))
+    Ok(Some(Panel { png: encode_png(canvas)?, caption }))
 }
 
 /// One body in one frame.
@@ -74,15 +79,16 @@ struct View<'a> {
 }
 
 impl View<'_> {
+    /// Returns the width of a frame, px.
     fn width_px(&self) -> u32 {
         self.surveyed.size_px[0] as u32
     }
 
     /// Draws the searched region, the range of radii, what moves, and the outlines.
-    fn whole(&self) -> Canvas {
+    fn draw_whole(&self) -> Canvas {
         let mut canvas = Canvas::of_levels(&stretched_levels(&self.evidence.levels), self.width_px()).with_line(2);
         if let Some(is_moving) = &self.evidence.is_moving {
-            tint(&mut canvas, is_moving, self.surveyed);
+            tint_marked(&mut canvas, is_moving, self.surveyed);
         }
         let [width, height] = self.surveyed.size_px.map(|size| size as u32);
         let roi_px = self.config.bodies[self.body].roi_px.unwrap_or([1, 1, width - 2, height - 2]);
@@ -94,17 +100,18 @@ impl View<'_> {
                 .evidence
                 .circle()
                 .or_else(|| self.moving_circle())
-                .map_or([x + 0.5 * w, y + 0.5 * h], |circle| center(&circle));
+                .map_or([x + 0.5 * w, y + 0.5 * h], |circle| center_px(&circle));
             for radius_px in [search.min_radius_px, search.max_radius_px] {
                 canvas.dotted_circle(middle, radius_px as f32, ROI);
             }
         }
-        self.outlines(&mut canvas);
+        self.draw_outlines(&mut canvas);
         canvas
     }
 
-    /// Draws the body enlarged, with its subsets.
-    fn part(&self) -> Option<(Canvas, String)> {
+    /// Draws the body enlarged with its subsets; returns a caption too. `None` where no circle and no movement show the
+    /// body.
+    fn draw_part(&self) -> Option<(Canvas, String)> {
         let circle = self.evidence.circle().or_else(|| self.moving_circle())?;
         let [width, height] = self.surveyed.size_px.map(|size| size as f64);
         let reach = (PART_RADII * circle.radius_px).max(16.0);
@@ -116,7 +123,7 @@ impl View<'_> {
         let zoom = (PART_PX / columns.max(rows)).clamp(1, 12);
         let levels = stretched_levels(&self.evidence.levels);
         let mut canvas = Canvas::of_part(&levels, self.width_px(), [left, top, columns, rows], zoom).with_line(2);
-        self.outlines(&mut canvas);
+        self.draw_outlines(&mut canvas);
         let size_px = self.config.correlation().subset_size_px as f32;
         for point in self.evidence.field.iter().flat_map(|field| &field.points) {
             let color = if point.status == PointStatus::Valid { FOUND } else { REFUSED };
@@ -124,7 +131,7 @@ impl View<'_> {
         }
         let first = self.evidence.field.as_ref().and_then(|field| field.points.first());
         // One subset in its size; all of them would cover the body.
-        let sample = first.map_or(center(&circle), |point| [point.x_px, point.y_px]);
+        let sample = first.map_or(center_px(&circle), |point| [point.x_px, point.y_px]);
         let half = 0.5 * size_px;
         canvas.rectangle(
             [sample[0] - half, sample[1] - half, size_px, size_px],
@@ -148,7 +155,8 @@ impl View<'_> {
         })
     }
 
-    fn outlines(&self, canvas: &mut Canvas) {
+    /// Draws the rod, the outline that was found, and one outside of the search.
+    fn draw_outlines(&self, canvas: &mut Canvas) {
         let Evidence { searched, track, .. } = self.evidence;
         for [from, to] in track.iter().filter_map(|track| track.rod.as_ref()).flat_map(segments) {
             canvas.line(from.map(|at| at as f32), to.map(|at| at as f32), FOUND);
@@ -157,16 +165,16 @@ impl View<'_> {
         let found = self.evidence.measured_circle().filter(|_| !is_patch).or(searched.inside);
         for (circle, color) in [(found, FOUND), (searched.outside, ELSEWHERE)] {
             if let Some(circle) = circle {
-                canvas.circle(center(&circle), circle.radius_px as f32, color);
-                canvas.cross(center(&circle), 3.0, color);
+                canvas.circle(center_px(&circle), circle.radius_px as f32, color);
+                canvas.cross(center_px(&circle), 3.0, color);
             }
         }
     }
 
-    /// Says what was searched, found and refused.
+    /// Describes in sentences what was searched, found and refused.
     fn findings(&self) -> Vec<String> {
         let (evidence, settings) = (self.evidence, &self.config.bodies[self.body]);
-        let mut findings = vec![format!("Searched: {}.", self.search())];
+        let mut findings = vec![format!("Searched: {}.", self.describe_search())];
         let place =
             |circle: &Circle| format!("radius {:.1} px at ({:.1}, {:.1})", circle.radius_px, circle.x_px, circle.y_px);
         findings.push(match (settings.kind, evidence.measured_circle().or(evidence.searched.inside)) {
@@ -197,7 +205,8 @@ impl View<'_> {
         findings
     }
 
-    fn search(&self) -> String {
+    /// Describes the limits of the search in the rig file.
+    fn describe_search(&self) -> String {
         let settings = &self.config.bodies[self.body];
         let [width, height] = self.surveyed.size_px.map(|size| size as u32);
         let place = settings.roi_px.map_or_else(|| "the whole image".into(), |roi| format!("[x, y, w, h] = {roi:?}"));
@@ -216,12 +225,13 @@ impl View<'_> {
     }
 }
 
-fn center(circle: &Circle) -> [f32; 2] {
+/// Returns the centre of a circle, px.
+fn center_px(circle: &Circle) -> [f32; 2] {
     [circle.x_px as f32, circle.y_px as f32]
 }
 
-/// Tints the pixels of a reduced mask.
-fn tint(canvas: &mut Canvas, marked: &[bool], surveyed: &Surveyed) {
+/// Tints the marked pixels of an image that is reduced by the factor of the movement.
+fn tint_marked(canvas: &mut Canvas, marked: &[bool], surveyed: &Surveyed) {
     let Some(movement) = &surveyed.movement else { return };
     let (factor, width) = (movement.factor as u32, movement.background.width as u32);
     let height = movement.background.height as u32;
@@ -232,7 +242,8 @@ fn tint(canvas: &mut Canvas, marked: &[bool], surveyed: &Surveyed) {
     canvas.tint(is_marked, MOVING);
 }
 
-fn png(canvas: Canvas) -> Result<Vec<u8>, Failure> {
+/// Encodes a drawing as PNG.
+fn encode_png(canvas: Canvas) -> Result<Vec<u8>, Failure> {
     let picture: RgbImage = canvas.into_picture();
     let mut file = std::io::Cursor::new(Vec::new());
     let written = picture.write_to(&mut file, image::ImageFormat::Png);

@@ -65,7 +65,7 @@ impl Evidence {
         })
     }
 
-    /// Returns the number of subsets, and how many of them have each status, the most frequent first.
+    /// Returns the number of subsets, and the number of each status, the most frequent first; `None` without a field.
     pub(super) fn subsets(&self) -> Option<(usize, Vec<(PointStatus, usize)>)> {
         let points = &self.field.as_ref()?.points;
         let count = |status: PointStatus| points.iter().filter(|point| point.status == status).count();
@@ -86,6 +86,7 @@ pub(super) struct Examiner<'s> {
 }
 
 impl<'s> Examiner<'s> {
+    /// Plans the search of one body: within the limits of the rig file, and for a ball without them as well.
     pub(super) fn new(config: &Config, body: usize, surveyed: &'s Surveyed) -> Result<Self, Failure> {
         let [width, height] = surveyed.size_px;
         let format = crate::camera::StreamFormat {
@@ -108,7 +109,7 @@ impl<'s> Examiner<'s> {
         Ok(Self { correction: params.correction(width, height)?, inside, outside, rod, surveyed })
     }
 
-    /// Searches the body in a frame.
+    /// Searches the body in a frame, whose `image` it corrects. `index` is the number of the frame in the film.
     pub(super) fn search(&mut self, image: &mut Image, index: u64, meta: FrameMeta) -> Searched {
         let white_dn = ((1_u32 << meta.format.bits()) - 1) as f32;
         let is_white: Vec<bool> = image.view().data().iter().map(|level| *level >= white_dn).collect();

@@ -20,7 +20,7 @@ use crate::process::Stop;
 use crate::recording::Recording;
 use crate::report::{BodyDiagnosis, Diagnosis};
 use crate::results::{PairField, TrackSample, VelocitySample};
-use choice::{Choice, choices};
+use choice::{Choice, choose_frames};
 use evidence::{Evidence, Examiner};
 use output::Target;
 use std::collections::BTreeMap;
@@ -78,20 +78,20 @@ pub fn run(options: &DiagnoseOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let film = FilmFiles { inputs: options.film.clone(), camera, fps: options.fps, order };
     let results = Scratch(target.scratch());
     let measured = match has_config(options)? {
-        true => Some(measure(options, &results.0, stop)?),
+        true => Some(measure_film(options, &results.0, stop)?),
         false => None,
     };
     let surveyed = film_survey::survey(&film, stop)?;
     let mut diagnosis = Diagnosis {
         film: options.film[0].file_name().unwrap_or_default().to_string_lossy().into_owned(),
-        facts: facts(&surveyed, measured.as_ref()),
+        facts: film_facts(&surveyed, measured.as_ref()),
         movers: evidence::mover_lines(&surveyed),
         ..Diagnosis::default()
     };
     if let Some(measured) = &measured {
-        diagnosis.bodies = bodies(&film, measured, &surveyed, &options.frame, stop)?;
+        diagnosis.bodies = diagnose_bodies(&film, measured, &surveyed, &options.frame, stop)?;
     }
-    diagnosis.movement = drawing::movement(&film, &surveyed, stop)?;
+    diagnosis.movement = drawing::draw_movement(&film, &surveyed, stop)?;
     target.write(&diagnosis, options)?;
     if !options.json {
         diagnosis.bodies.iter().for_each(|body| print_note(&body.line));
@@ -119,8 +119,8 @@ fn has_config(options: &DiagnoseOptions) -> Result<bool, Failure> {
     Ok(!import::is_importable(first) && Recording::open(first)?.config_toml().is_some())
 }
 
-/// Measures the film into a file.
-fn measure(options: &DiagnoseOptions, results: &Path, stop: &Stop) -> Result<Measured, Failure> {
+/// Measures the film into a file and reads its rows, by body and frame.
+fn measure_film(options: &DiagnoseOptions, results: &Path, stop: &Stop) -> Result<Measured, Failure> {
     let (camera, config) = (options.camera.as_deref(), options.config.as_deref());
     let mut film = Film::open(&options.film, camera, config, options.fps, options.order.order())?;
     film.config.workers.count = film.config.workers.count.max(1);
@@ -135,7 +135,8 @@ fn measure(options: &DiagnoseOptions, results: &Path, stop: &Stop) -> Result<Mea
     Ok(Measured { config, first_frame: measured.runs.first(), rows, tracks, results })
 }
 
-fn facts(surveyed: &Surveyed, measured: Option<&Measured>) -> Vec<String> {
+/// Describes size, length and rate of the film, and the rig file.
+fn film_facts(surveyed: &Surveyed, measured: Option<&Measured>) -> Vec<String> {
     let [width, height] = surveyed.size_px;
     let mut facts = vec![
         format!("{} frames of {width} × {height} px", surveyed.count),
@@ -148,8 +149,8 @@ fn facts(surveyed: &Surveyed, measured: Option<&Measured>) -> Vec<String> {
     facts
 }
 
-/// Diagnoses every body.
-fn bodies(
+/// Diagnoses every body, in the `wanted` frames or in chosen ones.
+fn diagnose_bodies(
     film: &FilmFiles,
     measured: &Measured,
     surveyed: &Surveyed,
@@ -164,26 +165,30 @@ fn bodies(
     for (index, body) in config.bodies.iter().enumerate() {
         let rows: Vec<VelocitySample> =
             measured.rows.iter().filter(|row| row.body as usize == index).copied().collect();
-        let chosen = choices(&rows, measured.first_frame, wanted);
-        let evidence = examine(film, measured, surveyed, index, &chosen, stop)?;
+        let chosen = choose_frames(&rows, measured.first_frame, wanted);
+        let evidence = collect_evidence(film, measured, surveyed, index, &chosen, stop)?;
         let summary = &summaries[index];
         found.push(BodyDiagnosis {
             name: body.name.clone(),
             line: summary.line(),
             is_complete: summary.is_complete(),
-            changes: changes::changes(summary, &evidence, config, index, surveyed),
+            changes: changes::advise_changes(summary, &evidence, config, index, surveyed),
             statuses: rows.iter().map(|row| row.status).collect(),
             frames: evidence
                 .iter()
-                .map(|evidence| drawing::frame(evidence, config, index, surveyed))
+                .map(|evidence| drawing::draw_frame(evidence, config, index, surveyed))
                 .collect::<Result<_, Failure>>()?,
         });
     }
     Ok(found)
 }
 
-/// Collects what the chosen frames show of one body.
-fn examine(
+/// Collects the evidence of one body in the chosen frames.
+///
+/// # Errors
+///
+/// When no frame was chosen, or the film or its results cannot be read.
+fn collect_evidence(
     film: &FilmFiles,
     measured: &Measured,
     surveyed: &Surveyed,

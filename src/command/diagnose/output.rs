@@ -53,14 +53,15 @@ impl Target {
         }
         write_file(&self.page, diagnosis_page(diagnosis), options.overwrite)?;
         if options.json {
-            print_line(&self.json(diagnosis).to_string());
+            print_line(&self.to_json(diagnosis).to_string());
         } else {
             print_line(&self.page.display().to_string());
         }
         Ok(())
     }
 
-    fn json(&self, diagnosis: &Diagnosis) -> Value {
+    /// Returns page, bodies and movers as JSON.
+    fn to_json(&self, diagnosis: &Diagnosis) -> Value {
         let frames = |body: &crate::report::BodyDiagnosis| {
             let frame = |frame: &crate::report::FrameDiagnosis| {
                 json!({

@@ -8,11 +8,12 @@ pub(super) struct Host {
 }
 
 impl Host {
+    /// Returns the system whose root is this folder.
     pub fn new(root: &Path) -> Self {
         Self { root: root.to_owned() }
     }
 
-    /// Returns the place of an absolute path of the system.
+    /// Returns the path of a system's file in the folder.
     pub fn path(&self, path: &str) -> PathBuf {
         self.root.join(path.trim_start_matches('/'))
     }
@@ -22,7 +23,7 @@ impl Host {
         std::fs::read_to_string(self.path(path)).ok().map(|text| text.trim().to_owned())
     }
 
-    /// Reads a number.
+    /// Reads a file that holds one number.
     pub fn number(&self, path: &str) -> Option<u64> {
         self.read(path)?.parse().ok()
     }

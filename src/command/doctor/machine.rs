@@ -4,20 +4,31 @@ use super::Finding;
 use super::host::Host;
 use rustix::process::{Resource, getrlimit};
 
+/// The folder of the clock sources.
 const CLOCK: &str = "/sys/devices/system/clocksource/clocksource0";
+/// The file with the use of huge pages in shared memory.
 const HUGE_PAGES: &str = "/sys/kernel/mm/transparent_hugepage/shmem_enabled";
+/// The folder of the processors.
 const PROCESSORS: &str = "/sys/devices/system/cpu";
 /// Clock sources that are read in tens of nanoseconds, best first. Others take microseconds.
 const FAST_CLOCKS: [&str; 5] = ["tsc", "kvm-clock", "arch_sys_counter", "hyperv_clocksource_tsc_page", "xen"];
-/// A rig with 16 bodies and 8 cameras has about 500 files open.
+/// The number of files that a rig with 16 bodies and 8 cameras needs. It has about 500 open.
 const OPEN_FILES: u64 = 1024;
 
+/// Examines processors, frequency control, clock, huge pages and the limit of open files.
 pub(super) fn examine(host: &Host) -> Vec<Finding> {
-    let findings = [Some(processors()), governor(host), clock(host), huge_pages(host), Some(open_files())];
+    let findings = [
+        Some(examine_processors()),
+        examine_governor(host),
+        examine_clock(host),
+        examine_huge_pages(host),
+        Some(examine_open_files()),
+    ];
     findings.into_iter().flatten().collect()
 }
 
-fn processors() -> Finding {
+/// Examines the number of processors.
+fn examine_processors() -> Finding {
     let count = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let found = format!("{count} usable");
     match count {
@@ -27,7 +38,7 @@ fn processors() -> Finding {
 }
 
 /// Examines the frequency control; `None` where the processors have none.
-fn governor(host: &Host) -> Option<Finding> {
+fn examine_governor(host: &Host) -> Option<Finding> {
     let file = |name: &str| format!("{PROCESSORS}/{name}/cpufreq/scaling_governor");
     let named: Vec<(String, String)> =
         host.names(PROCESSORS).into_iter().filter_map(|name| Some((host.read(&file(&name))?, name))).collect();
@@ -45,7 +56,8 @@ fn governor(host: &Host) -> Option<Finding> {
     }
 }
 
-fn clock(host: &Host) -> Option<Finding> {
+/// Examines the clock source; `None` where the kernel does not state it.
+fn examine_clock(host: &Host) -> Option<Finding> {
     let current = host.read(&format!("{CLOCK}/current_clocksource"))?;
     if FAST_CLOCKS.contains(&current.as_str()) {
         return Some(Finding::good("clock", current));
@@ -61,8 +73,8 @@ fn clock(host: &Host) -> Option<Finding> {
     })
 }
 
-/// Examines the pages of shared memory. The chosen word is the one in brackets.
-fn huge_pages(host: &Host) -> Option<Finding> {
+/// Examines the pages of shared memory; `None` where the kernel does not state them. The chosen word is in brackets.
+fn examine_huge_pages(host: &Host) -> Option<Finding> {
     let text = host.read(HUGE_PAGES)?;
     let chosen = text.split_once('[')?.1.split_once(']')?.0.to_owned();
     Some(match chosen.as_str() {
@@ -74,7 +86,8 @@ fn huge_pages(host: &Host) -> Option<Finding> {
     })
 }
 
-fn open_files() -> Finding {
+/// Examines the limit of open files per process.
+fn examine_open_files() -> Finding {
     match getrlimit(Resource::Nofile).current {
         Some(count) if count < OPEN_FILES => {
             let found = format!("at most {count}, and a large rig needs {OPEN_FILES}");

@@ -42,6 +42,7 @@ pub(super) enum State {
 }
 
 impl State {
+    /// Returns the word that is printed.
     fn as_str(self) -> &'static str {
         match self {
             Self::Good => "ok",
@@ -65,14 +66,17 @@ pub(super) struct Finding {
 }
 
 impl Finding {
+    /// Returns a property that is as it should be.
     fn good(name: &'static str, found: impl Into<String>) -> Self {
         Self { name, state: State::Good, found: found.into(), fix: None }
     }
 
+    /// Returns a property that could be better, with the command that improves it.
     fn advice(name: &'static str, found: impl Into<String>, fix: impl Into<String>) -> Self {
         Self { name, state: State::Advice, found: found.into(), fix: Some(fix.into()) }
     }
 
+    /// Returns a property that keeps a rig from working, with the command that mends it.
     fn bad(name: &'static str, found: impl Into<String>, fix: impl Into<String>) -> Self {
         Self { name, state: State::Bad, found: found.into(), fix: Some(fix.into()) }
     }
@@ -95,10 +99,10 @@ pub fn run(options: &DoctorOptions) -> Result<Outcome, Failure> {
     findings.extend(cameras::examine(&host));
     findings.extend(tools::examine());
     if options.json {
-        let list: Vec<_> = findings.iter().map(as_json).collect();
+        let list: Vec<_> = findings.iter().map(finding_as_json).collect();
         print_line(&json!({ "findings": list }).to_string());
     } else {
-        print(&findings);
+        print_findings(&findings);
     }
     match findings.iter().filter(|finding| finding.state == State::Bad).count() {
         0 => Ok(Outcome::Clean),
@@ -106,7 +110,8 @@ pub fn run(options: &DoctorOptions) -> Result<Outcome, Failure> {
     }
 }
 
-fn as_json(finding: &Finding) -> serde_json::Value {
+/// Returns a property as JSON.
+fn finding_as_json(finding: &Finding) -> serde_json::Value {
     let state = match finding.state {
         State::Good => "good",
         State::Advice => "advice",
@@ -115,7 +120,8 @@ fn as_json(finding: &Finding) -> serde_json::Value {
     json!({ "name": finding.name, "state": state, "found": finding.found, "fix": finding.fix })
 }
 
-fn print(findings: &[Finding]) {
+/// Prints every property, then the commands.
+fn print_findings(findings: &[Finding]) {
     for finding in findings {
         print_line(&format!("{:<16}{:<17}{}", finding.name, finding.state.as_str(), finding.found));
     }

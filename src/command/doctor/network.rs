@@ -3,20 +3,24 @@
 use super::Finding;
 use super::host::Host;
 
+/// The file with the maximum receive buffer of a socket, bytes.
 const RECEIVE_BUFFER: &str = "/proc/sys/net/core/rmem_max";
 /// The number of bytes that a camera of 10 Gbit/s sends while the receiver sleeps for 20 ms.
 const RECEIVE_BYTES: u64 = 25_000_000;
+/// The folder of the network interfaces.
 const INTERFACES: &str = "/sys/class/net";
 /// Packets of this size, bytes, need a seventh of the interrupts of the usual 1500.
 const JUMBO_BYTES: u64 = 9000;
 /// The type of Ethernet interfaces in the kernel.
 const ETHERNET: u64 = 1;
 
+/// Examines the receive buffer and the packet sizes.
 pub(super) fn examine(host: &Host) -> Vec<Finding> {
-    receive_buffer(host).into_iter().chain(packets(host)).collect()
+    examine_receive_buffer(host).into_iter().chain(examine_packets(host)).collect()
 }
 
-fn receive_buffer(host: &Host) -> Option<Finding> {
+/// Examines the maximum receive buffer of a socket; `None` where the kernel does not state it.
+fn examine_receive_buffer(host: &Host) -> Option<Finding> {
     let bytes = host.number(RECEIVE_BUFFER)?;
     let found = format!("at most {bytes} bytes");
     Some(match bytes {
@@ -29,7 +33,7 @@ fn receive_buffer(host: &Host) -> Option<Finding> {
 }
 
 /// Examines the packet sizes of the Ethernet interfaces that are up; `None` without any.
-fn packets(host: &Host) -> Option<Finding> {
+fn examine_packets(host: &Host) -> Option<Finding> {
     let mut sizes: Vec<(String, u64)> = Vec::new();
     for name in host.names(INTERFACES) {
         let of = |file: &str| format!("{INTERFACES}/{name}/{file}");

@@ -9,28 +9,32 @@ use std::io::Write;
 use std::path::Path;
 use std::time::Instant;
 
+/// The folder of the shared memory.
 const SHARED_MEMORY: &str = "/dev/shm";
-/// The shared memory of a rig besides its ring of frames: topics, fields and their queues, bytes.
+/// The shared memory of a rig without its ring of frames: topics, fields and their queues, bytes.
 const TOPICS_BYTES: u64 = 128 << 20;
 /// The ring of a rig whose file is not given, or does not state the size of its image, bytes.
 const RING_BYTES: u64 = 256 << 20;
 /// The number of bytes that are written for a measurement of the disk.
 const TRIAL_BYTES: usize = 64 << 20;
+/// The size of one write of that measurement, bytes.
 const CHUNK_BYTES: usize = 4 << 20;
 /// The room that a folder of recordings should have, bytes.
 const FREE_BYTES: u64 = 2 << 30;
 
+/// Examines the shared memory, and speed and space of the folder of the recordings.
 pub(super) fn examine(host: &Host, config: Option<&Config>, directory: &Path) -> Vec<Finding> {
-    shared_memory(host, config).into_iter().chain(folder(config, directory)).collect()
+    examine_shared_memory(host, config).into_iter().chain(examine_folder(config, directory)).collect()
 }
 
-/// The bytes of a second of frames; `None` if the file does not state size and rate.
+/// Returns the number of bytes per second of frames of one byte per pixel; `None` if the file states no size or rate.
 fn bytes_per_second(config: &Config) -> Option<f64> {
     let (width, height) = config.camera.image_px()?;
     Some(f64::from(width) * f64::from(height) * config.camera.frame_rate_hz?)
 }
 
-fn shared_memory(host: &Host, config: Option<&Config>) -> Option<Finding> {
+/// Examines the free shared memory, which the topics and twice the pre-trigger time of frames need.
+fn examine_shared_memory(host: &Host, config: Option<&Config>) -> Option<Finding> {
     let place = host.path(SHARED_MEMORY);
     let Ok(stat) = statvfs(&place) else {
         let found = format!("{} is missing", place.display());
@@ -48,12 +52,13 @@ fn shared_memory(host: &Host, config: Option<&Config>) -> Option<Finding> {
     Some(Finding::bad("shared memory", found, format!("mount -o remount,size={mib}M {}", place.display())))
 }
 
-fn folder(config: Option<&Config>, directory: &Path) -> Vec<Finding> {
+/// Examines whether the folder takes files, how fast, and its free space.
+fn examine_folder(config: Option<&Config>, directory: &Path) -> Vec<Finding> {
     let name = directory.display();
     if !directory.is_dir() {
         return vec![Finding::bad("recordings", format!("{name} is not a folder"), format!("mkdir -p '{name}'"))];
     }
-    let speed = match trial(directory) {
+    let speed = match measure_write_speed(directory) {
         Ok(speed) => speed,
         Err(error) => {
             let found = format!("{name} takes no file: {error}");
@@ -80,15 +85,16 @@ fn folder(config: Option<&Config>, directory: &Path) -> Vec<Finding> {
     findings
 }
 
-/// Writes a file, syncs and removes it. Returns the speed, bytes/s.
-fn trial(directory: &Path) -> std::io::Result<f64> {
+/// Writes a file, syncs and removes it; returns the speed, bytes/s.
+fn measure_write_speed(directory: &Path) -> std::io::Result<f64> {
     let path = directory.join(format!(".ricochet-trial-{}", std::process::id()));
-    let written = write_trial(&path);
+    let written = write_timed(&path);
     let removed = std::fs::remove_file(&path);
     written.and_then(|speed| removed.map(|()| speed))
 }
 
-fn write_trial(path: &Path) -> std::io::Result<f64> {
+/// Writes and syncs a new file of [`TRIAL_BYTES`]; returns the speed, bytes/s.
+fn write_timed(path: &Path) -> std::io::Result<f64> {
     let mut file = File::options().write(true).create_new(true).open(path)?;
     // Some disks compress, so the bytes must not be equal.
     let chunk: Vec<u8> = (0..CHUNK_BYTES as u32).map(|k| (k.wrapping_mul(0x9E37_79B9) >> 24) as u8).collect();

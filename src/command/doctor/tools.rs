@@ -4,11 +4,13 @@ use super::Finding;
 use crate::camera::genicam;
 use std::path::PathBuf;
 
+/// Examines the library Aravis and the program ffmpeg.
 pub(super) fn examine() -> Vec<Finding> {
-    vec![aravis(), ffmpeg()]
+    vec![examine_aravis(), examine_ffmpeg()]
 }
 
-fn aravis() -> Finding {
+/// Examines whether the library for GenICam cameras opens.
+fn examine_aravis() -> Finding {
     match genicam::library() {
         Ok(_) => Finding::good("Aravis", "GigE Vision and USB3 Vision cameras can be used"),
         Err(error) => Finding::advice(
@@ -19,7 +21,8 @@ fn aravis() -> Finding {
     }
 }
 
-fn ffmpeg() -> Finding {
+/// Examines whether ffmpeg and ffprobe are among the programs.
+fn examine_ffmpeg() -> Finding {
     let paths = std::env::var_os("PATH").unwrap_or_default();
     let is_missing = |name: &&str| !std::env::split_paths(&paths).any(|folder: PathBuf| folder.join(name).is_file());
     let missing: Vec<&str> = ["ffmpeg", "ffprobe"].into_iter().filter(is_missing).collect();

@@ -155,12 +155,12 @@ pub fn run(options: &ExportOptions) -> Result<Exported, ExportError> {
         check_no_input(path, options.film.iter().chain([&options.file]))
             .map_err(|error| ExportError::Usage(error.0))?;
     }
-    let rows = write(options)?;
+    let rows = write_topic(options)?;
     Ok(Exported { rows, truncated: Recording::open(&options.file)?.truncated().map(str::to_owned) })
 }
 
-/// Writes the table or the images and returns their number.
-fn write(options: &ExportOptions) -> Result<u64, ExportError> {
+/// Checks the options, writes the table, the images or the recording, and returns their number of rows or frames.
+fn write_topic(options: &ExportOptions) -> Result<u64, ExportError> {
     let topic = options.topic.as_str();
     let known = options.format.topics();
     if !known.contains(&topic) {
@@ -183,7 +183,7 @@ fn write(options: &ExportOptions) -> Result<u64, ExportError> {
     // The options are checked before a recording is read or a file is created.
     match options.format {
         Format::Png => picture::write_all(options, output()?),
-        Format::Mp4 | Format::Gif => whole(options, output()?, |file| video::write(options, file.part())),
+        Format::Mp4 | Format::Gif => write_whole(options, output()?, |file| video::write(options, file.part())),
         Format::Mcap if options.camera.is_some() => {
             Err(ExportError::Usage("--camera: --format mcap keeps the results of all cameras".into()))
         }
@@ -192,18 +192,18 @@ fn write(options: &ExportOptions) -> Result<u64, ExportError> {
         Format::Parquet => {
             let path = output()?;
             let recording = options.recording()?;
-            whole(options, path, |file| parquet::write(&recording, topic, file, &path.display().to_string()))
+            write_whole(options, path, |file| parquet::write(&recording, topic, file, &path.display().to_string()))
         }
         Format::Npz => {
             let path = output()?;
             let recording = options.recording()?;
-            whole(options, path, |file| npz::write(&recording, topic, file, &path.display().to_string()))
+            write_whole(options, path, |file| npz::write(&recording, topic, file, &path.display().to_string()))
         }
         Format::Csv => {
             let recording = options.recording()?;
             match &options.output {
                 None => write_table(&recording, topic, io::stdout().lock(), "standard output"),
-                Some(path) => whole(options, path, |file| {
+                Some(path) => write_whole(options, path, |file| {
                     write_table(&recording, topic, BufWriter::new(file), &path.display().to_string())
                 }),
             }
@@ -212,7 +212,7 @@ fn write(options: &ExportOptions) -> Result<u64, ExportError> {
 }
 
 /// Writes a file that has its name only once it is complete; returns the number of rows or frames.
-fn whole(
+fn write_whole(
     options: &ExportOptions,
     path: &Path,
     write: impl FnOnce(&mut OutputFile) -> Result<u64, ExportError>,
@@ -240,7 +240,7 @@ pub(super) fn write_merged(
         let recording = Recording::open(path)?;
         let stem = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
         let mut part = Merged { table: &mut table, columns: &mut first, recording: &stem };
-        rows::send(&recording, topic, &mut part)?;
+        rows::send_table(&recording, topic, &mut part)?;
     }
     table.finish()
 }
@@ -252,6 +252,6 @@ pub(super) fn write_merged(
 /// [`ExportError`] as [`run`].
 pub fn write_table(recording: &Recording, topic: &str, to: impl Write, name: &str) -> Result<u64, ExportError> {
     let mut table = Csv::new(to, name);
-    rows::send(recording, topic, &mut table)?;
+    rows::send_table(recording, topic, &mut table)?;
     table.finish()
 }

@@ -18,7 +18,7 @@ const DATE: u16 = 1 << 5 | 1;
 /// Writes a table and returns the number of its rows. All columns are held in memory.
 pub(super) fn write(recording: &Recording, topic: &str, file: &mut OutputFile, name: &str) -> Result<u64, ExportError> {
     let mut table = Table { name, columns: Vec::new(), rows: 0 };
-    rows::send(recording, topic, &mut table)?;
+    rows::send_table(recording, topic, &mut table)?;
     let failure = |source| ExportError::Write { to: name.into(), source };
     let mut archive = Archive { to: BufWriter::new(file), written: 0, directory: Vec::new(), entries: 0 };
     for (name, values) in &table.columns {
@@ -28,6 +28,7 @@ pub(super) fn write(recording: &Recording, topic: &str, file: &mut OutputFile, n
     Ok(table.rows)
 }
 
+/// A table in memory, column by column.
 struct Table<'a> {
     name: &'a str,
     columns: Vec<(&'static str, Values)>,
@@ -66,6 +67,11 @@ impl Sink for Table<'_> {
 }
 
 impl Values {
+    /// Appends the cell of a row.
+    ///
+    /// # Errors
+    ///
+    /// When the cell is not of the type of its column, or a number exceeds 64 bits.
     fn push(&mut self, cell: Cell) -> io::Result<()> {
         match (self, cell) {
             (Self::Words(known, rows), Cell::Text(word)) => {
@@ -94,14 +100,14 @@ impl Values {
     fn array(&self, rows: u64) -> Vec<u8> {
         match self {
             Self::Numbers(kind, bytes) => {
-                let mut array = header(kind, rows);
+                let mut array = array_header(kind, rows);
                 array.extend(bytes);
                 array
             }
             Self::Words(known, places) => {
                 // Fixed width: each text as long as the longest, in UTF-32.
                 let longest = known.keys().map(|word| word.chars().count()).max().unwrap_or(0).max(1);
-                let mut array = header(&format!("<U{longest}"), rows);
+                let mut array = array_header(&format!("<U{longest}"), rows);
                 let mut encoded = vec![Vec::new(); known.len()];
                 for (word, place) in known {
                     let mut bytes: Vec<u8> = word.chars().flat_map(|letter| u32::from(letter).to_le_bytes()).collect();
@@ -115,7 +121,8 @@ impl Values {
     }
 }
 
-fn header(kind: &str, rows: u64) -> Vec<u8> {
+/// Returns the header of a one-dimensional array of this NumPy type, padded to [`ALIGNMENT`].
+fn array_header(kind: &str, rows: u64) -> Vec<u8> {
     let mut text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({rows},), }}");
     let before = 10 + text.len() + 1;
     text.extend(std::iter::repeat_n(' ', before.next_multiple_of(ALIGNMENT) - before));
@@ -134,6 +141,7 @@ struct Archive<W: Write> {
 }
 
 impl<W: Write> Archive<W> {
+    /// Writes an entry, and adds its record to the directory.
     fn add(&mut self, name: &str, content: &[u8]) -> io::Result<()> {
         let offset = size(self.written)?;
         // The common part of the header of an entry and of its record in the directory.
@@ -161,6 +169,7 @@ impl<W: Write> Archive<W> {
         Ok(())
     }
 
+    /// Writes the directory and the record of its end.
     fn finish(mut self) -> io::Result<()> {
         let (offset, directory) = (size(self.written)?, std::mem::take(&mut self.directory));
         self.put(&directory)?;
@@ -174,6 +183,7 @@ impl<W: Write> Archive<W> {
         self.to.flush()
     }
 
+    /// Writes bytes and counts them.
     fn put(&mut self, bytes: &[u8]) -> io::Result<()> {
         self.written += bytes.len();
         self.to.write_all(bytes)
@@ -181,6 +191,10 @@ impl<W: Write> Archive<W> {
 }
 
 /// Returns a size or offset as the format stores it.
+///
+/// # Errors
+///
+/// At 4 GiB or more.
 fn size(bytes: usize) -> io::Result<u32> {
     u32::try_from(bytes).map_err(|_| io::Error::other("an npz file holds at most 4 GiB; use --format parquet"))
 }

@@ -24,7 +24,7 @@ pub(super) fn write(recording: &Recording, topic: &str, file: &mut OutputFile, n
     let metadata = entries.map(|(key, value)| KeyValue::new(format!("ricochet.{key}"), value.clone())).collect();
     let mut table =
         Table { name, file: Some(file), metadata, writer: None, columns: Vec::new(), rows: Vec::new(), count: 0 };
-    rows::send(recording, topic, &mut table)?;
+    rows::send_table(recording, topic, &mut table)?;
     table.write_group()?;
     if let Some(writer) = table.writer.take() {
         writer.close().map_err(|error| failure(name, error))?;
@@ -32,6 +32,7 @@ pub(super) fn write(recording: &Recording, topic: &str, file: &mut OutputFile, n
     Ok(table.count)
 }
 
+/// A table that is written group by group.
 struct Table<'a> {
     name: &'a str,
     /// The file, until the header is known.
@@ -43,6 +44,7 @@ struct Table<'a> {
     count: u64,
 }
 
+/// Returns the error of a write to the target `name`.
 fn failure(name: &str, error: ParquetError) -> ExportError {
     ExportError::Write { to: name.into(), source: io::Error::other(error) }
 }
@@ -67,6 +69,7 @@ impl Sink for Table<'_> {
     }
 }
 
+/// Returns the schema: whole numbers and texts are required, other numbers may be missing.
 fn schema(columns: &[Heading]) -> Result<Arc<Type>, ParquetError> {
     let field = |column: &Heading| {
         let (physical, converted) = match column.kind {
@@ -88,6 +91,7 @@ fn schema(columns: &[Heading]) -> Result<Arc<Type>, ParquetError> {
 }
 
 impl Table<'_> {
+    /// Writes the held rows as a group.
     fn write_group(&mut self) -> Result<(), ExportError> {
         let Some(writer) = self.writer.as_mut().filter(|_| !self.rows.is_empty()) else { return Ok(()) };
         let rows = std::mem::take(&mut self.rows);
@@ -104,6 +108,7 @@ impl Table<'_> {
     }
 }
 
+/// Writes the cells of a column of a group.
 fn write_column<'a>(
     writer: &mut SerializedColumnWriter<'_>,
     kind: Kind,
@@ -111,7 +116,7 @@ fn write_column<'a>(
 ) -> Result<(), ParquetError> {
     match kind {
         Kind::Integer | Kind::Stamp => {
-            let values = cells.map(whole).collect::<Result<Vec<i64>, _>>()?;
+            let values = cells.map(whole_number).collect::<Result<Vec<i64>, _>>()?;
             writer.typed::<Int64Type>().write_batch(&values, None, None)?;
         }
         Kind::Text => {
@@ -122,11 +127,11 @@ fn write_column<'a>(
             let values: Vec<ByteArray> = cells.map(text).collect();
             writer.typed::<ByteArrayType>().write_batch(&values, None, None)?;
         }
-        Kind::Double => numbers::<DoubleType>(writer, cells, |cell| match cell {
+        Kind::Double => write_numbers::<DoubleType>(writer, cells, |cell| match cell {
             Cell::Double(number) => number.filter(|number| number.is_finite()),
             _ => None,
         })?,
-        Kind::Single => numbers::<FloatType>(writer, cells, |cell| match cell {
+        Kind::Single => write_numbers::<FloatType>(writer, cells, |cell| match cell {
             Cell::Single(number) => number.filter(|number| number.is_finite()),
             _ => None,
         })?,
@@ -135,7 +140,11 @@ fn write_column<'a>(
 }
 
 /// Returns a whole number. A stamp keeps its bits, which the type of the column declares as unsigned.
-fn whole(cell: &Cell) -> Result<i64, ParquetError> {
+///
+/// # Errors
+///
+/// When it exceeds 64 bits, or the cell is no whole number.
+fn whole_number(cell: &Cell) -> Result<i64, ParquetError> {
     match cell {
         Cell::Integer(number) => {
             i64::try_from(*number).map_err(|_| ParquetError::General(format!("{number} does not fit 64 bits")))
@@ -146,7 +155,7 @@ fn whole(cell: &Cell) -> Result<i64, ParquetError> {
 }
 
 /// Writes the numbers that are present, and for each cell whether it is.
-fn numbers<'a, T: DataType>(
+fn write_numbers<'a, T: DataType>(
     writer: &mut SerializedColumnWriter<'_>,
     cells: impl Iterator<Item = &'a Cell>,
     number: impl Fn(&Cell) -> Option<T::T>,

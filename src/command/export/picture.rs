@@ -13,7 +13,9 @@ use std::collections::BTreeMap;
 use std::io::{self, Cursor};
 use std::path::Path;
 
+/// The colour of outlines.
 const OUTLINE: Color = [53, 224, 111];
+/// The colour of displacements.
 const ARROW: Color = [255, 210, 31];
 
 /// Writes an image per frame into a directory and returns their number.
@@ -38,37 +40,38 @@ pub(super) fn write_all(options: &ExportOptions, directory: &Path) -> Result<u64
     if options.topic == "frames" {
         for frame in frames {
             let (meta, bytes) = frame?;
-            write(meta.sequence, as_recorded(meta, &bytes))?;
+            write(meta.sequence, encode_recorded(meta, &bytes))?;
         }
     } else {
-        draw(&recording, frames, &options.topic, |sequence, picture| {
-            write(sequence, picture.and_then(|p| encoded(&p)))
+        draw_frames(&recording, frames, &options.topic, |sequence, picture| {
+            write(sequence, picture.and_then(|p| encode_png(&p)))
         })?;
     }
     Ok(count)
 }
 
-/// Returns a frame as a grey PNG of 8 bits, or of 16 with the levels that the camera delivered.
-fn as_recorded(meta: FrameMeta, bytes: &[u8]) -> io::Result<Vec<u8>> {
+/// Encodes a frame as a grey PNG of 8 bits, or of 16 with the levels that the camera delivered.
+fn encode_recorded(meta: FrameMeta, bytes: &[u8]) -> io::Result<Vec<u8>> {
     let mut image = Image::default();
     Frame { meta, bytes }.unpack(&mut image).map_err(io::Error::other)?;
     to_png_of_bits(&image, meta.format.bits()).ok_or_else(|| io::Error::other("the frame is no image"))
 }
 
-fn encoded(picture: &RgbImage) -> io::Result<Vec<u8>> {
+/// Encodes a drawing as PNG.
+fn encode_png(picture: &RgbImage) -> io::Result<Vec<u8>> {
     let mut png = Cursor::new(Vec::new());
     picture.write_to(&mut png, ImageFormat::Png).map_err(io::Error::other)?;
     Ok(png.into_inner())
 }
 
-/// Returns the error for frames that the results were not measured in.
-fn other_film(recording: &Recording, sequence: u64) -> ExportError {
+/// Returns the error for a frame that the results were not measured in.
+fn other_film_error(recording: &Recording, sequence: u64) -> ExportError {
     let reason = format!("frame {sequence} has another stamp than in the film: this is another film");
     RecordingError::Invalid { path: recording.path().to_path_buf(), reason }.into()
 }
 
-/// Draws frames in order, with the content of one of [`PICTURES`](super::PICTURES).
-pub(super) fn draw(
+/// Draws frames in order, with the content of one of [`PICTURES`](super::PICTURES), and hands them to `take`.
+pub(super) fn draw_frames(
     recording: &Recording,
     frames: Frames,
     topic: &str,
@@ -81,7 +84,7 @@ pub(super) fn draw(
             tracks.entry(sample.frame).or_default().push(sample);
         }
     }
-    let (gain, interval) = if topic == "field" { gain(recording)? } else { (1.0, 0) };
+    let (gain, interval) = if topic == "field" { arrow_gain(recording)? } else { (1.0, 0) };
     let mut fields = recording.fields()?.peekable();
     for frame in frames {
         let (meta, bytes) = frame?;
@@ -92,7 +95,7 @@ pub(super) fn draw(
         };
         for sample in tracks.get(&meta.sequence).into_iter().flatten() {
             if sample.stamp_ns != meta.stamp_ns {
-                return Err(other_film(recording, meta.sequence));
+                return Err(other_film_error(recording, meta.sequence));
             }
             draw_outline(&mut canvas, sample);
         }
@@ -110,9 +113,10 @@ pub(super) fn draw(
     Ok(())
 }
 
-/// Returns the magnification of displacements over the shortest interval, and that interval, frames. The magnification is
-/// the same in all frames; the longest displacement spans about the distance of two subsets.
-fn gain(recording: &Recording) -> Result<(f32, u64), RecordingError> {
+/// Returns the gain of the arrows over the shortest interval, and that interval, frames.
+///
+/// The gain is the same in all frames. The longest displacement spans about the distance of two subsets.
+fn arrow_gain(recording: &Recording) -> Result<(f32, u64), RecordingError> {
     let (mut longest, mut step, mut interval) = (0.0_f32, f32::INFINITY, u64::MAX);
     for field in recording.fields()? {
         let field = field?;

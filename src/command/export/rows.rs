@@ -10,16 +10,16 @@ use crate::results::{
     Cell, Column, FieldPoint, Heading, Impact, Kind, PairField, PointStatus, Rod, Sample, TrackSample, VelocitySample,
 };
 
-/// Sends the rows of one of the tables to a sink.
-pub(super) fn send(recording: &Recording, topic: &str, table: &mut dyn Sink) -> Result<(), ExportError> {
+/// Sends the header and the rows of one of [`TABLES`](super::TABLES) to a sink.
+pub(super) fn send_table(recording: &Recording, topic: &str, table: &mut dyn Sink) -> Result<(), ExportError> {
     match topic {
-        "velocity" => velocity(recording, recording.velocities()?.collect::<Result<_, _>>()?, table),
-        "truth" => velocity(recording, recording.truth()?.collect::<Result<_, _>>()?, table),
-        "track" => track(recording, table),
-        "impact" => impact(recording, recording.impacts()?.collect::<Result<_, _>>()?, table),
-        "truth_impact" => impact(recording, recording.truth_impacts()?.collect::<Result<_, _>>()?, table),
-        "field" => field(recording, table),
-        _ => events(recording, table),
+        "velocity" => send_velocities(recording, recording.velocities()?.collect::<Result<_, _>>()?, table),
+        "truth" => send_velocities(recording, recording.truth()?.collect::<Result<_, _>>()?, table),
+        "track" => send_tracks(recording, table),
+        "impact" => send_impacts(recording, recording.impacts()?.collect::<Result<_, _>>()?, table),
+        "truth_impact" => send_impacts(recording, recording.truth_impacts()?.collect::<Result<_, _>>()?, table),
+        "field" => send_fields(recording, table),
+        _ => send_events(recording, table),
     }
 }
 
@@ -44,19 +44,23 @@ impl Origin {
         Ok(recorded.or(first_row).unwrap_or(Self { frame: 0, stamp_ns: 0 }))
     }
 
+    /// Returns the first frame of a recording, with the first of these rows as a fallback.
     fn of_samples<R: Sample>(recording: &Recording, rows: &[R]) -> Result<Self, RecordingError> {
         Self::of(recording, rows.first().map(|row| Self { frame: row.frame(), stamp_ns: row.stamp_ns() }))
     }
 
-    fn frame(self, sequence: u64) -> Cell {
+    /// Returns the number of a frame, counted from the first.
+    fn frame_cell(self, sequence: u64) -> Cell {
         Cell::Integer(i128::from(sequence) - i128::from(self.frame))
     }
 
+    /// Converts a stamp to seconds from the first frame.
     fn seconds(self, stamp_ns: u64) -> f64 {
         (i128::from(stamp_ns) - i128::from(self.stamp_ns)) as f64 / 1e9
     }
 
-    fn time(self, stamp_ns: u64) -> Cell {
+    /// Returns a time in seconds from the first frame.
+    fn time_cell(self, stamp_ns: u64) -> Cell {
         Cell::Double(Some(self.seconds(stamp_ns)))
     }
 }
@@ -66,54 +70,65 @@ const BODY: Heading = Heading { name: "body", kind: Kind::Text };
 const STAMP: Heading = Heading { name: "stamp_ns", kind: Kind::Stamp };
 const TIME: Heading = Heading { name: "t_s", kind: Kind::Double };
 
-fn text(name: &'static str) -> Heading {
+/// Returns the heading of a column with text.
+fn text_heading(name: &'static str) -> Heading {
     Heading { name, kind: Kind::Text }
 }
 
-fn double(name: &'static str) -> Heading {
+/// Returns the heading of a column with numbers.
+fn double_heading(name: &'static str) -> Heading {
     Heading { name, kind: Kind::Double }
 }
 
-/// Writes the headings: those given, then those of the columns.
-fn header<R>(first: &[Heading], columns: &[Column<R>], table: &mut dyn Sink) -> Result<(), ExportError> {
+/// Sends the headings: those given, then those of the columns.
+fn send_header<R>(first: &[Heading], columns: &[Column<R>], table: &mut dyn Sink) -> Result<(), ExportError> {
     table.header(&first.iter().copied().chain(columns.iter().map(|column| column.heading)).collect::<Vec<_>>())
 }
 
-/// Writes a row: the cells given, then those of the columns.
-fn write<R>(first: Vec<Cell>, row: &R, columns: &[Column<R>], table: &mut dyn Sink) -> Result<(), ExportError> {
+/// Sends a row: the cells given, then those of the columns.
+fn send_row<R>(first: Vec<Cell>, row: &R, columns: &[Column<R>], table: &mut dyn Sink) -> Result<(), ExportError> {
     table.row(first.into_iter().chain(columns.iter().map(|column| (column.cell)(row))).collect())
 }
 
-fn velocity(recording: &Recording, mut rows: Vec<VelocitySample>, table: &mut dyn Sink) -> Result<(), ExportError> {
+/// Sends velocity rows, by frame and body.
+fn send_velocities(
+    recording: &Recording,
+    mut rows: Vec<VelocitySample>,
+    table: &mut dyn Sink,
+) -> Result<(), ExportError> {
     rows.sort_by_key(|row| (row.frame, row.body));
     let origin = Origin::of_samples(recording, &rows)?;
-    header(&[FRAME, BODY, STAMP, TIME], VelocitySample::COLUMNS, table)?;
+    send_header(&[FRAME, BODY, STAMP, TIME], VelocitySample::COLUMNS, table)?;
     for row in &rows {
         let place = vec![
-            origin.frame(row.frame),
+            origin.frame_cell(row.frame),
             Cell::Text(recording.body_name(row.body)),
             Cell::Stamp(row.stamp_ns),
-            origin.time(row.stamp_ns),
+            origin.time_cell(row.stamp_ns),
         ];
-        write(place, row, VelocitySample::COLUMNS, table)?;
+        send_row(place, row, VelocitySample::COLUMNS, table)?;
     }
     Ok(())
 }
 
-fn track(recording: &Recording, table: &mut dyn Sink) -> Result<(), ExportError> {
+/// Sends track rows, by frame and body; with the columns of rods if the rig follows any.
+fn send_tracks(recording: &Recording, table: &mut dyn Sink) -> Result<(), ExportError> {
     let mut rows: Vec<TrackSample> = recording.tracks()?.collect::<Result<_, _>>()?;
     rows.sort_by_key(|row| (row.frame, row.body));
     let origin = Origin::of_samples(recording, &rows)?;
     let has_rods = has_rods(recording) || rows.iter().any(|row| row.rod.is_some());
     let rod_headings = if has_rods { rod_headings() } else { Vec::new() };
-    header(&[&[FRAME, BODY, TIME], &rod_headings[..]].concat(), TrackSample::COLUMNS, table)?;
+    send_header(&[&[FRAME, BODY, TIME], &rod_headings[..]].concat(), TrackSample::COLUMNS, table)?;
     for row in &rows {
-        let mut place =
-            vec![origin.frame(row.frame), Cell::Text(recording.body_name(row.body)), origin.time(row.stamp_ns)];
+        let mut place = vec![
+            origin.frame_cell(row.frame),
+            Cell::Text(recording.body_name(row.body)),
+            origin.time_cell(row.stamp_ns),
+        ];
         if has_rods {
             place.extend(rod_cells(row.rod.as_ref()));
         }
-        write(place, row, TrackSample::COLUMNS, table)?;
+        send_row(place, row, TrackSample::COLUMNS, table)?;
     }
     Ok(())
 }
@@ -124,67 +139,71 @@ fn has_rods(recording: &Recording) -> bool {
     config.is_some_and(|config| config.bodies.iter().any(|body| body.kind == BodyKind::Rod))
 }
 
+/// Returns the headings of the columns of a rod.
 fn rod_headings() -> Vec<Heading> {
-    let numbers = rod::numbers(None).into_iter().map(|(name, _)| double(name));
-    numbers.chain(rod::statuses(None).into_iter().map(|(name, _)| text(name))).collect()
+    let numbers = rod::number_cells(None).into_iter().map(|(name, _)| double_heading(name));
+    numbers.chain(rod::status_cells(None).into_iter().map(|(name, _)| text_heading(name))).collect()
 }
 
+/// Returns the cells of the columns of a rod; empty without one.
 fn rod_cells(rod: Option<&Rod>) -> impl Iterator<Item = Cell> {
     let status = |status: Option<PointStatus>| Cell::Text(status.map_or("", PointStatus::as_str).into());
-    let numbers = rod::numbers(rod).into_iter().map(|(_, number)| Cell::Double(number));
-    numbers.chain(rod::statuses(rod).into_iter().map(move |(_, of_edge)| status(of_edge)))
+    let numbers = rod::number_cells(rod).into_iter().map(|(_, number)| Cell::Double(number));
+    numbers.chain(rod::status_cells(rod).into_iter().map(move |(_, of_edge)| status(of_edge)))
 }
 
-/// Fields are many: one frame's are in memory at a time.
-fn field(recording: &Recording, table: &mut dyn Sink) -> Result<(), ExportError> {
+/// Sends the fields with those of one frame in memory at a time.
+fn send_fields(recording: &Recording, table: &mut dyn Sink) -> Result<(), ExportError> {
     let mut fields = recording.fields()?.peekable();
     let first = fields.peek().and_then(|field| field.as_ref().ok());
     let first = first.map(|field| Origin { frame: field.frame, stamp_ns: field.stamp_ns });
     let origin = Origin::of(recording, first)?;
-    header(&[FRAME], FieldPoint::COLUMNS, table)?;
+    send_header(&[FRAME], FieldPoint::COLUMNS, table)?;
     let mut frame: Vec<PairField> = Vec::new();
     for field in fields {
         let field = field?;
         if frame.first().is_some_and(|first| first.stamp_ns != field.stamp_ns) {
-            write_fields(origin, &mut frame, table)?;
+            send_frame_fields(origin, &mut frame, table)?;
         }
         frame.push(field);
     }
-    write_fields(origin, &mut frame, table)
+    send_frame_fields(origin, &mut frame, table)
 }
 
-fn write_fields(origin: Origin, fields: &mut Vec<PairField>, table: &mut dyn Sink) -> Result<(), ExportError> {
+/// Sends the fields of one frame, by body, those over the shortest interval only, and clears them.
+fn send_frame_fields(origin: Origin, fields: &mut Vec<PairField>, table: &mut dyn Sink) -> Result<(), ExportError> {
     fields.sort_by_key(|field| (field.frame, field.body, field.target_frame));
     // The table has no column for the interval: it holds the shortest one.
     fields.dedup_by_key(|field| (field.frame, field.body));
     for field in fields.drain(..) {
         for point in &field.points {
-            write(vec![origin.frame(field.frame)], point, FieldPoint::COLUMNS, table)?;
+            send_row(vec![origin.frame_cell(field.frame)], point, FieldPoint::COLUMNS, table)?;
         }
     }
     Ok(())
 }
 
-/// Moments count from the recording's first frame.
-fn impact(recording: &Recording, rows: Vec<Impact>, table: &mut dyn Sink) -> Result<(), ExportError> {
+/// Sends the last revision of each impact. Moments count from the recording's first frame.
+fn send_impacts(recording: &Recording, rows: Vec<Impact>, table: &mut dyn Sink) -> Result<(), ExportError> {
     let rows = last_revisions(rows);
     let first = rows.first().map(|row| Origin { frame: 0, stamp_ns: row.origin_ns });
     let (origin, columns) = (Origin::of(recording, first)?, Impact::table());
-    header(&[BODY], &columns, table)?;
+    send_header(&[BODY], &columns, table)?;
     for row in rows {
         let body = Cell::Text(recording.body_name(row.body));
-        write(vec![body], &row.shifted(origin.seconds(row.origin_ns)), &columns, table)?;
+        send_row(vec![body], &row.shifted(origin.seconds(row.origin_ns)), &columns, table)?;
     }
     Ok(())
 }
 
-fn events(recording: &Recording, table: &mut dyn Sink) -> Result<(), ExportError> {
+/// Sends the events in the order of the recording.
+fn send_events(recording: &Recording, table: &mut dyn Sink) -> Result<(), ExportError> {
     let rows: Vec<EventRow> = recording.events()?.collect::<Result<_, _>>()?;
     let first = rows.first().map(|row| Origin { frame: 0, stamp_ns: row.stamp_ns });
     let origin = Origin::of(recording, first)?;
-    table.header(&[STAMP, TIME, text("kind"), text("text")])?;
+    table.header(&[STAMP, TIME, text_heading("kind"), text_heading("text")])?;
     for row in rows {
-        let time = origin.time(row.stamp_ns);
+        let time = origin.time_cell(row.stamp_ns);
         table.row(vec![Cell::Stamp(row.stamp_ns), time, Cell::Text(row.kind), Cell::Text(row.text)])?;
     }
     Ok(())

@@ -31,7 +31,8 @@ impl<W: Write> Csv<W> {
         Ok(self.rows)
     }
 
-    fn record<T: AsRef<[u8]>>(&mut self, cells: impl IntoIterator<Item = T>) -> Result<(), ExportError> {
+    /// Writes the cells of a line.
+    fn write_record<T: AsRef<[u8]>>(&mut self, cells: impl IntoIterator<Item = T>) -> Result<(), ExportError> {
         let written = self.csv.write_record(cells);
         written.map_err(|error| ExportError::Write { to: self.name.clone(), source: error.into() })
     }
@@ -39,12 +40,12 @@ impl<W: Write> Csv<W> {
 
 impl<W: Write> Sink for Csv<W> {
     fn header(&mut self, headings: &[Heading]) -> Result<(), ExportError> {
-        self.record(headings.iter().map(|heading| heading.name))
+        self.write_record(headings.iter().map(|heading| heading.name))
     }
 
     fn row(&mut self, cells: Vec<Cell>) -> Result<(), ExportError> {
         self.rows += 1;
-        self.record(cells.iter().map(Cell::to_string))
+        self.write_record(cells.iter().map(Cell::to_string))
     }
 }
 

@@ -1,6 +1,6 @@
 //! Frames as a video, encoded by an installed ffmpeg.
 
-use super::picture::{draw, grey_levels};
+use super::picture::{draw_frames, grey_levels};
 use super::{ExportError, ExportOptions, Format};
 use std::ffi::OsString;
 use std::io::{self, ErrorKind, Read, Write};
@@ -36,7 +36,7 @@ pub(super) fn write(options: &ExportOptions, to: &Path) -> Result<u64, ExportErr
             take([meta.width_px, meta.height_px], "gray", &levels)?;
         }
     } else {
-        draw(&recording, frames, &options.topic, |_, picture| {
+        draw_frames(&recording, frames, &options.topic, |_, picture| {
             let picture = picture.map_err(failed)?;
             take([picture.width(), picture.height()], "rgb24", picture.as_raw())
         })?;
@@ -55,11 +55,16 @@ struct Video {
 }
 
 impl Video {
+    /// Starts ffmpeg for frames of this size and pixel layout.
+    ///
+    /// # Errors
+    ///
+    /// [`ExportError`] when ffmpeg is not installed or does not start.
     fn start(options: &ExportOptions, to: &Path, size: [u32; 2], kind: &str) -> Result<Self, ExportError> {
         let word = options.format.as_str();
         let spawned = Command::new("ffmpeg")
             .args(arguments(options, size, kind))
-            .arg(file_address(to))
+            .arg(file_url(to))
             .stdin(Stdio::piped())
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
@@ -83,6 +88,7 @@ impl Video {
         Ok(Self { size, frames: ffmpeg.stdin.take(), ffmpeg, messages })
     }
 
+    /// Writes the pixels of the next frame to ffmpeg.
     fn push(&mut self, pixels: &[u8]) -> io::Result<()> {
         let Some(frames) = &mut self.frames else { return Ok(()) };
         match frames.write_all(pixels) {
@@ -93,6 +99,11 @@ impl Video {
         Ok(())
     }
 
+    /// Closes the input of ffmpeg, and waits for its end.
+    ///
+    /// # Errors
+    ///
+    /// The last message of ffmpeg when it failed.
     fn finish(mut self) -> io::Result<()> {
         let is_complete = self.frames.take().is_some();
         let status = self.ffmpeg.wait()?;
@@ -136,9 +147,9 @@ fn arguments(options: &ExportOptions, [width, height]: [u32; 2], kind: &str) -> 
     words.into_iter().map(OsString::from).collect()
 }
 
-/// Returns the address of a file, whatever its name begins with.
-fn file_address(path: &Path) -> OsString {
-    let mut address = OsString::from("file:");
-    address.push(path);
-    address
+/// Returns the URL of a file, which keeps ffmpeg from reading its name as an option or a protocol.
+fn file_url(path: &Path) -> OsString {
+    let mut url = OsString::from("file:");
+    url.push(path);
+    url
 }

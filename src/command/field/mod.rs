@@ -64,26 +64,26 @@ pub fn run(options: &FieldOptions, stop: &Stop) -> Result<Outcome, Failure> {
     if !options.later.is_empty() {
         return series::run(options, stop);
     }
-    pair(options)?;
+    measure_pair(options)?;
     Ok(Outcome::Clean)
 }
 
-/// Measures the field of two images.
-fn pair(options: &FieldOptions) -> Result<(), Failure> {
+/// Measures the field of two images, and writes its table, picture and summary.
+fn measure_pair(options: &FieldOptions) -> Result<(), Failure> {
     for path in [&options.output, &options.picture].into_iter().flatten() {
         check_no_input(path, [&options.reference, &options.target])?;
         options.overwrite.check(path)?;
     }
     let (reference, target) = read_pair(&options.reference, &options.target)?;
     let (a, b) = (reference.view(), target.view());
-    let (field, start) = measure(options, a, b)?;
+    let (field, start) = correlate_pair(options, a, b)?;
     let layout = Layout { json: options.json, named: false };
     match &options.output {
         Some(path) => layout.write_file(path, &field, options.overwrite)?,
         None => {
             let mut out = BufWriter::new(std::io::stdout().lock());
             let written = layout.head(&mut out).and_then(|()| layout.rows(&field, &options.target, &mut out));
-            written.map_err(to_standard_output)?;
+            written.map_err(standard_output_error)?;
         }
     }
     let legend = match &options.picture {
@@ -95,7 +95,8 @@ fn pair(options: &FieldOptions) -> Result<(), Failure> {
     Ok(())
 }
 
-fn to_standard_output(reason: impl std::fmt::Display) -> WriteError {
+/// Returns the error of a write to standard output.
+fn standard_output_error(reason: impl std::fmt::Display) -> WriteError {
     WriteError::new("standard output", reason)
 }
 
@@ -121,16 +122,16 @@ fn save_picture(
 }
 
 impl FieldOptions {
-    /// Returns the region that subsets are cut to.
-    fn cut(&self) -> Option<Region> {
-        let rectangle = |roi: [u32; 4]| start::rectangle(roi.map(f64::from));
+    /// Returns the region that subsets are cut to; `None` if none is cut.
+    fn cut_region(&self) -> Option<Region> {
+        let rectangle = |roi: [u32; 4]| start::rectangle_region(roi.map(f64::from));
         self.region.clone().or_else(|| self.roi_px.filter(|_| self.partial).map(rectangle))
     }
 }
 
 /// Correlates two images over the region of interest; returns the field and a description of the initial guess, if
 /// searched.
-fn measure(
+fn correlate_pair(
     options: &FieldOptions,
     reference: ImageView<'_>,
     target: ImageView<'_>,
@@ -139,10 +140,10 @@ fn measure(
     let (width, height) = (reference.width(), reference.height());
     let mut correlator = Correlator::new(&options.params, width, height)?;
     let points = stills::points_of(options, Size { width, height })?;
-    correlator.set_region(options.cut());
+    correlator.set_region(options.cut_region());
     let (reference, target) = (correlator.prepare(reference), correlator.prepare(target));
     let mut field = Vec::with_capacity(points.len());
-    let found = start::find(options, &reference, &target)?;
+    let found = start::find_start(options, &reference, &target)?;
     correlator.correlate(&reference, &target, &points, found.start, &mut field);
     Ok((field, found.note))
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::stills::Still;
 use super::table::Layout;
-use super::{Begin, FieldOptions, Size, save_picture, start, stills, summary, to_standard_output};
+use super::{Begin, FieldOptions, Size, save_picture, standard_output_error, start, stills, summary};
 use crate::console::{Outcome, UsageError, check_no_input, create_directory, progress};
 use crate::dic::{Correlator, Series};
 use crate::failure::Failure;
@@ -15,7 +15,7 @@ use crate::results::FieldPoint;
 
 /// Measures every target and prints one summary line each.
 pub(super) fn run(options: &FieldOptions, stop: &Stop) -> Result<Outcome, Failure> {
-    check(options)?;
+    check_options(options)?;
     let targets: Vec<&Path> = std::iter::once(&options.target).chain(&options.later).map(PathBuf::as_path).collect();
     // All sizes are checked first, so that a wrong image is reported before the first measurement.
     let reference = Still { path: &options.reference, size: stills::size_px(&options.reference)? };
@@ -25,8 +25,8 @@ pub(super) fn run(options: &FieldOptions, stop: &Stop) -> Result<Outcome, Failur
     let Size { width, height } = reference.size;
     let mut correlator = Correlator::new(&options.params, width, height)?;
     let points = stills::points_of(options, reference.size)?;
-    correlator.set_region(options.cut());
-    let outputs = Outputs::make(options, &targets)?;
+    correlator.set_region(options.cut_region());
+    let outputs = Outputs::create(options, &targets)?;
     let first = stills::read_still(&options.reference)?;
     let mut series = Series::new(correlator, first.view(), &points);
     let mut field = Vec::new();
@@ -60,7 +60,7 @@ pub(super) fn run(options: &FieldOptions, stop: &Stop) -> Result<Outcome, Failur
 /// # Errors
 ///
 /// [`UsageError`] naming the option and the allowed values.
-fn check(options: &FieldOptions) -> Result<(), UsageError> {
+fn check_options(options: &FieldOptions) -> Result<(), UsageError> {
     if options.begin != Begin::Neighbor {
         let word = Begin::WORDS.iter().find(|(_, begin)| *begin == options.begin).map_or("", |(word, _)| word);
         return Err(UsageError(format!(
@@ -84,9 +84,9 @@ impl<'a> Outputs<'a> {
     /// # Errors
     ///
     /// When an image would be overwritten, files of a longer series would remain, or a directory cannot be created.
-    fn make(options: &'a FieldOptions, targets: &[&Path]) -> Result<Self, Failure> {
+    fn create(options: &'a FieldOptions, targets: &[&Path]) -> Result<Self, Failure> {
         let outputs = Self { options, digits: targets.len().to_string().len().max(4) };
-        let paths = |index: usize| [outputs.table(index), outputs.picture(index)].into_iter().flatten();
+        let paths = |index: usize| [outputs.table_path(index), outputs.picture_path(index)].into_iter().flatten();
         for path in (0..targets.len()).flat_map(paths) {
             // Most outputs do not exist, and need not be compared with every input.
             if path.exists() {
@@ -104,7 +104,7 @@ impl<'a> Outputs<'a> {
             }
         }
         if options.output.is_none() {
-            outputs.layout().head(std::io::stdout().lock()).map_err(to_standard_output)?;
+            outputs.layout().head(std::io::stdout().lock()).map_err(standard_output_error)?;
         }
         Ok(outputs)
     }
@@ -114,15 +114,18 @@ impl<'a> Outputs<'a> {
         Layout { json: self.options.json, named: self.options.output.is_none() }
     }
 
-    fn table(&self, index: usize) -> Option<PathBuf> {
-        self.file(self.options.output.as_ref(), index, if self.options.json { "jsonl" } else { "csv" })
+    /// Returns the table of a target; `None` for standard output.
+    fn table_path(&self, index: usize) -> Option<PathBuf> {
+        self.numbered_path(self.options.output.as_ref(), index, if self.options.json { "jsonl" } else { "csv" })
     }
 
-    fn picture(&self, index: usize) -> Option<PathBuf> {
-        self.file(self.options.picture.as_ref(), index, "png")
+    /// Returns the picture of a target; `None` without pictures.
+    fn picture_path(&self, index: usize) -> Option<PathBuf> {
+        self.numbered_path(self.options.picture.as_ref(), index, "png")
     }
 
-    fn file(&self, directory: Option<&PathBuf>, index: usize, extension: &str) -> Option<PathBuf> {
+    /// Returns `field_0001.csv` and so on in a directory, for targets counted from 0.
+    fn numbered_path(&self, directory: Option<&PathBuf>, index: usize, extension: &str) -> Option<PathBuf> {
         let digits = self.digits;
         directory.map(|directory| directory.join(format!("field_{:0digits$}.{extension}", index + 1)))
     }
@@ -135,14 +138,14 @@ impl<'a> Outputs<'a> {
         first: ImageView<'_>,
         field: &[FieldPoint],
     ) -> Result<Option<String>, Failure> {
-        match self.table(index) {
+        match self.table_path(index) {
             Some(path) => self.layout().write_file(&path, field, self.options.overwrite)?,
             None => {
                 let out = BufWriter::new(std::io::stdout().lock());
-                self.layout().rows(field, target, out).map_err(to_standard_output)?;
+                self.layout().rows(field, target, out).map_err(standard_output_error)?;
             }
         }
-        match self.picture(index) {
+        match self.picture_path(index) {
             Some(path) => save_picture(self.options, first, field, &path),
             None => Ok(None),
         }

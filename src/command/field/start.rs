@@ -76,7 +76,7 @@ pub(super) fn check_turns(needed: &str, params: &CorrelationParams) -> Result<()
 /// # Errors
 ///
 /// [`UsageError`] when the region is not found in the target.
-pub(super) fn find(
+pub(super) fn find_start(
     options: &FieldOptions,
     reference: &PreparedFrame,
     target: &PreparedFrame,
@@ -84,11 +84,20 @@ pub(super) fn find(
     match options.begin {
         Begin::Neighbor => Ok(Found { start: Start::Neighbor, note: None }),
         Begin::Search => Ok(Found { start: Start::Search, note: None }),
-        Begin::AnyAngle => at_any_angle(options, reference, target),
+        Begin::AnyAngle => search_any_angle(options, reference, target),
     }
 }
 
-fn at_any_angle(options: &FieldOptions, reference: &PreparedFrame, target: &PreparedFrame) -> Result<Found, Failure> {
+/// Searches the region at every angle in the whole target: first as a whole, then parts of it.
+///
+/// # Errors
+///
+/// [`UsageError`] when no part is found with a sufficient ZNCC.
+fn search_any_angle(
+    options: &FieldOptions,
+    reference: &PreparedFrame,
+    target: &PreparedFrame,
+) -> Result<Found, Failure> {
     let (width, height) = (reference.width() as f64, reference.height() as f64);
     let bounds = options.region.as_ref().and_then(Region::bounds_px);
     let rectangle = match (options.roi_px, bounds) {
@@ -98,11 +107,11 @@ fn at_any_angle(options: &FieldOptions, reference: &PreparedFrame, target: &Prep
     };
     let [x_px, y_px] = center(rectangle);
     let (mut best, mut why): (Option<BodyMotion>, Option<PointStatus>) = (None, None);
-    for region in options.region.iter().cloned().chain(regions(rectangle)) {
+    for region in options.region.iter().cloned().chain(candidate_regions(rectangle)) {
         match find_at_any_angle(reference, target, &region, Point { x_px, y_px }) {
             Ok(found) if best.is_none_or(|best| found.zncc > best.zncc) => best = Some(found),
             Ok(_) => {}
-            // `Ambiguous` says more than that a part was out of frame.
+            // `Ambiguous` explains more than that a part was out of frame.
             Err(status) => {
                 why = Some(if why == Some(PointStatus::Ambiguous) { PointStatus::Ambiguous } else { status })
             }
@@ -139,7 +148,7 @@ fn center(rectangle: [f64; 4]) -> [f64; 2] {
 }
 
 /// Returns the region of a rectangle of pixels (x, y, width, height).
-pub(super) fn rectangle(rectangle: [f64; 4]) -> Region {
+pub(super) fn rectangle_region(rectangle: [f64; 4]) -> Region {
     let [x, y, width, height] = rectangle;
     let (left, top, right, bottom) = (x - 0.5, y - 0.5, x + width - 0.5, y + height - 0.5);
     Region::Polygon {
@@ -152,7 +161,7 @@ pub(super) fn rectangle(rectangle: [f64; 4]) -> Region {
 ///
 /// The whole rectangle determines the angle best but fits into the image at few angles only. Discs can rotate freely,
 /// and small ones are still visible when a part has left the image.
-fn regions(rectangle: [f64; 4]) -> Vec<Region> {
+fn candidate_regions(rectangle: [f64; 4]) -> Vec<Region> {
     let [_, _, width, height] = rectangle;
     let [cx, cy] = center(rectangle);
     let large = 0.5 * (width.min(height) - 1.0);
@@ -165,7 +174,7 @@ fn regions(rectangle: [f64; 4]) -> Vec<Region> {
     let discs = [disc(cx, cy, large)].into_iter().chain(corners(0.7 * large));
     let discs = discs.chain([disc(cx, cy, 0.5 * large)]).chain(corners(0.5 * large));
     let is_large = |region: &Region| !matches!(region, Region::Disc { radius_px, .. } if *radius_px < MIN_RADIUS_PX);
-    let all = (large >= MIN_RADIUS_PX).then(|| self::rectangle(rectangle));
+    let all = (large >= MIN_RADIUS_PX).then(|| rectangle_region(rectangle));
     all.into_iter().chain(discs.filter(is_large)).collect()
 }
 
@@ -175,14 +184,14 @@ mod tests {
 
     #[test]
     fn every_part_lies_in_the_rectangle_and_none_is_too_small() {
-        let parts = regions([10.0, 20.0, 200.0, 100.0]);
+        let parts = candidate_regions([10.0, 20.0, 200.0, 100.0]);
         assert_eq!(parts.len(), 11);
         for part in &parts {
             let [left, top, right, bottom] = part.bounds_px().unwrap();
             assert!(left >= 9.5 && top >= 19.5 && right <= 209.5 && bottom <= 119.5, "{part:?}");
             assert!(right - left >= 2.0 * MIN_RADIUS_PX, "{part:?}");
         }
-        assert_eq!(regions([0.0, 0.0, 60.0, 60.0]).len(), 6, "half of it is too small");
-        assert!(regions([0.0, 0.0, 30.0, 200.0]).is_empty());
+        assert_eq!(candidate_regions([0.0, 0.0, 60.0, 60.0]).len(), 6, "half of it is too small");
+        assert!(candidate_regions([0.0, 0.0, 30.0, 200.0]).is_empty());
     }
 }

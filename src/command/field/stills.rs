@@ -96,7 +96,7 @@ pub(crate) fn read_pair(reference: &Path, target: &Path) -> Result<(Image, Image
 ///
 /// When the file cannot be read.
 pub(super) fn size_px(path: &Path) -> Result<Size, Failure> {
-    let (width, height) = open(path)?.into_dimensions().map_err(|error| unreadable(path, &error))?;
+    let (width, height) = open_image(path)?.into_dimensions().map_err(|error| unreadable(path, &error))?;
     Ok(Size { width: width as usize, height: height as usize })
 }
 
@@ -133,7 +133,8 @@ fn checked_roi(name: &Path, size: Size, roi_px: Option<[u32; 4]>) -> Result<[u32
     Ok(roi)
 }
 
-/// Returns the subset centres of the polygon, the rectangle or the whole image.
+/// Returns the subset centres of the polygon, the rectangle or the whole image, with cut subsets if the options allow
+/// them.
 ///
 /// # Errors
 ///
@@ -158,7 +159,7 @@ pub(super) fn points_of(options: &FieldOptions, size: Size) -> Result<Vec<GridPo
 
 /// Reads a BMP, PNG, TIFF or PGM image of 8 or 16 bit; converts colours to luma with a note on standard error.
 pub(crate) fn read_still(path: &Path) -> Result<Image, Failure> {
-    let picture = open(path)?.decode().map_err(|error| unreadable(path, &error))?;
+    let picture = open_image(path)?.decode().map_err(|error| unreadable(path, &error))?;
     let color = picture.color();
     // Grey images with a palette are decoded as colour images with equal channels.
     if color.has_color() && picture.to_rgb16().pixels().any(|p| p.0[0] != p.0[1] || p.0[1] != p.0[2]) {
@@ -173,11 +174,13 @@ pub(crate) fn read_still(path: &Path) -> Result<Image, Failure> {
     Ok(Image::from_vec(data, width, height).map_err(|error| ReadError::new(path, error))?)
 }
 
-fn open(path: &Path) -> Result<image::ImageReader<BufReader<File>>, ReadError> {
+/// Opens an image, whose format follows from its content.
+fn open_image(path: &Path) -> Result<image::ImageReader<BufReader<File>>, ReadError> {
     let refuse = |error: std::io::Error| ReadError::new(path, error);
     image::ImageReader::open(path).map_err(refuse)?.with_guessed_format().map_err(refuse)
 }
 
+/// Returns the error of an image that does not decode.
 fn unreadable(path: &Path, error: &image::ImageError) -> ReadError {
     ReadError::new(path, format!("not a readable BMP, PNG, TIFF or PGM image: {error}"))
 }

@@ -70,7 +70,7 @@ struct Answers {
 /// An answer outside its range, standard input that ends before the last answer, or an output that exists.
 pub fn run(options: &InitOptions) -> Result<Outcome, Failure> {
     options.overwrite.check(&options.output)?;
-    let answers = answers(options)?;
+    let answers = collect_answers(options)?;
     let text = rig_text::rig_text(&answers);
     let name = options.output.display().to_string();
     // Ranges were checked with each answer. This finds answers that contradict each other.
@@ -80,10 +80,11 @@ pub fn run(options: &InitOptions) -> Result<Outcome, Failure> {
     Ok(Outcome::Clean)
 }
 
-fn answers(options: &InitOptions) -> Result<Answers, Failure> {
+/// Asks the questions that no option answers, in the order of the rig file.
+fn collect_answers(options: &InitOptions) -> Result<Answers, Failure> {
     let mut questions = Questions::new(if options.defaults { Unanswered::TakeDefault } else { Unanswered::Ask });
-    let found = if options.camera.is_none() && !options.defaults { cameras::found() } else { Vec::new() };
-    let camera = questions.camera(options.camera.as_deref(), &found)?;
+    let found = if options.camera.is_none() && !options.defaults { cameras::find_cameras() } else { Vec::new() };
+    let camera = questions.ask_camera(options.camera.as_deref(), &found)?;
     let source = source_of(&camera);
     let mut answers = Answers {
         source,
@@ -97,24 +98,25 @@ fn answers(options: &InitOptions) -> Result<Answers, Failure> {
         directory: None,
     };
     if source.is_device() {
-        answers.size_px = Some(questions.size(options.size.as_deref())?);
-        answers.frame_rate_hz = questions.number("camera.frame_rate_hz", "Frame rate, Hz", options.fps, Some(100.0))?;
+        answers.size_px = Some(questions.ask_size(options.size.as_deref())?);
+        answers.frame_rate_hz =
+            questions.ask_number("camera.frame_rate_hz", "Frame rate, Hz", options.fps, Some(100.0))?;
     }
-    answers.body = questions.body(options.body.as_deref())?;
+    answers.body = questions.ask_body(options.body.as_deref())?;
     match answers.body {
         BodyKind::Ball => {
             let question = "True diameter of the ball, mm (nothing: unknown, results in pixels)";
-            answers.diameter_mm = questions.number("body.diameter_mm", question, options.diameter_mm, None)?;
+            answers.diameter_mm = questions.ask_number("body.diameter_mm", question, options.diameter_mm, None)?;
         }
         BodyKind::Rod | BodyKind::Patch => {
             let question = "Size of a pixel, mm/px (nothing: unknown, results in pixels)";
-            answers.mm_per_px = questions.number("scale.mm_per_px", question, options.mm_per_px, None)?;
+            answers.mm_per_px = questions.ask_number("scale.mm_per_px", question, options.mm_per_px, None)?;
         }
     }
     let question = "Direction of the surface in the image, counter-clockwise from level, deg";
     answers.surface_deg =
-        questions.number("surface.angle_deg", question, options.surface_deg, Some(0.0))?.unwrap_or_default();
-    answers.directory = questions.directory(options.directory.as_deref())?;
+        questions.ask_number("surface.angle_deg", question, options.surface_deg, Some(0.0))?.unwrap_or_default();
+    answers.directory = questions.ask_directory(options.directory.as_deref())?;
     Ok(answers)
 }
 

@@ -8,6 +8,7 @@ use std::io::{BufRead, Write};
 
 /// The folder of recordings that is proposed.
 const DIRECTORY: &str = "shots";
+/// The size of an image that is proposed.
 const SIZE: &str = "640x480";
 
 /// The treatment of questions that no option answers.
@@ -25,16 +26,18 @@ pub(super) struct Questions {
 }
 
 impl Questions {
+    /// Returns the questions with the treatment of those that no option answers.
     pub fn new(unanswered: Unanswered) -> Self {
         Self { unanswered }
     }
 
+    /// Whether defaults are taken instead of asking.
     fn takes_defaults(&self) -> bool {
         self.unanswered == Unanswered::TakeDefault
     }
 
     /// Asks for a camera by its number in the list of those found, or by its name.
-    pub fn camera(&mut self, given: Option<&str>, found: &[FoundCamera]) -> Result<String, Failure> {
+    pub fn ask_camera(&mut self, given: Option<&str>, found: &[FoundCamera]) -> Result<String, Failure> {
         if given.is_none() && !self.takes_defaults() {
             let names = found.iter().enumerate().map(|(k, camera)| format!("  {}  {}", k + 1, camera.description));
             names.for_each(|line| print_note(&line));
@@ -52,7 +55,8 @@ impl Questions {
         .ok_or_else(|| UsageError("no camera is named".into()).into())
     }
 
-    pub fn size(&mut self, given: Option<&str>) -> Result<[u32; 2], Failure> {
+    /// Asks for width and height of the image, px.
+    pub fn ask_size(&mut self, given: Option<&str>) -> Result<[u32; 2], Failure> {
         let size = self.ask("Size of the image, WIDTHxHEIGHT in px", given, Some(SIZE), |answer| {
             let sides: Option<Vec<u32>> = answer.split(['x', 'X']).map(|side| side.trim().parse().ok()).collect();
             let sides = sides.and_then(|sides| <[u32; 2]>::try_from(sides).ok());
@@ -63,7 +67,8 @@ impl Questions {
         size.ok_or_else(|| UsageError("no size is given".into()).into())
     }
 
-    pub fn body(&mut self, given: Option<&str>) -> Result<BodyKind, Failure> {
+    /// Asks for the kind of the body.
+    pub fn ask_body(&mut self, given: Option<&str>) -> Result<BodyKind, Failure> {
         let body = self.ask("Body: ball, rod or patch", given, Some("ball"), |answer| {
             answer.parse().map_err(|_| format!("body {answer:?}: must be ball, rod or patch"))
         })?;
@@ -71,7 +76,7 @@ impl Questions {
     }
 
     /// Asks for a number in the range of a key of the rig file; `None` if it is left open.
-    pub fn number(
+    pub fn ask_number(
         &mut self,
         key: &str,
         question: &str,
@@ -79,7 +84,7 @@ impl Questions {
         default: Option<f64>,
     ) -> Result<Option<f64>, Failure> {
         let (given, default) = (given.map(|x| x.to_string()), default.map(|x| x.to_string()));
-        let key = key_of(key)?;
+        let key = find_key(key)?;
         self.ask(question, given.as_deref(), default.as_deref(), |answer| {
             // A decimal comma is what half of the world types.
             let number = answer.replace(',', ".").parse::<f64>().ok();
@@ -89,7 +94,7 @@ impl Questions {
     }
 
     /// Asks for the folder of the recordings; `None` if nothing is to be recorded.
-    pub fn directory(&mut self, given: Option<&str>) -> Result<Option<String>, Failure> {
+    pub fn ask_directory(&mut self, given: Option<&str>) -> Result<Option<String>, Failure> {
         let question = "Folder of the recordings (- records nothing)";
         let folder = self.ask(question, given, Some(DIRECTORY), |answer| match answer {
             answer if answer.chars().any(char::is_control) => Err("the path must be one line of text".into()),
@@ -136,7 +141,8 @@ impl Questions {
     }
 }
 
-fn key_of(name: &str) -> Result<&'static Key, UsageError> {
+/// Returns the key of the rig file with this path.
+fn find_key(name: &str) -> Result<&'static Key, UsageError> {
     match find(name) {
         Ok(Entry::Key(_, key)) => Ok(key),
         _ => Err(UsageError(format!("no key {name:?}"))),

@@ -25,6 +25,7 @@ pub(super) fn rig_text(answers: &Answers) -> String {
     text
 }
 
+/// Writes the `[camera]` table.
 fn write_camera(text: &mut String, answers: &Answers) {
     *text += "\n[camera]\n";
     write_key(text, "camera.source", &quoted(answers.source.as_str()));
@@ -42,6 +43,7 @@ fn write_camera(text: &mut String, answers: &Answers) {
     }
 }
 
+/// Writes the `[scale]` table, with a comment where the scale is unknown.
 fn write_scale(text: &mut String, answers: &Answers) {
     *text += "\n[scale]\n";
     match (answers.body, answers.diameter_mm, answers.mm_per_px) {
@@ -52,6 +54,7 @@ fn write_scale(text: &mut String, answers: &Answers) {
     }
 }
 
+/// Writes the `[[body]]` table; that of a patch has a rectangle in the middle of the image.
 fn write_body(text: &mut String, answers: &Answers) {
     *text += "\n[[body]]\n";
     write_key(text, "body.kind", &quoted(answers.body.as_str()));
@@ -65,6 +68,7 @@ fn write_body(text: &mut String, answers: &Answers) {
     }
 }
 
+/// Writes the `[record]` table if anything is recorded, and for a device the `[trigger]` table.
 fn write_record(text: &mut String, answers: &Answers) {
     let Some(directory) = &answers.directory else { return };
     *text += "\n[record]\n";

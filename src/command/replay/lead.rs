@@ -17,7 +17,7 @@ const NAP: Duration = Duration::from_millis(50);
 const PATIENCE: Duration = Duration::from_secs(2);
 
 /// Runs a rig per stream and releases the frames in time order; also returns whether the user ended the replay.
-pub(super) fn play(played: &[Played], tempo: Tempo, stop: &Stop) -> Result<(Vec<Summary>, bool), Failure> {
+pub(super) fn play_in_order(played: &[Played], tempo: Tempo, stop: &Stop) -> Result<(Vec<Summary>, bool), Failure> {
     let mut runs = Vec::new();
     let mut players = Vec::new();
     for one in played {
@@ -59,6 +59,7 @@ struct Player {
 }
 
 impl Player {
+    /// Opens the frames of a stream. `control` delivers the control of its rig once it is ready.
     fn new(played: &Played, control: Receiver<StepControl>) -> Result<Self, RecordingError> {
         Ok(Self {
             name: played.config.rig.name.clone(),
@@ -69,7 +70,8 @@ impl Player {
         })
     }
 
-    fn next(&mut self) -> Result<Option<FrameMeta>, RecordingError> {
+    /// Returns the header of the next frame within the interval; `None` after its end.
+    fn next_frame(&mut self) -> Result<Option<FrameMeta>, RecordingError> {
         while let Some(frame) = self.frames.next_shared() {
             let (meta, _) = frame?;
             let place = self.span.locate(self.first_ns, meta.stamp_ns);
@@ -102,7 +104,7 @@ impl Leader {
         let mut rigs = Vec::new();
         for mut player in players {
             let Ok(mut control) = player.control.recv() else { continue };
-            if let (true, Some(next)) = (control.is_ready(), player.next()?) {
+            if let (true, Some(next)) = (control.is_ready(), player.next_frame()?) {
                 rigs.push(Ready { player, control, next });
             }
         }
@@ -110,10 +112,10 @@ impl Leader {
         // The earliest frame; of several at one time the first rig.
         while let Some(at) = (0..rigs.len()).min_by_key(|at| rigs[*at].next.stamp_ns) {
             let rig = &mut rigs[at];
-            if !self.may_go(rig, first_ns, stop) {
+            if !self.wait_for_release(rig, first_ns, stop) {
                 return Ok(true);
             }
-            let next = if rig.control.step() { rig.player.next()? } else { None };
+            let next = if rig.control.step() { rig.player.next_frame()? } else { None };
             match next {
                 Some(next) => rig.next = next,
                 None => drop(rigs.remove(at)),
@@ -122,13 +124,13 @@ impl Leader {
         Ok(false)
     }
 
-    /// Waits until a frame may be released; returns `false` to end here.
-    fn may_go(&mut self, rig: &Ready, first_ns: u64, stop: &Stop) -> bool {
+    /// Waits until a frame may be released; returns `false` to end the replay.
+    fn wait_for_release(&mut self, rig: &Ready, first_ns: u64, stop: &Stop) -> bool {
         match self.tempo {
             Tempo::Rate(Rate::Max) => {}
-            Tempo::Rate(Rate::Times(times)) => self.wait(rig.next.stamp_ns, times, stop),
+            Tempo::Rate(Rate::Times(times)) => self.wait_for_time(rig.next.stamp_ns, times, stop),
             Tempo::Step if self.ahead > 0 => {}
-            Tempo::Step => match ask(rig, first_ns) {
+            Tempo::Step => match ask_count(rig, first_ns) {
                 Some(count) => self.ahead = count,
                 None => return false,
             },
@@ -137,8 +139,9 @@ impl Leader {
         !stop.requested()
     }
 
+    /// Waits until a frame is due at a multiple of real time since the first one, or a stop is requested.
     #[expect(clippy::disallowed_methods, reason = "playing at a given pace is what a clock is for")]
-    fn wait(&mut self, stamp_ns: u64, times: f64, stop: &Stop) {
+    fn wait_for_time(&mut self, stamp_ns: u64, times: f64, stop: &Stop) {
         let (start, first_ns) = *self.origin.get_or_insert((Instant::now(), stamp_ns));
         let ahead_s = stamp_ns.saturating_sub(first_ns) as f64 * 1e-9 / times;
         let due = Duration::try_from_secs_f64(ahead_s).unwrap_or(Duration::MAX);
@@ -153,7 +156,7 @@ impl Leader {
 }
 
 /// Prompts for the number of frames to release; returns `None` to end.
-fn ask(rig: &Ready, first_ns: u64) -> Option<u64> {
+fn ask_count(rig: &Ready, first_ns: u64) -> Option<u64> {
     let at_s = rig.next.stamp_ns.saturating_sub(first_ns) as f64 * 1e-9;
     let mut stderr = std::io::stderr();
     loop {

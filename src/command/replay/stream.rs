@@ -17,7 +17,7 @@ pub(super) struct Streamed {
 }
 
 /// Joins recordings that continue each other, separately for each camera, in time order.
-pub(super) fn streams(files: &[PathBuf]) -> Result<Vec<Streamed>, RecordingError> {
+pub(super) fn join_streams(files: &[PathBuf]) -> Result<Vec<Streamed>, RecordingError> {
     let mut parts = Vec::new();
     for recording in Recording::open_all(files)? {
         for camera in std::iter::once(None).chain(recording.views().into_iter().map(Some)) {
@@ -46,6 +46,7 @@ pub(super) fn streams(files: &[PathBuf]) -> Result<Vec<Streamed>, RecordingError
     Ok(streams.into_iter().filter_map(joined).collect())
 }
 
+/// A recording of one camera with its first and its last frame.
 struct Part {
     recording: Recording,
     camera: Option<String>,
@@ -72,7 +73,7 @@ impl Part {
     }
 }
 
-/// Returns the stamp of the earliest frame of all streams.
+/// Returns the stamp of the earliest frame of all streams, ns since the Unix epoch.
 pub(super) fn first_ns(streams: &[Streamed]) -> Result<u64, RecordingError> {
     let mut first_ns = u64::MAX;
     for stream in streams {
@@ -82,7 +83,7 @@ pub(super) fn first_ns(streams: &[Streamed]) -> Result<u64, RecordingError> {
 }
 
 /// Returns the streams that have frames in an interval of the whole, restricted to it.
-pub(super) fn within(streams: Vec<Streamed>, whole: TimeRange) -> Result<Vec<Streamed>, Failure> {
+pub(super) fn restrict_streams(streams: Vec<Streamed>, whole: TimeRange) -> Result<Vec<Streamed>, Failure> {
     let origin_ns = first_ns(&streams)?;
     let mut latest_ns = origin_ns;
     let mut inside = Vec::new();

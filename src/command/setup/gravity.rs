@@ -2,6 +2,7 @@
 
 use crate::survey::Acceleration;
 
+/// Standard gravity, m/s^2.
 const GRAVITY_M_S2: f64 = 9.806_65;
 /// The uncertainty from which a film is too short to show gravity, m/s^2.
 const MAX_SIGMA_M_S2: f64 = 3.0;
@@ -31,8 +32,8 @@ pub(super) enum Gravity {
 }
 
 impl Gravity {
-    /// Compares an acceleration at a scale in mm/px with gravity.
-    pub(super) fn of(acceleration: Option<Acceleration>, mm_per_px: Option<f64>) -> Self {
+    /// Compares an acceleration, whose y points down, at a scale in mm/px with gravity.
+    pub(super) fn classify(acceleration: Option<Acceleration>, mm_per_px: Option<f64>) -> Self {
         let Some((acceleration, mm_per_px)) = acceleration.zip(mm_per_px) else { return Self::Unclear };
         let m_s2 = |px_s2: f64| px_s2 * mm_per_px * 1e-3;
         // World axes: y up.
@@ -92,7 +93,7 @@ mod tests {
     use super::*;
 
     fn gravity(x: f64, y: f64) -> Gravity {
-        Gravity::of(Some(Acceleration { value_px_s2: [x, y], sigma_px_s2: 200.0 }), Some(1.0))
+        Gravity::classify(Some(Acceleration { value_px_s2: [x, y], sigma_px_s2: 200.0 }), Some(1.0))
     }
 
     #[test]
@@ -101,7 +102,7 @@ mod tests {
         let line = gravity(0.0, 9806.65 / 64.0 + 1000.0).line(30.0);
         assert!(matches!(gravity(0.0, 1000.0), Gravity::Contradicts { .. }), "{line}");
         let slow = Acceleration { value_px_s2: [0.0, 9806.65 / 64.0], sigma_px_s2: 2.0 };
-        let line = Gravity::of(Some(slow), Some(1.0)).line(30.0);
+        let line = Gravity::classify(Some(slow), Some(1.0)).line(30.0);
         assert_eq!(line, "0.15 m/s^2; 9.81 m/s^2 would need 240 frames/s");
     }
 
@@ -113,6 +114,6 @@ mod tests {
         };
         assert!((angle_deg + 71.0).abs() < 0.1, "{angle_deg}");
         assert!(matches!(gravity(100.0, -300.0), Gravity::Absent { .. }));
-        assert_eq!(Gravity::of(None, Some(1.0)), Gravity::Unclear);
+        assert_eq!(Gravity::classify(None, Some(1.0)), Gravity::Unclear);
     }
 }

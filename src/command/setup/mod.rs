@@ -96,7 +96,7 @@ pub fn run(options: &SetupOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let mut png = Cursor::new(Vec::new());
     drawn.write_to(&mut png, ImageFormat::Png).map_err(|error| WriteError::new(&picture_path, error))?;
     write_file(&picture_path, png.into_inner(), options.overwrite)?;
-    print(options, &proposal, &picture_path, &command);
+    print_proposal(options, &proposal, &picture_path, &command);
     match proposal.missing {
         Some(missing) => Err(Incomplete(format!("{}: {missing}", options.output.display())).into()),
         None => Ok(Outcome::Clean),
@@ -156,7 +156,8 @@ fn next_command(options: &SetupOptions, name: &str) -> String {
     format!("ricochet analyze {}{more}{rate}{order} --config {}", quoted(name), quoted(&config))
 }
 
-fn print(options: &SetupOptions, proposal: &Proposal, picture_path: &Path, command: &str) {
+/// Prints the files, the proposal, its warnings and the next command, as text or JSON.
+fn print_proposal(options: &SetupOptions, proposal: &Proposal, picture_path: &Path, command: &str) {
     let facts = proposal.facts();
     if options.json {
         let facts: serde_json::Map<_, _> =

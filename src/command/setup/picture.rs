@@ -8,11 +8,17 @@ use crate::image::Frame;
 use crate::plot::{Canvas, Color, stretched_levels};
 use image::RgbImage;
 
+/// The colour of the ball in the shown frame, and of a patch.
 const OUTLINE: Color = [53, 224, 111];
+/// The colour of the ball in other frames.
 const PAST: Color = [26, 120, 60];
+/// The colour of the track of the centre.
 const TRACK: Color = [255, 210, 31];
+/// The colour of the surface.
 const SURFACE: Color = [255, 80, 60];
+/// The colour of the searched region.
 const ROI: Color = [90, 170, 255];
+/// The colour of the scale bar.
 const SCALE: Color = [255, 255, 255];
 /// The number of outlines along the track.
 const OUTLINES: usize = 8;

@@ -17,8 +17,9 @@ const FRICTION_DEG: f64 = 25.0;
 /// The area of something else that moves from which it is worth a warning, relative to the body.
 const MIN_OTHER_SHARE: f64 = 0.1;
 
-/// The least difference from a level surface or an upright wall that counts as a tilt, deg: less changes a restitution
-/// by less than 1 % of the tangential speed.
+/// The minimum difference from a level surface or an upright wall that counts as a tilt, deg.
+///
+/// A smaller one changes a restitution by less than 1 % of the tangential speed.
 const MIN_TILT_DEG: f64 = 0.5;
 /// The coverage of the uncertainty of an edge, standard deviations. Within it, a level surface is far more frequent.
 const COVERAGE: f64 = 2.0;
@@ -85,15 +86,15 @@ impl Proposal {
     ///
     /// The reason why nothing can be followed.
     pub(super) fn of(surveyed: &Surveyed, diameter_mm: Option<f64>) -> Result<Self, String> {
-        let chosen = chosen(surveyed)?;
-        let bodies: Vec<ProposedBody> = chosen.iter().filter_map(|body| proposed(body, surveyed.size_px)).collect();
+        let chosen = choose_bodies(surveyed)?;
+        let bodies: Vec<ProposedBody> = chosen.iter().filter_map(|body| propose_body(body, surveyed.size_px)).collect();
         let main = chosen.iter().find_map(|body| body.path.as_ref());
         let mm_per_px = diameter_mm.zip(bodies.iter().find_map(ProposedBody::radius_px));
         let mm_per_px = mm_per_px.map(|(diameter_mm, radius_px)| diameter_mm / (2.0 * radius_px));
         let radius_px = bodies.iter().find_map(ProposedBody::radius_px);
         let bounce = main.and_then(|path| path.bounce);
-        let surface = surface(surveyed, bounce, radius_px);
-        let gravity = Gravity::of(main.and_then(|path| path.acceleration), mm_per_px);
+        let surface = propose_surface(surveyed, bounce, radius_px);
+        let gravity = Gravity::classify(main.and_then(|path| path.acceleration), mm_per_px);
         let defaults = CorrelationParams::default();
         let speed_px = main.map_or(0.0, |path| path.speed_px_frame);
         let fitting = radius_px.map(|radius_px| ((SUBSET_RADII * radius_px / 2.0) as u32 * 2 + 1).clamp(9, 255));
@@ -111,8 +112,8 @@ impl Proposal {
             subset_size_px: fitting.filter(|fitting| *fitting < defaults.subset_size_px),
             search_px: (speed_px > f64::from(defaults.search_px)).then(|| (1.5 * speed_px).ceil().min(1024.0) as u32),
             shown_frame: bounce.map_or(middle, |bounce| bounce.index),
-            warnings: warnings(surveyed, &chosen, gravity),
-            missing: missing(&bodies, mm_per_px),
+            warnings: collect_warnings(surveyed, &chosen, gravity),
+            missing: missing_scale(&bodies, mm_per_px),
             bodies,
         })
     }
@@ -175,7 +176,7 @@ impl ProposedBody {
 }
 
 /// Returns the bodies to follow: all balls, else one rod, else one patch.
-fn chosen(surveyed: &Surveyed) -> Result<Vec<&SurveyedBody>, String> {
+fn choose_bodies(surveyed: &Surveyed) -> Result<Vec<&SurveyedBody>, String> {
     let Some(movement) = &surveyed.movement else { return Err("fewer than three frames; nothing can move".into()) };
     let is_ball = |body: &&SurveyedBody| matches!(body.kind, Identified::Ball { .. });
     let balls: Vec<_> = surveyed.bodies.iter().filter(is_ball).collect();
@@ -211,7 +212,10 @@ fn chosen(surveyed: &Surveyed) -> Result<Vec<&SurveyedBody>, String> {
     })
 }
 
-fn proposed(body: &SurveyedBody, size_px: [usize; 2]) -> Option<ProposedBody> {
+/// Returns the range of radii and the region of a ball, the region of a rod, or the polygon of a patch.
+///
+/// `None` for what cannot be followed.
+fn propose_body(body: &SurveyedBody, size_px: [usize; 2]) -> Option<ProposedBody> {
     match &body.kind {
         Identified::Ball { radius_px, circles } => {
             let track = body.path.as_ref().map_or(&[][..], |path| &path.track);
@@ -226,7 +230,7 @@ fn proposed(body: &SurveyedBody, size_px: [usize; 2]) -> Option<ProposedBody> {
             Some(ProposedBody::Ball {
                 radius_px: *radius_px,
                 radii_px: [(RADIUS_RANGE[0] * low).floor().max(6.0), (RADIUS_RANGE[1] * high).ceil()],
-                roi_px: region(spans, size_px),
+                roi_px: enclosing_region(spans, size_px),
                 found_frames: track.len(),
             })
         }
@@ -234,7 +238,7 @@ fn proposed(body: &SurveyedBody, size_px: [usize; 2]) -> Option<ProposedBody> {
             let [x, y, width, height] = body.mover.bounds_px.map(f64::from);
             let margin = 2.0 * half_width_px;
             let span = [x - margin, y - margin, x + width + margin, y + height + margin];
-            let roi_px = region(std::iter::once(span), size_px);
+            let roi_px = enclosing_region(std::iter::once(span), size_px);
             Some(ProposedBody::Rod { half_width_px: *half_width_px, roi_px })
         }
         Identified::Patch { polygon_px } => Some(ProposedBody::Patch { polygon_px: polygon_px.clone() }),
@@ -242,8 +246,10 @@ fn proposed(body: &SurveyedBody, size_px: [usize; 2]) -> Option<ProposedBody> {
     }
 }
 
-/// Returns the region (x, y, width, height, px) around spans (left, top, right, bottom); `None` if it is most of the image.
-fn region(spans: impl Iterator<Item = [f64; 4]>, size_px: [usize; 2]) -> Option<[u32; 4]> {
+/// Returns the region (x, y, width, height, px) around spans (left, top, right, bottom), clipped to the image.
+///
+/// `None` if it is most of the image.
+fn enclosing_region(spans: impl Iterator<Item = [f64; 4]>, size_px: [usize; 2]) -> Option<[u32; 4]> {
     let around = spans.reduce(|a, b| [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])])?;
     let [width, height] = size_px.map(|size| size as f64);
     let (left, top) = (around[0].max(0.0).floor(), around[1].max(0.0).floor());
@@ -252,14 +258,17 @@ fn region(spans: impl Iterator<Item = [f64; 4]>, size_px: [usize; 2]) -> Option<
     (share < MAX_ROI_SHARE).then(|| [left, top, right - left, bottom - top].map(|number| number as u32))
 }
 
-fn surface(surveyed: &Surveyed, bounce: Option<Bounce>, radius_px: Option<f64>) -> ProposedSurface {
+/// Returns the surface that the ball strikes, from an edge of the background or from the bounce.
+///
+/// Nearly level surfaces and upright walls are rounded. Without a bounce a level surface is assumed.
+fn propose_surface(surveyed: &Surveyed, bounce: Option<Bounce>, radius_px: Option<f64>) -> ProposedSurface {
     let Some(bounce) = bounce else {
         return ProposedSurface { angle_deg: 0.0, source: SurfaceSource::Assumed, edge: None, bounce: None };
     };
     let edge = surveyed.movement.as_ref().zip(radius_px);
     let edge = edge.and_then(|(movement, radius_px)| surface_edge(movement, &bounce, radius_px));
     if let Some(edge) = edge {
-        let upright_deg = upright_deg(edge.angle_deg);
+        let upright_deg = nearest_upright_deg(edge.angle_deg);
         let is_upright = (edge.angle_deg - upright_deg).abs() < MIN_TILT_DEG.max(COVERAGE * edge.sigma_deg);
         let angle_deg = if is_upright { upright_deg } else { (edge.angle_deg * 10.0).round() / 10.0 } + 0.0;
         return ProposedSurface { angle_deg, source: SurfaceSource::Edge, edge: Some(edge), bounce: Some(bounce) };
@@ -267,7 +276,7 @@ fn surface(surveyed: &Surveyed, bounce: Option<Bounce>, radius_px: Option<f64>) 
     // The surface's tangent is the normal turned clockwise by a quarter turn; the image's y points down.
     let bounce_deg = (-bounce.direction[1]).atan2(bounce.direction[0]).to_degrees() - 90.0;
     let bounce_deg = (bounce_deg + 180.0).rem_euclid(360.0) - 180.0;
-    let upright_deg = upright_deg(bounce_deg);
+    let upright_deg = nearest_upright_deg(bounce_deg);
     let is_friction = (bounce_deg - upright_deg).abs() < FRICTION_DEG;
     // No negative zero, and no turn of -180 deg, in a file for people.
     let angle_deg = if is_friction { upright_deg } else { bounce_deg.round() } + 0.0;
@@ -275,11 +284,12 @@ fn surface(surveyed: &Surveyed, bounce: Option<Bounce>, radius_px: Option<f64>) 
 }
 
 /// Returns the angle of the nearest level surface or wall, deg.
-fn upright_deg(angle_deg: f64) -> f64 {
+fn nearest_upright_deg(angle_deg: f64) -> f64 {
     (angle_deg / 90.0).round() * 90.0
 }
 
-fn warnings(surveyed: &Surveyed, chosen: &[&SurveyedBody], gravity: Gravity) -> Vec<String> {
+/// Warns of a rate that contradicts gravity, of movement everywhere, and of other things that move.
+fn collect_warnings(surveyed: &Surveyed, chosen: &[&SurveyedBody], gravity: Gravity) -> Vec<String> {
     let mut warnings = Vec::new();
     if let Gravity::Contradicts { value_m_s2, rate_factor } = gravity {
         let (rate_hz, needed_hz) = (surveyed.frame_rate_hz, surveyed.frame_rate_hz * rate_factor);
@@ -308,8 +318,8 @@ fn warnings(surveyed: &Surveyed, chosen: &[&SurveyedBody], gravity: Gravity) -> 
     warnings
 }
 
-/// Returns the sentence about a missing scale.
-fn missing(bodies: &[ProposedBody], mm_per_px: Option<f64>) -> Option<String> {
+/// Returns the sentence about a missing scale; `None` with one.
+fn missing_scale(bodies: &[ProposedBody], mm_per_px: Option<f64>) -> Option<String> {
     if mm_per_px.is_some() {
         return None;
     }

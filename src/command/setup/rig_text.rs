@@ -37,6 +37,7 @@ fn one_line(text: &str) -> String {
     text.chars().map(|letter| if letter.is_control() { ' ' } else { letter }).collect()
 }
 
+/// Writes the `[scale]` table, with a comment where the scale is missing.
 fn write_scale(text: &mut String, proposal: &Proposal) {
     *text += "\n[scale]\n";
     let is_ball = proposal.bodies.iter().any(|body| matches!(body, ProposedBody::Ball { .. }));
@@ -85,6 +86,7 @@ fn write_surface(text: &mut String, proposal: &Proposal) {
     }
 }
 
+/// Writes a `[[body]]` table; `number` makes the names of several bodies different.
 fn write_body(text: &mut String, body: &ProposedBody, number: Option<usize>) {
     let name = |kind: &str| number.map_or_else(|| kind.to_owned(), |number| format!("{kind}-{number}"));
     *text += "\n[[body]]\n";

@@ -31,12 +31,12 @@ const HOMOGRAPHY: &[&str] = &["homography_mm", "homography", "H"];
 /// # Errors
 ///
 /// The reason in a few words.
-pub(super) fn numbers(text: &str) -> Result<Numbers, String> {
+pub(super) fn parse_numbers(text: &str) -> Result<Numbers, String> {
     let found = if text.trim_start().starts_with('{') {
         let value: Value = serde_json::from_str(text).map_err(|error| format!("not JSON: {error}"))?;
-        collect(&value)
+        collect_numbers(&value)
     } else {
-        collect(&text)
+        collect_numbers(&text)
     }?;
     if found.camera_matrix.is_none() && found.homography_mm.is_none() {
         return Err("it has neither camera_matrix (K) nor homography".to_owned());
@@ -53,7 +53,7 @@ trait Named {
 }
 
 /// Collects the numbers under the names that programs use for them.
-fn collect(file: &impl Named) -> Result<Numbers, String> {
+fn collect_numbers(file: &impl Named) -> Result<Numbers, String> {
     let scalar = |names: &[&str]| names.iter().find_map(|name| file.scalar(name));
     let list = |names: &[&str]| -> Result<Option<Vec<f64>>, String> {
         for name in names {
@@ -127,7 +127,7 @@ mod tests {
             1.41e+03, 5.1e+02, 0., 0., 1. ]\ndistortion_coefficients: !!opencv-matrix\n   rows: 1\n   cols: 5\n   dt: d\n   \
             data: [ -1.5e-01, 2.0e-02, 1.0e-04, -2.0e-04, 0. ]\nhomography: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   \
             data: [ 0.1, 0., -60., 0., 0.1, -50., 0., 1.0e-05, 1. ]\n";
-        let found = numbers(text).unwrap();
+        let found = parse_numbers(text).unwrap();
         assert_eq!(found.image_px, Some([1280, 1024]));
         assert_eq!(found.camera_matrix.unwrap()[..6], [1400.0, 0.0, 640.0, 0.0, 1410.0, 510.0]);
         assert_eq!(found.distortion.unwrap(), [-0.15, 0.02, 1e-4, -2e-4, 0.0]);
@@ -140,17 +140,17 @@ mod tests {
         let ros = "image_width: 640\nimage_height: 480\ncamera_name: left\ncamera_matrix:\n  rows: 3\n  cols: 3\n  \
             data: [800, 0, 320, 0, 801, 240, 0, 0, 1]\ndistortion_model: rational_polynomial\n\
             distortion_coefficients:\n  rows: 1\n  cols: 8\n  data: [1, 2, 3, 4, 5, 6, 7, 8]\n";
-        let found = numbers(ros).unwrap();
+        let found = parse_numbers(ros).unwrap();
         assert_eq!((found.image_px, found.model.as_deref()), (Some([640, 480]), Some("rational_polynomial")));
         assert_eq!(found.distortion.unwrap().len(), 8);
         let foxglove = r#"{"frame_id":"a","width":640,"height":480,"distortion_model":"plumb_bob",
             "D":[-0.1,0.01,0,0,0],"K":[800,0,320,0,801,240,0,0,1],"R":[],"P":[]}"#;
-        let found = numbers(foxglove).unwrap();
+        let found = parse_numbers(foxglove).unwrap();
         assert_eq!((found.image_px, found.model.as_deref()), (Some([640, 480]), Some("plumb_bob")));
         assert_eq!(found.camera_matrix.unwrap()[3..5], [0.0, 801.0]);
         let opencv = r#"{"image_width": 64, "image_height": 48,
             "camera_matrix": {"type_id": "opencv-matrix", "rows": 3, "cols": 3, "dt": "d", "data": [8.0, 0, 3, 0, 8, 2, 0, 0, 1]}}"#;
-        assert_eq!(numbers(opencv).unwrap().camera_matrix.unwrap()[..2], [8.0, 0.0]);
+        assert_eq!(parse_numbers(opencv).unwrap().camera_matrix.unwrap()[..2], [8.0, 0.0]);
     }
 
     #[test]
@@ -166,7 +166,7 @@ mod tests {
             (&format!("{{\"K\":{}", "[".repeat(100_000)), "not JSON"),
         ];
         for (text, reason) in wrong {
-            let error = numbers(text).unwrap_err();
+            let error = parse_numbers(text).unwrap_err();
             assert!(error.contains(reason) && !error.contains('\n'), "{error}");
         }
     }

@@ -50,6 +50,7 @@ fn read_at(reader: &mut BufReader<File>, at: u64, into: &mut [u8]) -> Result<usi
     Ok(length)
 }
 
+/// Returns to the start of the file.
 fn rewind(reader: &mut BufReader<File>) -> Result<(), TiffError> {
     Ok(reader.rewind()?)
 }

@@ -57,11 +57,11 @@ impl Stack {
     pub(super) fn open(path: &Path) -> Result<Option<Self>, ImportError> {
         let (file, file_bytes) = open_file(path)?;
         let mut directories = 0;
-        let mut decoder = match Self::walk(file, file_bytes, &mut directories) {
+        let mut decoder = match Self::count_pages(file, file_bytes, &mut directories) {
             Err(TiffError::FormatError(
                 TiffFormatError::TiffSignatureNotFound | TiffFormatError::TiffSignatureInvalid,
             )) => return Ok(None),
-            walked => walked.map_err(|error| invalid(path, directories, &error))?,
+            counted => counted.map_err(|error| page_error(path, directories, &error))?,
         };
         let bytes_max = memory_limit_bytes(file_bytes) / 2;
         let text = decoder.find_tag(Tag::ImageDescription).ok().flatten().and_then(|tag| tag.into_string().ok());
@@ -75,8 +75,8 @@ impl Stack {
         Ok(Some(stack))
     }
 
-    /// Counts the pages and returns to the first.
-    fn walk(file: File, file_bytes: u64, pages: &mut u64) -> Result<Decoder<BufReader<File>>, TiffError> {
+    /// Counts the pages and returns a decoder at the first. `pages` is right up to the page of an error.
+    fn count_pages(file: File, file_bytes: u64, pages: &mut u64) -> Result<Decoder<BufReader<File>>, TiffError> {
         // The decoded page and its compressed strips are in memory at the same time.
         let bytes = memory_limit_bytes(file_bytes) as usize / 2;
         let mut limits = Limits::default();
@@ -105,7 +105,7 @@ impl Stack {
             let cure = "save it again with a directory for each image";
             ImportError::invalid(&self.path, format!("{announced} images are announced, {there} can be read: {cure}"))
         };
-        let raw = Page::raw(&mut self.decoder).map_err(|error| invalid(&self.path, 0, &error))?;
+        let raw = Page::raw(&mut self.decoder).map_err(|error| page_error(&self.path, 0, &error))?;
         let Some((page, start)) = raw.filter(|(page, _)| page.bytes() > 0) else { return Err(refused(1)) };
         let look = page.look(&mut self.decoder, &self.path)?;
         let there = file_bytes.saturating_sub(start) / page.bytes();
@@ -116,30 +116,30 @@ impl Stack {
         Ok(Some(Behind { file, page, look, start, count: announced.min(there) }))
     }
 
-    /// The number of pages.
+    /// Returns the number of pages.
     pub(super) fn pages(&self) -> u64 {
         self.behind.as_ref().map_or(self.directories, |behind| behind.count)
     }
 
-    /// Names pages that are announced but missing, and bytes of the file that belong to no page.
+    /// Reports pages that are announced but missing.
     pub(super) fn warnings(&self) -> Vec<String> {
         let pages = self.pages();
         let missing = self.description.images.filter(|announced| *announced != pages && pages > 1);
         missing.map(|announced| format!("{announced} images are announced, the file has {pages}")).into_iter().collect()
     }
 
-    /// The rate that the description states.
+    /// Returns the rate that the description states.
     pub(super) fn rate(&self) -> Option<Rate> {
         self.description.rate.clone()
     }
 
-    /// The times that the description states for each page.
+    /// Returns the times that the description states, if it has one for each page.
     pub(super) fn times(&self) -> Option<FrameTimes> {
         let times = self.description.times.as_ref()?;
         (times.times_ns.len() as u64 == self.pages()).then(|| times.clone())
     }
 
-    /// The date and time of the first page, as the file states it.
+    /// Returns the date and time of the first page in ISO 8601, as the file states it without a time zone.
     pub(super) fn date(&mut self) -> Option<String> {
         let text = self.decoder.find_tag(Tag::DateTime).ok()??.into_string().ok()?;
         let text = text.trim_matches(['\0', ' ']);
@@ -148,7 +148,7 @@ impl Stack {
         is_plain.then(|| format!("{}T{time}", date.replace(':', "-")))
     }
 
-    /// Decodes the next page.
+    /// Decodes the next page to a grey image as it is displayed.
     fn decode(&mut self) -> Result<Still, ImportError> {
         if let Some(behind) = &self.behind {
             let mut stored = vec![0; behind.page.bytes() as usize];
@@ -159,21 +159,22 @@ impl Stack {
             return Still::new(&self.path, page.shape(&self.path)?, grey, behind.look.clone());
         }
         if self.next > 0 {
-            self.decoder.next_image().map_err(|error| invalid(&self.path, self.next, &error))?;
+            self.decoder.next_image().map_err(|error| page_error(&self.path, self.next, &error))?;
         }
-        let page = Page::new(&mut self.decoder).map_err(|error| invalid(&self.path, self.next, &error))?;
+        let page = Page::new(&mut self.decoder).map_err(|error| page_error(&self.path, self.next, &error))?;
         let page = page.map_err(|why| self.refused(why))?;
         let shape: Shape = page.shape(&self.path)?;
         // A page of one bit per pixel grows to a byte per pixel.
         if page.decoded_bytes() > self.bytes_max {
-            return Err(invalid(&self.path, self.next, &TiffError::LimitsExceeded));
+            return Err(page_error(&self.path, self.next, &TiffError::LimitsExceeded));
         }
         let look = page.look(&mut self.decoder, &self.path)?;
-        let decoded = page.decode(&mut self.decoder).map_err(|error| invalid(&self.path, self.next, &error))?;
+        let decoded = page.decode(&mut self.decoder).map_err(|error| page_error(&self.path, self.next, &error))?;
         let grey = page.grey(decoded).map_err(|why| self.refused(why))?;
         Still::new(&self.path, shape, grey, look)
     }
 
+    /// Returns the error of the next page with a reason.
     fn refused(&self, why: String) -> ImportError {
         ImportError::invalid(&self.path, format!("page {}: {why}", self.next))
     }
@@ -192,7 +193,7 @@ impl Iterator for Stack {
     }
 }
 
-/// The error for a page, which is counted from 0.
-fn invalid(path: &Path, page: u64, error: &TiffError) -> ImportError {
+/// Returns the error of the decoder at a page, which is counted from 0.
+fn page_error(path: &Path, page: u64, error: &TiffError) -> ImportError {
     ImportError::invalid(path, format!("page {page}: {error}"))
 }

@@ -70,7 +70,7 @@ impl Page {
         let bits = u32::from(color.bit_depth());
         let compression = decoder.find_tag_unsigned::<u32>(Tag::Compression)?.unwrap_or(UNCOMPRESSED);
         let is_packed = (9..=15).contains(&bits);
-        if is_packed && (compression != UNCOMPRESSED || is_unusual(decoder)?) {
+        if is_packed && (compression != UNCOMPRESSED || is_tiled_or_inverted(decoder)?) {
             let cure = "save it with 16 bits, or uncompressed in strips";
             return Ok(Err(format!("{bits} bits per pixel, compressed, in tiles or with white as 0; {cure}")));
         }
@@ -87,7 +87,7 @@ impl Page {
             }
             None if is_deep => Err(format!("{bits} bits per colour; save it with 8 or 16 bits")),
             None => {
-                let (is_swapped, planes) = (decoder.byte_order() != native(), layout.planes.max(1));
+                let (is_swapped, planes) = (decoder.byte_order() != native_byte_order(), layout.planes.max(1));
                 Ok(Self { width_px, height_px, bits, samples, colors, planes, is_swapped, is_stored: is_packed })
             }
         })
@@ -100,13 +100,13 @@ impl Page {
         let (width_px, height_px) = decoder.dimensions()?;
         let bits = decoder.find_tag_unsigned_vec::<u32>(Tag::BitsPerSample)?.unwrap_or_default();
         let compression = decoder.find_tag_unsigned::<u32>(Tag::Compression)?.unwrap_or(UNCOMPRESSED);
-        if bits != [8] || compression != UNCOMPRESSED || is_unusual(decoder)? {
+        if bits != [8] || compression != UNCOMPRESSED || is_tiled_or_inverted(decoder)? {
             return Ok(
                 Err("a table of colours with other than 8 bits, compressed or in tiles; save it in grey".into()),
             );
         }
         let text = decoder.find_tag(Tag::ImageDescription)?.and_then(|tag| tag.into_string().ok()).unwrap_or_default();
-        let colors = if text.starts_with("ImageJ=") { Colors::Grey } else { Colors::Palette(palette(decoder)?) };
+        let colors = if text.starts_with("ImageJ=") { Colors::Grey } else { Colors::Palette(palette_levels(decoder)?) };
         Ok(Ok(Self { width_px, height_px, bits: 8, samples: 1, colors, planes: 1, is_swapped: false, is_stored: true }))
     }
 
@@ -122,24 +122,24 @@ impl Page {
         Ok(offsets.first().filter(|_| is_raw).map(|start| (page, *start)))
     }
 
-    /// Size of the stored samples, bytes, when they lie without gaps.
+    /// Returns the size of the stored samples of 8 or 16 bits, bytes, when they lie without gaps.
     pub(super) fn bytes(&self) -> u64 {
         let pixels = u64::from(self.width_px) * u64::from(self.height_px);
         pixels.saturating_mul(self.samples as u64 * u64::from(self.bits / 8))
     }
 
-    /// Size of the stored samples, bytes, with rows that end at a byte.
+    /// Returns the size of the stored samples, bytes, with rows that end at a byte.
     fn stored_bytes(&self) -> usize {
         (self.width_px as usize * self.samples * self.bits as usize).div_ceil(8) * self.height_px as usize
     }
 
-    /// Size of the samples in whole bytes.
+    /// Returns the size of the samples in whole bytes, bytes.
     pub(super) fn decoded_bytes(&self) -> u64 {
         let pixels = u64::from(self.width_px) * u64::from(self.height_px);
         pixels.saturating_mul(self.samples as u64 * if self.bits > 8 { 2 } else { 1 })
     }
 
-    /// Shape of the grey image.
+    /// Returns size and pixel layout of the grey image.
     pub(super) fn shape(&self, path: &Path) -> Result<Shape, ImportError> {
         let format = match self.bits {
             ..=8 => PixelFormat::Mono8,
@@ -150,13 +150,14 @@ impl Page {
         Shape::new(path, self.width_px.into(), self.height_px.into(), format)
     }
 
-    /// Reads how the page is to be shown.
+    /// Reads orientation, shape of a pixel and significant bits for the display of the page.
     pub(super) fn look(&self, decoder: &mut Tiff, path: &Path) -> Result<Look, ImportError> {
         let mut number = |tag: Tag| decoder.find_tag(tag).ok().flatten();
         let tag = number(Tag::Orientation).and_then(|value| value.into_u16().ok()).unwrap_or(1);
         let orientation = Orientation::of_tag(tag)
             .ok_or_else(|| ImportError::invalid(path, format!("Orientation {tag}; 1 to 8 are defined")))?;
-        let (x, y) = (number(Tag::XResolution).and_then(ratio), number(Tag::YResolution).and_then(ratio));
+        let (x, y) =
+            (number(Tag::XResolution).and_then(positive_ratio), number(Tag::YResolution).and_then(positive_ratio));
         let pixel_aspect = x.zip(y).map_or(1.0, |(x, y)| y / x);
         let grey_rule = match &self.colors {
             Colors::Grey => "",
@@ -182,7 +183,7 @@ impl Page {
         Ok(samples)
     }
 
-    /// Swaps samples that were read from the file as they are.
+    /// Swaps samples of 16 bits, which were read from the file as they are, to the byte order of the machine.
     pub(super) fn in_machine_order(&self, mut samples: Vec<u8>) -> Vec<u8> {
         if self.is_swapped && self.bits == 16 {
             swap_pairs(&mut samples);
@@ -191,6 +192,10 @@ impl Page {
     }
 
     /// Computes packed little-endian grey levels.
+    ///
+    /// # Errors
+    ///
+    /// The reason when there are too few samples.
     pub(super) fn grey(&self, samples: Vec<u8>) -> Result<Vec<u8>, String> {
         let pixels = self.width_px as usize * self.height_px as usize;
         let samples = self.in_whole_bytes(samples);
@@ -204,11 +209,11 @@ impl Page {
         }
         Ok(match &self.colors {
             Colors::Grey if self.planes > 1 => samples[..pixels * bytes].to_vec(),
-            Colors::Grey => taken(&samples, bytes * self.samples, bytes),
+            Colors::Grey => leading_bytes(&samples, bytes * self.samples, bytes),
             Colors::Rgb => {
                 let format = if bytes == 1 { PixelFormat::Mono8 } else { PixelFormat::Mono16 };
                 match self.planes {
-                    1 => grey::luma(format, &taken(&samples, bytes * self.samples, 3 * bytes)),
+                    1 => grey::luma(format, &leading_bytes(&samples, bytes * self.samples, 3 * bytes)),
                     _ => grey::luma_of_planes(format, &samples[..3 * pixels * bytes]),
                 }
             }
@@ -260,7 +265,7 @@ impl Page {
 }
 
 /// Whether packed samples are stored in tiles, or with white as 0.
-fn is_unusual(decoder: &mut Tiff) -> TiffResult<bool> {
+fn is_tiled_or_inverted(decoder: &mut Tiff) -> TiffResult<bool> {
     let is_tiled = decoder.find_tag(Tag::TileWidth)?.is_some();
     Ok(is_tiled || decoder.find_tag_unsigned::<u32>(Tag::PhotometricInterpretation)? == Some(WHITE_IS_ZERO))
 }
@@ -283,19 +288,20 @@ fn read_strips(decoder: &mut Tiff, mut into: &mut [u8]) -> TiffResult<()> {
 }
 
 /// Keeps the first `kept` bytes of every `every`.
-fn taken(samples: &[u8], every: usize, kept: usize) -> Vec<u8> {
+fn leading_bytes(samples: &[u8], every: usize, kept: usize) -> Vec<u8> {
     match every == kept {
         true => samples.to_vec(),
         false => samples.chunks_exact(every).flat_map(|pixel| &pixel[..kept]).copied().collect(),
     }
 }
 
+/// Swaps the bytes of every 16-bit word.
 fn swap_pairs(bytes: &mut [u8]) {
     bytes.chunks_exact_mut(2).for_each(<[u8]>::reverse);
 }
 
-/// Reads the table of colours of a palette as grey levels of 16 bits.
-fn palette(decoder: &mut Tiff) -> TiffResult<Vec<u16>> {
+/// Reads the table of colours of a palette as grey levels of 16 bits (TIFF 6.0, section 5).
+fn palette_levels(decoder: &mut Tiff) -> TiffResult<Vec<u16>> {
     let table = decoder.find_tag_unsigned_vec::<u16>(Tag::ColorMap)?.unwrap_or_default();
     let colors = table.len() / 3;
     let color = |index: usize| [table[index], table[colors + index], table[2 * colors + index]];
@@ -304,11 +310,13 @@ fn palette(decoder: &mut Tiff) -> TiffResult<Vec<u16>> {
     Ok(levels.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]])).collect())
 }
 
-fn ratio(value: Value) -> Option<f64> {
+/// Returns a rational number; `None` when it is not positive.
+fn positive_ratio(value: Value) -> Option<f64> {
     let Value::Rational(numerator, denominator) = value else { return None };
     (numerator > 0 && denominator > 0).then(|| f64::from(numerator) / f64::from(denominator))
 }
 
-fn native() -> ByteOrder {
+/// Returns the byte order of this machine.
+fn native_byte_order() -> ByteOrder {
     if cfg!(target_endian = "big") { ByteOrder::BigEndian } else { ByteOrder::LittleEndian }
 }

@@ -17,7 +17,9 @@ use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
+/// The size of the file header, bytes.
 const FILE_HEADER_BYTES: usize = 44;
+/// The size of the BITMAPINFOHEADER, bytes.
 const BITMAP_HEADER_BYTES: usize = 40;
 /// `Compression` of the file header for colour images whose mosaic is stored as it is.
 const MOSAIC: u16 = 2;
@@ -40,6 +42,7 @@ struct Cine {
     trigger_ns: u64,
 }
 
+/// Opens a recording: uncompressed or packed, grey, Bayer or colour.
 pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError> {
     let (file, file_bytes) = open_file(path)?;
     let mut cine = Cine {
@@ -131,7 +134,7 @@ impl Cine {
         Ok(Timeline::consecutive(rate).starting_at(first_ns))
     }
 
-    /// Computes the times of the images from a rate profile, ns.
+    /// Computes the times of the images from a rate profile, ns since the Unix epoch.
     fn times_of(&self, profile: &times::Profile, rate: &Rate) -> Vec<i64> {
         let numbers = (0..self.count).map(|index| i64::from(self.first_image) + i64::from(index));
         numbers
@@ -139,10 +142,16 @@ impl Cine {
             .collect()
     }
 
+    /// Returns the error of this file with a reason.
     fn invalid(&self, reason: impl Into<String>) -> ImportError {
         ImportError::invalid(&self.path, reason)
     }
 
+    /// Reads bytes at an offset of the file.
+    ///
+    /// # Errors
+    ///
+    /// [`ImportError::Invalid`] when they reach beyond its end.
     fn read(&self, at: u64, count: usize) -> Result<Vec<u8>, ImportError> {
         if at.checked_add(count as u64).is_none_or(|end| end > self.file_bytes) {
             return Err(self.invalid(format!("the file is cut off: {count} bytes at byte {at} reach beyond its end")));
@@ -171,8 +180,8 @@ impl Cine {
         })
     }
 
-    /// Reads the stored bytes of an image, `number` counted from 0.
-    fn stored(&self, number: u64) -> Pixels {
+    /// Reads the stored bytes of an image, `number` counted from 0. An annotation precedes them.
+    fn stored_image(&self, number: u64) -> Pixels {
         let offset = self.read(self.offsets.saturating_add(number * 8), 8)?;
         let at = offset_at(&offset);
         let annotation_bytes = u32_at(&self.read(at, 4)?, 0);
@@ -185,15 +194,17 @@ impl Cine {
     }
 }
 
-/// Returns the entry of the table of offsets.
+/// Returns an entry of the table of offsets, 64 bits.
 fn offset_at(entry: &[u8]) -> u64 {
     u64::from(u32_at(entry, 0)) | u64::from(u32_at(entry, 4)) << 32
 }
 
+/// Reads a little-endian number of 16 bits.
 fn u16_at(bytes: &[u8], at: usize) -> u16 {
     u16::from_le_bytes([bytes[at], bytes[at + 1]])
 }
 
+/// Reads a little-endian number of 32 bits.
 fn u32_at(bytes: &[u8], at: usize) -> u32 {
     u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
 }

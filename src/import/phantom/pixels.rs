@@ -7,8 +7,9 @@ use crate::import::footage::Pixels;
 use crate::import::shape::Shape;
 use crate::import::{ImportError, grey, unpack_high_first};
 
-/// `biCompression` of pixels packed without gaps: 10 bits on the curve of the camera, or 12 linear bits.
+/// `biCompression` of pixels packed without gaps with 10 bits on the curve of the camera.
 const PACKED: u32 = 256;
+/// `biCompression` of pixels packed without gaps with 12 linear bits.
 const PACKED_LINEAR: u32 = 1024;
 
 /// The storage of a pixel.
@@ -79,7 +80,7 @@ impl Layout {
         })
     }
 
-    /// The rule that makes grey levels of the stored ones; empty for a grey film.
+    /// Returns the rule that makes grey levels of the stored ones; empty for a grey film.
     pub(super) fn grey_rule(&self) -> &'static str {
         match self.storage {
             Storage::Colors => grey::LUMA,
@@ -105,12 +106,12 @@ impl Layout {
 
     /// Reads the pixels of one image, top row first; `number` is counted from 0.
     pub(super) fn image(&self, cine: &Cine, number: u64) -> Pixels {
-        let stored = cine.stored(number)?;
+        let stored = cine.stored_image(number)?;
         let grey = match self.storage {
             Storage::Packed => self.unpack(cine, number, &stored)?,
-            Storage::Rows => self.rows(cine, number, &stored, 1)?,
+            Storage::Rows => self.unpadded_rows(cine, number, &stored, 1)?,
             Storage::Colors => {
-                let mut colors = self.rows(cine, number, &stored, 3)?;
+                let mut colors = self.unpadded_rows(cine, number, &stored, 3)?;
                 let bytes = 3 * self.shape.format.bytes_per_pixel();
                 // Blue is stored first.
                 match bytes {
@@ -123,11 +124,11 @@ impl Layout {
                 grey::luma(self.shape.format, &colors)
             }
         };
-        Ok(if self.is_mosaic { grey::of_mosaic(self.shape, &grey) } else { grey })
+        Ok(if self.is_mosaic { grey::mosaic_brightness(self.shape, &grey) } else { grey })
     }
 
-    /// Takes the padding from the rows and turns them top row first.
-    fn rows(&self, cine: &Cine, number: u64, stored: &[u8], channels: usize) -> Pixels {
+    /// Returns the stored rows of one image without their padding, top row first.
+    fn unpadded_rows(&self, cine: &Cine, number: u64, stored: &[u8], channels: usize) -> Pixels {
         let (width, rows) = (self.shape.width_px as usize, self.shape.height_px as usize);
         let row_bytes = width * channels * self.shape.format.bytes_per_pixel();
         // Rows of a bitmap are padded to 4 bytes, which the widths of cameras rarely need.
@@ -163,6 +164,10 @@ impl Layout {
 }
 
 /// Whether the pixels lie under a Bayer mosaic.
+///
+/// # Errors
+///
+/// [`ImportError::Invalid`] for any other colour filter.
 fn is_mosaic(cine: &Cine, color_filter: u32, storage: Storage) -> Result<bool, ImportError> {
     match color_filter {
         _ if storage == Storage::Colors => Ok(false),

@@ -8,6 +8,7 @@ use crate::import::rate::Rate;
 use crate::import::{ImportError, Orientation};
 use std::collections::BTreeMap;
 
+/// The offset of the mark `ST` and of the length after it.
 const MARK: usize = 140;
 /// Minimum length of the set-up.
 const MIN_BYTES: usize = 144;
@@ -56,30 +57,32 @@ impl Setup {
         }
     }
 
-    /// Length, bytes.
+    /// Returns the length of the set-up, bytes.
     pub(super) fn bytes(&self) -> u64 {
         self.0.len() as u64
     }
 
+    /// Reads the field at an offset; `None` in a file that ends before it.
     fn u32(&self, at: usize) -> Option<u32> {
         (self.0.len() >= at + 4).then(|| u32_at(&self.0, at))
     }
 
+    /// Whether the field at an offset is present and not 0.
     fn is_set(&self, at: usize) -> bool {
         self.u32(at).is_some_and(|value| value != 0)
     }
 
-    /// The significant bits of a grey level, as stored or before a conversion to 8 bits.
+    /// Returns the significant bits of a grey level, as stored or before a conversion to 8 bits.
     pub(super) fn real_bits(&self) -> Option<u32> {
         self.u32(REAL_BITS)
     }
 
-    /// The colour filter of the sensor; 0 for none.
+    /// Returns the colour filter of the sensor; 0 for none.
     pub(super) fn color_filter(&self) -> u32 {
         self.u32(COLOR_FILTER).unwrap_or(0)
     }
 
-    /// Returns the frame rate, from the most exact field that the file has.
+    /// Returns the frame rate from the most exact field that the file has; `None` where no field states one.
     pub(super) fn rate(&self, warnings: &mut Vec<String>) -> Option<Rate> {
         let whole = match self.u32(FRAME_RATE) {
             Some(hz) => Rate::of_header(f64::from(hz), "FrameRate"),
@@ -112,14 +115,14 @@ impl Setup {
         (is_inside && steps.is_sorted()).then_some(Profile(steps))
     }
 
-    /// The transformation that Phantom software shows the stored images with: flips, then a rotation.
+    /// Returns the transformation that Phantom software shows the stored images with: flips, then a rotation.
     pub(super) fn orientation(&self) -> Orientation {
         let flip = |at: usize, flip: Orientation| if self.is_set(at) { flip } else { Orientation::AS_STORED };
         let flipped = flip(FLIP_H, Orientation::MIRRORED).then(flip(FLIP_V, Orientation::FLIPPED));
         flipped.then(self.rotation().unwrap_or(Orientation::AS_STORED))
     }
 
-    /// The rotation: +90 is counter-clockwise; `None` for other angles.
+    /// Returns the rotation, where +90 is counter-clockwise; `None` for other angles.
     fn rotation(&self) -> Option<Orientation> {
         match self.u32(ROTATE).unwrap_or(0) as i32 {
             0 => Some(Orientation::AS_STORED),
@@ -130,7 +133,7 @@ impl Setup {
         }
     }
 
-    /// Names the settings of the display that are not applied.
+    /// Reports the settings of the display that are not applied.
     pub(super) fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
         if self.rotation().is_none() {
@@ -175,6 +178,7 @@ impl Setup {
         entries
     }
 
+    /// Returns the name of the camera; `Phantom` where it is no text.
     fn camera_model(&self) -> String {
         let text = self.0.get(CAMERA_MODEL..CAMERA_MODEL + CAMERA_MODEL_BYTES).unwrap_or_default();
         let text = text.split(|byte| *byte == 0).next().unwrap_or_default();

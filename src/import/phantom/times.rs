@@ -4,8 +4,9 @@ use super::{Cine, u16_at, u32_at};
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// Types of blocks: the times of the images, and their exposures.
+/// The type of the block with the times of the images.
 const IMAGE_TIMES: u16 = 1002;
+/// The type of the block with the exposures of the images.
 const EXPOSURES: u16 = 1003;
 /// Maximum number of blocks.
 const BLOCKS: usize = 64;
@@ -16,7 +17,7 @@ const FLAGS: u32 = 3;
 /// Resolution of a time: 2^-30 s, and as much for the clock of the camera, ns.
 pub(super) const RESOLUTION_NS: f64 = 2.0;
 
-/// Converts seconds and 2^-32 s to ns.
+/// Converts seconds and a fraction in units of 2^-32 s to ns.
 pub(super) fn ns_of(seconds: u32, fraction: u32) -> u64 {
     u64::from(seconds) * 1_000_000_000 + ((u64::from(fraction) * 1_000_000_000) >> 32)
 }
@@ -49,7 +50,7 @@ impl Blocks {
             };
             match u16_at(&head, 4) {
                 IMAGE_TIMES => blocks.times_ns = values(8).map(|values| image_times(&values)),
-                EXPOSURES => blocks.exposures_us = values(4).map(|values| extremes_us(&values)),
+                EXPOSURES => blocks.exposures_us = values(4).map(|values| extreme_exposures_us(&values)),
                 _ => {}
             }
             at += bytes;
@@ -68,11 +69,13 @@ impl Blocks {
     }
 }
 
+/// Converts times of 32.32 bits to ns since the Unix epoch, without their flags.
 fn image_times(values: &[u8]) -> Vec<i64> {
     values.chunks_exact(8).map(|time| ns_of(u32_at(time, 4), u32_at(time, 0) & !FLAGS) as i64).collect()
 }
 
-fn extremes_us(values: &[u8]) -> [f64; 2] {
+/// Returns the shortest and the longest of exposures in units of 2^-32 s, us.
+fn extreme_exposures_us(values: &[u8]) -> [f64; 2] {
     let exposures = values.chunks_exact(4).map(|value| f64::from(u32_at(value, 0)) / 2_f64.powi(32) * 1e6);
     exposures
         .fold([f64::INFINITY, 0.0], |[shortest, longest], exposure| [exposure.min(shortest), exposure.max(longest)])

@@ -55,8 +55,8 @@ impl Header {
         let bytes = fs::read(path).map_err(io)?;
         let words = || bytes[2..].chunks_exact(2);
         let text = match bytes.get(..2) {
-            Some([0xff, 0xfe]) => of_words(words().map(|pair| u16::from_le_bytes([pair[0], pair[1]]))),
-            Some([0xfe, 0xff]) => of_words(words().map(|pair| u16::from_be_bytes([pair[0], pair[1]]))),
+            Some([0xff, 0xfe]) => decode_utf16(words().map(|pair| u16::from_le_bytes([pair[0], pair[1]]))),
+            Some([0xfe, 0xff]) => decode_utf16(words().map(|pair| u16::from_be_bytes([pair[0], pair[1]]))),
             _ => String::from_utf8_lossy(&bytes).into_owned(),
         };
         Ok(Self { text: text.trim_start_matches('\u{feff}').to_owned() })
@@ -66,10 +66,10 @@ impl Header {
     pub(super) fn text(&self, key: Key) -> Result<&str, String> {
         // A short binary part precedes the XML.
         if let Some(start) = self.text.find("<cih>").or_else(|| self.text.find("<cih ")) {
-            return element(&self.text[start..], key.path).ok_or_else(|| format!("no <{}>", key.path.join("><")));
+            return element_text(&self.text[start..], key.path).ok_or_else(|| format!("no <{}>", key.path.join("><")));
         }
         let mut lines = self.text.lines().filter_map(|line| line.split_once(':'));
-        let line = lines.find(|(name, _)| key.names.contains(&plain(name).as_str()));
+        let line = lines.find(|(name, _)| key.names.contains(&plain_name(name).as_str()));
         line.map(|(_, value)| value.trim()).ok_or_else(|| format!("no {:?}", key.names[0]))
     }
 
@@ -107,18 +107,19 @@ impl Header {
     }
 }
 
-fn of_words(words: impl Iterator<Item = u16>) -> String {
+/// Decodes UTF-16. Unpaired surrogates become the replacement character.
+fn decode_utf16(words: impl Iterator<Item = u16>) -> String {
     char::decode_utf16(words).map(|letter| letter.unwrap_or(char::REPLACEMENT_CHARACTER)).collect()
 }
 
-/// The letters and digits of a name, without its unit in brackets: `recordrate` for `Record Rate(fps)`.
-fn plain(name: &str) -> String {
+/// Returns the letters and digits of a name, without its unit in brackets: `recordrate` for `Record Rate(fps)`.
+fn plain_name(name: &str) -> String {
     let name = name.split('(').next().unwrap_or_default();
     name.chars().filter(char::is_ascii_alphanumeric).map(|letter| letter.to_ascii_lowercase()).collect()
 }
 
 /// Returns the text inside nested elements. The elements read here have no attributes.
-fn element<'a>(xml: &'a str, path: &[&str]) -> Option<&'a str> {
+fn element_text<'a>(xml: &'a str, path: &[&str]) -> Option<&'a str> {
     if path.is_empty() {
         return None;
     }

@@ -12,11 +12,12 @@ use pixels::Layout;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
+/// Opens a recording, given its header or its pixels.
 pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError> {
-    let header_path = header_of(path)?;
+    let header_path = find_header(path)?;
     let header = Header::read(&header_path)?;
     let invalid = |reason: String| ImportError::invalid(&header_path, reason);
-    let pixels_path = pixels_of(path, &header)?;
+    let pixels_path = find_pixels(path, &header)?;
     let mut warnings = Vec::new();
     let mut layout = Layout::new(&header_path, &header, &mut warnings)?;
     let stored_bytes = layout.stored_bytes;
@@ -31,7 +32,7 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
         let there = file_bytes / stored_bytes;
         warnings.push(format!("the header announces {announced} frames, the file has {there}"));
     }
-    let rate = rate(&header, announced, &mut warnings).map_err(invalid)?;
+    let rate = saved_rate(&header, announced, &mut warnings).map_err(invalid)?;
     let timeline = Timeline::consecutive(Rate::known(&header_path, fps, rate)?);
     let read = move |number: u64| {
         let mut stored = vec![0; stored_bytes as usize];
@@ -40,17 +41,17 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
     };
     layout.check(&read(0)?, &mut warnings);
     let (shape, bits, grey_rule) = (layout.shape, layout.bits, layout.grey_rule());
-    let frames = (0..count).map(move |number| Ok(layout.frame(read(number)?)));
+    let frames = (0..count).map(move |number| Ok(layout.grey_frame(read(number)?)));
     let description = header.description();
     let mut footage = Footage { description, warnings, ..Footage::new(shape, timeline, count, frames) };
     (footage.provenance.bits, footage.provenance.grey_rule) = (bits, grey_rule.to_owned());
     Ok(footage)
 }
 
-/// Returns the rate of the saved frames: that of the recording, divided by the step at which frames were saved.
+/// Returns the rate of the saved frames, which is that of the recording divided by the step at which frames were saved.
 ///
-/// A step that reaches beyond the recorded frames is that of the player, and named.
-fn rate(header: &Header, frames: u64, warnings: &mut Vec<String>) -> Result<Option<Rate>, String> {
+/// A step that reaches beyond the recorded frames is that of the player. It is reported and not used.
+fn saved_rate(header: &Header, frames: u64, warnings: &mut Vec<String>) -> Result<Option<Rate>, String> {
     let recorded_hz: f64 = header.number(header::RECORD_RATE)?;
     let step: u64 = header.number(header::SAVE_STEP).unwrap_or(1);
     let Some(recorded) = Rate::of_header(recorded_hz, "record rate") else { return Ok(None) };
@@ -74,20 +75,20 @@ fn rate(header: &Header, frames: u64, warnings: &mut Vec<String>) -> Result<Opti
 }
 
 /// Finds the header of a recording, given either of its files.
-fn header_of(path: &Path) -> Result<PathBuf, ImportError> {
+fn find_header(path: &Path) -> Result<PathBuf, ImportError> {
     match extension(path).as_str() {
-        "mraw" => existing(path, &["cihx", "CIHX", "cih", "CIH", "Cih"])
+        "mraw" => first_existing(path, &["cihx", "CIHX", "cih", "CIH", "Cih"])
             .ok_or_else(|| ImportError::invalid(path, "the .cihx or .cih header next to it is missing")),
         _ => Ok(path.to_path_buf()),
     }
 }
 
 /// Finds the pixels of a recording, given either of its files.
-fn pixels_of(path: &Path, header: &Header) -> Result<PathBuf, ImportError> {
+fn find_pixels(path: &Path, header: &Header) -> Result<PathBuf, ImportError> {
     if extension(path) == "mraw" {
         return Ok(path.to_path_buf());
     }
-    existing(path, &["mraw", "MRAW", "Mraw", "MRaw"]).ok_or_else(|| {
+    first_existing(path, &["mraw", "MRAW", "Mraw", "MRaw"]).ok_or_else(|| {
         let format = header.text(header::FILE_FORMAT).unwrap_or("MRaw");
         ImportError::invalid(
             path,
@@ -99,6 +100,7 @@ fn pixels_of(path: &Path, header: &Header) -> Result<PathBuf, ImportError> {
     })
 }
 
-fn existing(path: &Path, endings: &[&str]) -> Option<PathBuf> {
+/// Returns the first file next to `path` that exists, of its name with one of these endings.
+fn first_existing(path: &Path, endings: &[&str]) -> Option<PathBuf> {
     endings.iter().map(|ending| path.with_extension(ending)).find(|candidate| candidate.exists())
 }

@@ -6,9 +6,9 @@ use crate::import::shape::Shape;
 use crate::import::{ImportError, grey, levels, unpack_high_first};
 use std::path::Path;
 
-/// Relative difference of the mean levels of the four places of a 2 x 2 square that shows a mosaic of colours.
+/// The relative difference of the mean levels of the four places of a 2 x 2 square that shows a mosaic of colours.
 const MOSAIC: f64 = 0.05;
-/// Relative difference of the steps between neighbouring bytes that shows colours next to each other.
+/// The relative difference of the steps between neighbouring samples that shows colours next to each other.
 const INTERLEAVED: f64 = 0.1;
 
 /// The meaning of the stored samples.
@@ -40,6 +40,11 @@ pub(super) struct Layout {
 }
 
 impl Layout {
+    /// Reads the layout of the frames from the header.
+    ///
+    /// # Errors
+    ///
+    /// [`ImportError::Invalid`] for a layout that cannot be measured.
     pub(super) fn new(path: &Path, header: &Header, warnings: &mut Vec<String>) -> Result<Self, ImportError> {
         Self::parse(path, header, warnings)?.map_err(|reason| ImportError::invalid(path, reason))
     }
@@ -118,7 +123,7 @@ impl Layout {
         }
     }
 
-    /// The rule that makes grey levels of the stored ones; empty for a grey film.
+    /// Returns the rule that makes grey levels of the stored ones; empty for a grey film.
     pub(super) fn grey_rule(&self) -> &'static str {
         match self.samples {
             Samples::Grey | Samples::Raw => "",
@@ -127,12 +132,12 @@ impl Layout {
         }
     }
 
-    /// Converts a stored frame to grey levels.
-    pub(super) fn frame(&self, stored: Vec<u8>) -> Vec<u8> {
+    /// Converts a stored frame to packed grey levels.
+    pub(super) fn grey_frame(&self, stored: Vec<u8>) -> Vec<u8> {
         let samples = self.unpacked(stored);
         match self.samples {
             Samples::Grey | Samples::Raw => samples,
-            Samples::Mosaic => grey::of_mosaic(self.shape, &samples),
+            Samples::Mosaic => grey::mosaic_brightness(self.shape, &samples),
             Samples::Colors => grey::luma(self.shape.format, &samples),
             Samples::Planes => grey::luma_of_planes(self.shape.format, &samples),
         }
@@ -152,32 +157,33 @@ impl Layout {
         }
     }
 
-    /// Whether the four places of a 2 x 2 square differ in their mean level: a grey sensor has no such pattern.
+    /// Whether the four places of a 2 x 2 square differ in their mean level. A grey sensor has no such pattern.
     fn is_mosaic(&self, samples: &[u8]) -> bool {
         let (width, bytes) = (self.shape.width_px as usize, self.shape.format.bytes_per_pixel());
         let mut sums = [0.0_f64; 4];
         let mut counts = [0.0_f64; 4];
         for (at, sample) in samples.chunks_exact(bytes).enumerate() {
             let place = 2 * (at / width % 2) + at % width % 2;
-            sums[place] += level(sample);
+            sums[place] += sample_level(sample);
             counts[place] += 1.0;
         }
         let means = [0, 1, 2, 3].map(|place| sums[place] / counts[place].max(1.0));
-        let (least, most) = (means.iter().copied().fold(f64::MAX, f64::min), means.iter().copied().fold(0.0, f64::max));
-        most - least > MOSAIC * most
+        let (min, max) = (means.iter().copied().fold(f64::MAX, f64::min), means.iter().copied().fold(0.0, f64::max));
+        max - min > MOSAIC * max
     }
 
-    /// Whether the steps between neighbouring samples repeat with a period of three: those of one plane do not.
+    /// Whether the steps between neighbouring samples repeat with a period of three. Those of one plane do not.
     fn is_interleaved(&self, samples: &[u8]) -> bool {
-        let levels: Vec<f64> = samples.chunks_exact(self.shape.format.bytes_per_pixel()).map(level).collect();
+        let levels: Vec<f64> = samples.chunks_exact(self.shape.format.bytes_per_pixel()).map(sample_level).collect();
         let mut sums = [0.0_f64; 3];
         levels.windows(2).enumerate().for_each(|(at, pair)| sums[at % 3] += (pair[1] - pair[0]).abs());
-        let (least, most) = (sums.iter().copied().fold(f64::MAX, f64::min), sums.iter().copied().fold(0.0, f64::max));
-        most - least > INTERLEAVED * most
+        let (min, max) = (sums.iter().copied().fold(f64::MAX, f64::min), sums.iter().copied().fold(0.0, f64::max));
+        max - min > INTERLEAVED * max
     }
 }
 
-fn level(sample: &[u8]) -> f64 {
+/// Reads the level of a sample of one byte, or of two in little-endian order, DN.
+fn sample_level(sample: &[u8]) -> f64 {
     match *sample {
         [low] => low.into(),
         _ => u16::from_le_bytes([sample[0], sample[1]]).into(),

@@ -4,11 +4,11 @@ use std::collections::VecDeque;
 
 /// Number of frames that count as recent.
 const RECENT: usize = 16;
-/// Share of the usual part of a frame that its neighbours do not explain, below which it was blended of them.
-const OF_USUAL: f64 = 1.0 / 16.0;
-/// Least number of blended frames that are reported.
+/// The share of the usual part of a frame that its neighbours do not explain, below which it was blended of them.
+const MAX_SHARE_OF_USUAL: f64 = 1.0 / 16.0;
+/// The minimum number of blended frames that is reported.
 const MIN_COUNT: u64 = 4;
-/// Least share of a film that is reported.
+/// The minimum share of a film that is reported.
 const MIN_SHARE: f64 = 0.1;
 
 /// Blended frames among those of a film.
@@ -21,7 +21,7 @@ pub(super) struct Blends {
 }
 
 impl Blends {
-    /// Adds a frame by the part of it that its neighbours do not explain.
+    /// Adds a frame with the part of it that its neighbours do not explain, DN^2.
     pub(super) fn push(&mut self, own_part: f64) {
         self.recent.push_back(own_part);
         if self.recent.len() > RECENT {
@@ -32,14 +32,14 @@ impl Blends {
         sorted.sort_unstable_by(f64::total_cmp);
         let usual = sorted[sorted.len() * 3 / 4];
         self.all += 1;
-        self.blended += u64::from(own_part < OF_USUAL * usual);
+        self.blended += u64::from(own_part < MAX_SHARE_OF_USUAL * usual);
     }
 
     /// Returns the warning of a film with blended frames.
     pub(super) fn warning(&self) -> Option<String> {
         let (blended, all) = (self.blended, self.all);
-        let is_much = blended >= MIN_COUNT && blended as f64 > MIN_SHARE * all as f64;
-        is_much.then(|| {
+        let is_reported = blended >= MIN_COUNT && blended as f64 > MIN_SHARE * all as f64;
+        is_reported.then(|| {
             format!(
                 "{blended} of {all} frames are blended of their neighbours, by a conversion to another rate or by a strong \
                  compression, and show no moment of their own; measure the original"

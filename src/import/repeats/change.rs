@@ -18,8 +18,9 @@ pub(super) struct Tiles {
 }
 
 impl Tiles {
+    /// Divides frames of this size and layout into tiles.
     pub(super) fn new(width_px: usize, height_px: usize, format: PixelFormat) -> Self {
-        Self { columns: divided(width_px), rows: divided(height_px), width_px, format }
+        Self { columns: tile_ranges(width_px), rows: tile_ranges(height_px), width_px, format }
     }
 
     /// Returns the mean square of the difference of two frames in each tile, DN^2.
@@ -37,7 +38,7 @@ impl Tiles {
         Change { tiles }
     }
 
-    /// Sums the squared differences within a row.
+    /// Sums the squared differences within a row of a tile, DN^2.
     fn row_sum(&self, before: &[u8], after: &[u8], row: usize, columns: &Range<usize>) -> u64 {
         let bytes = self.format.bytes_per_pixel();
         let at = (row * self.width_px + columns.start) * bytes..(row * self.width_px + columns.end) * bytes;
@@ -52,8 +53,8 @@ impl Tiles {
     }
 }
 
-/// Divides a side into tiles of about the same length.
-fn divided(side_px: usize) -> Vec<Range<usize>> {
+/// Divides a side into tiles of about the same length, px.
+fn tile_ranges(side_px: usize) -> Vec<Range<usize>> {
     let count = (side_px / TILE_PX).clamp(1, MAX_TILES);
     (0..count).map(|tile| tile * side_px / count..(tile + 1) * side_px / count).collect()
 }
@@ -65,17 +66,17 @@ pub(super) struct Change {
 }
 
 impl Change {
-    /// The largest change of a tile: that of what moves.
+    /// Returns the largest change of a tile, DN^2: that of what moves.
     pub(super) fn peak(&self) -> f64 {
         self.tiles.iter().copied().fold(0.0, f64::max)
     }
 
-    /// The median change of a tile: that of noise, where most of the picture is at rest.
+    /// Returns the median change of a tile, DN^2: that of noise, where most of the picture is at rest.
     pub(super) fn floor(&self) -> f64 {
         median(self.tiles.clone())
     }
 
-    /// The change of the whole picture above the floor.
+    /// Returns the sum of the tiles' changes above the floor, DN^2.
     pub(super) fn motion(&self) -> f64 {
         let floor = self.floor();
         self.tiles.iter().map(|tile| (tile - floor).max(0.0)).sum()
@@ -97,7 +98,7 @@ impl Change {
     }
 }
 
-/// Returns the median; 0 of nothing.
+/// Returns the median, of two in the middle the higher one; 0 of nothing.
 pub(super) fn median(mut values: Vec<f64>) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or_default()

@@ -3,8 +3,8 @@
 use super::change::median;
 use std::collections::BTreeMap;
 
-/// Number of changes after runs of one length that are enough for a judgement.
-const ENOUGH: usize = 4;
+/// The minimum number of changes after runs of one length for a judgement.
+const MIN_CHANGES: usize = 4;
 /// Maximum number of changes that are kept for each length.
 const MAX_KEPT: usize = 1024;
 /// Minimum growth of a change over twice the time that shows how much time a change took: half of that of a small motion.
@@ -20,6 +20,7 @@ pub(super) struct MotionAfterRepeats {
 }
 
 impl MotionAfterRepeats {
+    /// Adds the motion after a number of repeats, and that over two pictures where there are two, DN^2.
     pub(super) fn push(&mut self, repeats: usize, motion: f64, across: Option<f64>) {
         for (kept, motion) in [(self.by_repeats.entry(repeats).or_default(), Some(motion)), (&mut self.across, across)]
         {
@@ -34,7 +35,7 @@ impl MotionAfterRepeats {
     /// The change of a small motion over `n` periods is that of one times `n` to the power of log2 of the growth over
     /// two; the limit lies half way, on a logarithmic scale.
     pub(super) fn are_inserted(&self) -> bool {
-        let mut groups = self.by_repeats.iter().filter(|(_, motions)| motions.len() >= ENOUGH);
+        let mut groups = self.by_repeats.iter().filter(|(_, motions)| motions.len() >= MIN_CHANGES);
         let (Some(fewest), Some(most)) = (groups.next(), groups.next_back()) else { return false };
         let [few, many] = [fewest, most].map(|(_, motions)| median(motions.clone()));
         let growth = median(self.across.clone()) / few;

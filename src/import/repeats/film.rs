@@ -5,11 +5,11 @@ use std::collections::VecDeque;
 
 /// Number of changes that count as recent.
 const RECENT: usize = 16;
-/// Number of changes that show whether a film has noise: one alone may be that of the light.
-const ENOUGH: usize = 4;
+/// The minimum number of changes that show whether a film has noise. One alone may be that of the light.
+const MIN_CHANGES: usize = 4;
 /// Share of a motion, as a mean square, below which a change is a standstill or one of the compression: a third of its
 /// amplitude, more than H.264 changes a repeated frame at a constant rate factor of 30 where motion is 1 px per frame.
-const OF_MOTION: f64 = 1.0 / 9.0;
+const MAX_STANDSTILL_SHARE: f64 = 1.0 / 9.0;
 /// Share of a usual change, as a mean square, that is still a motion at full speed: half of its amplitude.
 const FULL_SPEED: f64 = 0.25;
 /// Change that rounding to whole grey levels alone can make, DN^2.
@@ -28,6 +28,7 @@ pub(super) struct RecentChanges {
 }
 
 impl RecentChanges {
+    /// Adds a change that was no repeat.
     pub(super) fn push(&mut self, change: &Change) {
         for (recent, value) in [(&mut self.peaks, change.peak()), (&mut self.floors, change.floor())] {
             recent.push_back(value);
@@ -37,6 +38,7 @@ impl RecentChanges {
         }
     }
 
+    /// Whether no change was added yet.
     pub(super) fn is_empty(&self) -> bool {
         self.peaks.is_empty()
     }
@@ -44,13 +46,13 @@ impl RecentChanges {
     /// Whether no change at all is less than the noise of this film, so that the frame is no other exposure.
     pub(super) fn is_copy(&self, change: &Change) -> bool {
         let floor = median(self.floors.iter().copied().collect());
-        change.peak() == 0.0 && self.floors.len() >= ENOUGH && is_noise(floor)
+        change.peak() == 0.0 && self.floors.len() >= MIN_CHANGES && is_noise(floor)
     }
 
     /// Whether a change is so small that the frame may repeat the one before.
     pub(super) fn is_standstill(&self, change: &Change) -> bool {
         let before = self.peaks.back().copied().unwrap_or_default();
-        change.peak() == 0.0 || change.peak() < OF_MOTION * before
+        change.peak() == 0.0 || change.peak() < MAX_STANDSTILL_SHARE * before
     }
 
     /// Whether a standstill is one of the film, and not of what it shows.
@@ -62,7 +64,7 @@ impl RecentChanges {
         let Some(before) = self.peaks.back().copied() else { return false };
         let usual = median(self.peaks.iter().copied().collect());
         let (slower, faster) = (before.min(after.peak()), before.max(after.peak()));
-        let is_fast = slower > ROUNDING && slower >= FULL_SPEED * usual && largest <= OF_MOTION * slower;
+        let is_fast = slower > ROUNDING && slower >= FULL_SPEED * usual && largest <= MAX_STANDSTILL_SHARE * slower;
         is_fast && across.peak() > faster / 2.0
     }
 }

@@ -30,8 +30,8 @@ const MAX_HELD_BYTES: u64 = 256 << 20;
 impl Footage {
     /// Leaves out frames of the file `path` that repeat the one before.
     pub(super) fn without_repeats(mut self, path: &Path) -> Self {
-        let film = Repeats::of(path, self.shape(), self.timeline.clone(), self.findings.clone());
-        self.frames = Box::new(film.within(self.frames));
+        let film = Repeats::new(path, self.shape(), self.timeline.clone(), self.findings.clone());
+        self.frames = Box::new(film.filter_frames(self.frames));
         self
     }
 }
@@ -58,7 +58,7 @@ struct Repeats {
 
 impl Repeats {
     /// Starts with a film of the file `path` whose frames have the shape `shape`.
-    fn of(path: &Path, shape: Shape, timeline: Timeline, findings: Findings) -> Self {
+    fn new(path: &Path, shape: Shape, timeline: Timeline, findings: Findings) -> Self {
         Self {
             path: path.to_path_buf(),
             shape,
@@ -76,28 +76,28 @@ impl Repeats {
         }
     }
 
-    /// Returns the frames that repeat no other.
-    fn within(mut self, mut frames: Frames) -> impl Iterator<Item = Result<Stored, ImportError>> + Send {
+    /// Returns the frames that repeat no other, each once the frames after it have shown that.
+    fn filter_frames(mut self, mut frames: Frames) -> impl Iterator<Item = Result<Stored, ImportError>> + Send {
         std::iter::from_fn(move || {
             loop {
                 if let Some(frame) = self.ready.pop_front() {
                     return Some(Ok(frame));
                 }
                 match frames.next() {
-                    Some(Ok(frame)) => match self.take(frame) {
+                    Some(Ok(frame)) => match self.push_frame(frame) {
                         Ok(()) => {}
                         Err(error) => return Some(Err(error)),
                     },
                     Some(Err(error)) => return Some(Err(error)),
                     None if self.held.is_empty() => return None,
-                    None => self.release(),
+                    None => self.release_held(),
                 }
             }
         })
     }
 
-    /// Takes the next stored frame.
-    fn take(&mut self, frame: Stored) -> Result<(), ImportError> {
+    /// Examines the next stored frame: it differs, may repeat the last picture and is held, or is a copy and left out.
+    fn push_frame(&mut self, frame: Stored) -> Result<(), ImportError> {
         let Some(picture) = self.pictures.back() else {
             self.pictures.push_back(frame.pixels.clone());
             self.ready.push_back(frame);
@@ -106,28 +106,32 @@ impl Repeats {
         let change = self.tiles.change(picture, &frame.pixels);
         if self.changes.is_copy(&change) {
             self.held.push((frame, change.peak()));
-            self.leave_out();
+            self.drop_held();
             return Ok(());
         }
         if self.changes.is_standstill(&change) {
             self.held.push((frame, change.peak()));
             let held_bytes = self.held.len() as u64 * self.shape.bytes();
             if self.held.len() > MAX_STANDSTILL || held_bytes > MAX_HELD_BYTES {
-                self.release();
+                self.release_held();
             }
             return Ok(());
         }
-        self.take_change(frame, change)
+        self.push_changed_frame(frame, change)
     }
 
-    /// Takes a frame that differs from the last picture, and with it decides on the frames between.
-    fn take_change(&mut self, frame: Stored, change: Change) -> Result<(), ImportError> {
+    /// Adds a frame that differs from the last picture, and decides on the held frames between.
+    ///
+    /// # Errors
+    ///
+    /// [`ImportError::Invalid`] for a film that was converted to a higher rate.
+    fn push_changed_frame(&mut self, frame: Stored, change: Change) -> Result<(), ImportError> {
         let across = self.pictures.front().filter(|_| self.pictures.len() > 1);
         let across = across.map(|picture| self.tiles.change(picture, &frame.pixels));
         if !self.held.is_empty() {
             match self.are_repeats(&change, across.as_ref()) {
-                true => self.leave_out(),
-                false => self.release(),
+                true => self.drop_held(),
+                false => self.release_held(),
             }
         }
         let repeats = std::mem::take(&mut self.repeats.run);
@@ -145,12 +149,12 @@ impl Repeats {
         let index = frame.index;
         self.ready.push_back(frame);
         match repeats > 0 && self.motions.are_inserted() {
-            true => Err(self.converted(index)),
+            true => Err(self.conversion_error(index)),
             false => Ok(()),
         }
     }
 
-    /// Whether the held frames are repeats, and show nothing that stands still. `change` ends their run.
+    /// Whether the held frames are repeats rather than show a standstill. `change` ends their run.
     fn are_repeats(&self, change: &Change, across: Option<&Change>) -> bool {
         if self.changes.is_empty() {
             // The first change of a film shows whether it has noise.
@@ -161,8 +165,8 @@ impl Repeats {
         self.last.is_some() && across.is_some_and(interrupts)
     }
 
-    /// The error of a film whose repeats took no time.
-    fn converted(&self, index: u64) -> ImportError {
+    /// Returns the error of a film whose repeats took no time, with the rate of the original.
+    fn conversion_error(&self, index: u64) -> ImportError {
         let (repeats, number) = (self.repeats.count, self.timeline.moment(index).number);
         let share = 1.0 - repeats as f64 / (index as f64 + 1.0);
         let rate_hz = (self.timeline.rate_hz * share * 1e3).round() / 1e3;
@@ -177,16 +181,16 @@ impl Repeats {
         )
     }
 
-    /// Leaves out the held frames.
-    fn leave_out(&mut self) {
+    /// Leaves out the held frames as repeats.
+    fn drop_held(&mut self) {
         for (frame, _) in self.held.drain(..) {
             self.repeats.push(self.timeline.moment(frame.index).number);
         }
         self.findings.set("repeats", self.repeats.to_string());
     }
 
-    /// Lets the held frames through: what they show stands still.
-    fn release(&mut self) {
+    /// Lets the held frames through, because what they show stands still.
+    fn release_held(&mut self) {
         self.ready.extend(self.held.drain(..).map(|(frame, _)| frame));
         self.last = None;
     }

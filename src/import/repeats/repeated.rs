@@ -35,7 +35,7 @@ impl Repeated {
         self.run += 1;
     }
 
-    /// Returns the distance at which most repeats follow each other.
+    /// Returns the distance at which most repeats follow each other; `None` without one.
     fn period(&self) -> Option<u64> {
         let (distance, times) = self.distances.iter().max_by_key(|(_, times)| **times)?;
         (self.count > 2 && *distance > 1 && 2 * times > self.count).then_some(*distance)

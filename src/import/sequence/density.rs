@@ -7,7 +7,9 @@ use std::os::unix::fs::FileExt;
 
 /// Length of the beginning of a file that is searched, bytes.
 const HEAD_BYTES: usize = 4096;
+/// The first bytes of a PNG file.
 const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
+/// The first bytes of a JPEG file with a JFIF segment.
 const JFIF: &[u8] = b"\xff\xd8\xff\xe0";
 
 /// Returns the width of a pixel over its height; 1 when the file does not state it.
@@ -15,13 +17,13 @@ pub(super) fn pixel_aspect(file: &File) -> f64 {
     let mut head = vec![0; HEAD_BYTES];
     let length = file.read_at(&mut head, 0).unwrap_or(0);
     head.truncate(length);
-    let densities = if head.starts_with(PNG) { of_png(&head) } else { of_jpeg(&head) };
+    let densities = if head.starts_with(PNG) { png_density(&head) } else { jpeg_density(&head) };
     // The more pixels per length, the shorter a pixel.
     densities.filter(|[x, y]| *x > 0 && *y > 0).map_or(1.0, |[x, y]| f64::from(y) / f64::from(x))
 }
 
-/// Returns the pixels per length along x and y.
-fn of_png(head: &[u8]) -> Option<[u32; 2]> {
+/// Returns the pixels per length along x and y from the chunk `pHYs`.
+fn png_density(head: &[u8]) -> Option<[u32; 2]> {
     let mut at = PNG.len();
     loop {
         let (bytes, kind) = (u32_at(head, at)? as usize, head.get(at + 4..at + 8)?);
@@ -33,12 +35,14 @@ fn of_png(head: &[u8]) -> Option<[u32; 2]> {
     }
 }
 
-fn of_jpeg(head: &[u8]) -> Option<[u32; 2]> {
+/// Returns the pixels per length along x and y from the JFIF segment, or their ratio if it states no unit.
+fn jpeg_density(head: &[u8]) -> Option<[u32; 2]> {
     let is_jfif = head.starts_with(JFIF) && head.get(6..11)? == b"JFIF\0";
     let u16_at = |at: usize| Some(u32::from(*head.get(at)?) << 8 | u32::from(*head.get(at + 1)?));
     if is_jfif { Some([u16_at(14)?, u16_at(16)?]) } else { None }
 }
 
+/// Reads a big-endian number of 32 bits; `None` beyond the end.
 fn u32_at(head: &[u8], at: usize) -> Option<u32> {
     Some(u32::from_be_bytes(head.get(at..at.checked_add(4)?)?.try_into().ok()?))
 }

@@ -41,9 +41,9 @@ impl Listed {
         if !is_collection(input) {
             return Ok(Self { paths: inputs.to_vec(), by: Lister::User });
         }
-        let mut paths = if input.is_dir() { of_folder(input)? } else { of_pattern(input)? };
+        let mut paths = if input.is_dir() { images_in_folder(input)? } else { images_of_pattern(input)? };
         paths.sort();
-        one_kind(input, &paths)?;
+        check_one_kind(input, &paths)?;
         Ok(Self { paths, by: Lister::Disk })
     }
 }
@@ -58,7 +58,8 @@ pub(in crate::import) fn is_image(path: &Path) -> bool {
     matches!(extension(path).as_str(), "png" | "tif" | "tiff" | "jpg" | "jpeg" | "bmp" | "pgm")
 }
 
-fn of_folder(folder: &Path) -> Result<Vec<PathBuf>, ImportError> {
+/// Lists the images in a folder in any order, without hidden files.
+fn images_in_folder(folder: &Path) -> Result<Vec<PathBuf>, ImportError> {
     let io = |error| ImportError::io("read", folder, error);
     let mut paths = Vec::new();
     for entry in fs::read_dir(folder).map_err(io)? {
@@ -74,7 +75,8 @@ fn of_folder(folder: &Path) -> Result<Vec<PathBuf>, ImportError> {
     Ok(paths)
 }
 
-fn of_pattern(pattern: &Path) -> Result<Vec<PathBuf>, ImportError> {
+/// Lists the images whose paths match a pattern with wildcards.
+fn images_of_pattern(pattern: &Path) -> Result<Vec<PathBuf>, ImportError> {
     let found = glob::glob(&pattern.to_string_lossy());
     let found =
         found.map_err(|error| ImportError::invalid(pattern, format!("not a pattern of file names: {error}")))?;
@@ -82,7 +84,7 @@ fn of_pattern(pattern: &Path) -> Result<Vec<PathBuf>, ImportError> {
 }
 
 /// Checks that there are images, all of one kind.
-fn one_kind(input: &Path, paths: &[PathBuf]) -> Result<(), ImportError> {
+fn check_one_kind(input: &Path, paths: &[PathBuf]) -> Result<(), ImportError> {
     let kind = |path: &Path| match extension(path).as_str() {
         "tiff" => "tif".to_owned(),
         "jpeg" => "jpg".to_owned(),

@@ -34,20 +34,21 @@ pub enum Order {
 /// The images of a sequence, each with the file it is in.
 type Stills = Box<dyn Iterator<Item = (PathBuf, Result<Still, ImportError>)> + Send>;
 
+/// Opens images, one per file or the pages of one file.
 pub(super) fn open(inputs: &[PathBuf], fps: Option<f64>, order: Order) -> Result<Footage, ImportError> {
     let listed = Listed::expand(inputs)?;
     let first_path = listed.paths.first().ok_or(ImportError::Nothing)?.clone();
-    let stack = stack(&first_path)?.filter(|stack| stack.pages() > 1 && listed.paths.len() == 1);
+    let stack = open_stack(&first_path)?.filter(|stack| stack.pages() > 1 && listed.paths.len() == 1);
     let footage = match stack {
-        Some(stack) if order == Order::Forward => of_stack(&first_path, stack, fps)?,
+        Some(stack) if order == Order::Forward => footage_of_stack(&first_path, stack, fps)?,
         Some(_) => return Err(ImportError::invalid(&first_path, "pages cannot be reversed; pass single images")),
-        None => of_files(listed, fps, order)?,
+        None => footage_of_files(listed, fps, order)?,
     };
     footage.with_bits_of_first(&first_path)
 }
 
 /// Opens the pages of one file.
-fn of_stack(path: &Path, mut stack: Stack, fps: Option<f64>) -> Result<Footage, ImportError> {
+fn footage_of_stack(path: &Path, mut stack: Stack, fps: Option<f64>) -> Result<Footage, ImportError> {
     let mut warnings = stack.warnings();
     let (count, rate, date) = (stack.pages(), stack.rate(), stack.date());
     let timeline = match stack.times().and_then(|times| times.timeline(rate.clone(), fps)) {
@@ -62,19 +63,20 @@ fn of_stack(path: &Path, mut stack: Stack, fps: Option<f64>) -> Result<Footage, 
         warnings.push(format!("the file plays at {hz} frames/s; if it was filmed at another rate, pass that as --fps"));
     }
     let path = path.to_path_buf();
-    let footage = of_stills(timeline, count, Box::new(stack.map(move |still| (path.clone(), still))), warnings)?;
-    Ok(dated(footage, date))
+    let footage =
+        footage_of_stills(timeline, count, Box::new(stack.map(move |still| (path.clone(), still))), warnings)?;
+    Ok(with_date(footage, date))
 }
 
 /// Opens one file per image.
-fn of_files(listed: Listed, fps: Option<f64>, order: Order) -> Result<Footage, ImportError> {
+fn footage_of_files(listed: Listed, fps: Option<f64>, order: Order) -> Result<Footage, ImportError> {
     let mut sequence = Sequence::arrange(listed)?;
     if order == Order::Reversed {
         sequence.reverse();
     }
     let Sequence { paths, numbers, times, mut warnings } = sequence;
     let first_path = paths.first().ok_or(ImportError::Nothing)?.clone();
-    let timeline = match times.as_ref().map(|times| timed(times, &first_path, fps)) {
+    let timeline = match times.as_ref().map(|times| timeline_from_names(times, &first_path, fps)) {
         Some(timed) => {
             let (timeline, contradictions) = timed?;
             warnings.extend(contradictions);
@@ -82,14 +84,18 @@ fn of_files(listed: Listed, fps: Option<f64>, order: Order) -> Result<Footage, I
         }
         None => Timeline::numbered(Rate::known(&first_path, fps, None)?, numbers),
     };
-    let date = stack(&first_path)?.and_then(|mut stack| stack.date());
+    let date = open_stack(&first_path)?.and_then(|mut stack| stack.date());
     let count = paths.len() as u64;
-    let stills = paths.into_iter().map(|path| (path.clone(), read(&path)));
-    Ok(dated(of_stills(timeline, count, Box::new(stills), warnings)?, date))
+    let stills = paths.into_iter().map(|path| (path.clone(), read_still(&path)));
+    Ok(with_date(footage_of_stills(timeline, count, Box::new(stills), warnings)?, date))
 }
 
-/// Times images by their names.
-fn timed(times: &FrameTimes, path: &Path, fps: Option<f64>) -> Result<(Timeline, Vec<String>), ImportError> {
+/// Times images by the times in their names; returns warnings as well.
+fn timeline_from_names(
+    times: &FrameTimes,
+    path: &Path,
+    fps: Option<f64>,
+) -> Result<(Timeline, Vec<String>), ImportError> {
     if let [only] = times.times_ns.as_slice() {
         let rate = Rate::known(path, fps, None)?;
         return Ok((Timeline::consecutive(rate).starting_at(*only), Vec::new()));
@@ -110,7 +116,7 @@ fn timed(times: &FrameTimes, path: &Path, fps: Option<f64>) -> Result<(Timeline,
 }
 
 /// Collects images of one size; the first one stands for the orientation and the grey levels of all.
-fn of_stills(
+fn footage_of_stills(
     timeline: Timeline,
     count: u64,
     mut stills: Stills,
@@ -138,22 +144,23 @@ fn of_stills(
     Ok(footage)
 }
 
-fn dated(mut footage: Footage, date: Option<String>) -> Footage {
+/// Adds the date of the first image to the properties.
+fn with_date(mut footage: Footage, date: Option<String>) -> Footage {
     footage.description.extend(date.map(|date| ("date".to_owned(), date)));
     footage
 }
 
 /// Opens a TIFF file; `None` for any other file.
-fn stack(path: &Path) -> Result<Option<Stack>, ImportError> {
+fn open_stack(path: &Path) -> Result<Option<Stack>, ImportError> {
     match extension(path).as_str() {
         "tif" | "tiff" => Stack::open(path),
         _ => Ok(None),
     }
 }
 
-/// Reads a file that holds one image.
-fn read(path: &Path) -> Result<Still, ImportError> {
-    if let Some(mut stack) = stack(path)? {
+/// Reads a file that holds one image, as it is displayed.
+fn read_still(path: &Path) -> Result<Still, ImportError> {
+    if let Some(mut stack) = open_stack(path)? {
         let reason = "the file has more than one page; pass it alone, as a whole sequence";
         return match stack.pages() {
             1 => stack.next().ok_or_else(|| ImportError::invalid(path, "no page"))?,

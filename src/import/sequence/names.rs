@@ -50,13 +50,13 @@ pub(super) fn columns(paths: &[PathBuf]) -> Result<Vec<Column>, Unnumbered> {
     let patterns: Vec<Vec<String>> = names.iter().map(Name::pattern).collect();
     let first = patterns.first().ok_or(Unnumbered::Unlike)?;
     if patterns.iter().any(|pattern| pattern != first) {
-        return Err(odd(&patterns));
+        return Err(find_odd_name(&patterns));
     }
     Ok((0..first.len() - 1).map_while(|index| Column::from_names(&names, index)).collect())
 }
 
-/// Finds the name that does not fit most others.
-fn odd(patterns: &[Vec<String>]) -> Unnumbered {
+/// Finds the name whose pattern differs from that of most others.
+fn find_odd_name(patterns: &[Vec<String>]) -> Unnumbered {
     let alike = |pattern: &Vec<String>| patterns.iter().filter(|other| *other == pattern).count();
     // One of the first names has the pattern of most, if there is one.
     let common = patterns.iter().take(3).max_by_key(|pattern| alike(pattern));
@@ -76,6 +76,7 @@ fn path_stem(path: &Path) -> String {
 }
 
 impl Name {
+    /// Splits a name at the borders between digits and other characters.
     fn parse(stem: &str) -> Self {
         let mut name = Self { texts: vec![String::new()], digits: Vec::new() };
         let mut was_digit = false;
@@ -96,18 +97,19 @@ impl Name {
     fn pattern(&self) -> Vec<String> {
         let last = self.texts.len() - 1;
         let text =
-            |(index, text): (usize, &String)| if index < last { unsigned(text).to_owned() } else { text.clone() };
+            |(index, text): (usize, &String)| if index < last { without_sign(text).to_owned() } else { text.clone() };
         self.texts.iter().enumerate().map(text).collect()
     }
 
+    /// Returns the sign or hyphen before the number with this index.
     fn sign(&self, index: usize) -> Option<char> {
         let text = &self.texts[index];
-        text[unsigned(text).len()..].chars().next()
+        text[without_sign(text).len()..].chars().next()
     }
 }
 
 /// Returns the text without a sign at its end.
-fn unsigned(text: &str) -> &str {
+fn without_sign(text: &str) -> &str {
     text.strip_suffix(['-', '+', '\u{2212}']).unwrap_or(text)
 }
 
@@ -124,7 +126,7 @@ impl Column {
             Some(if is_negative { -number } else { number })
         };
         Some(Self {
-            before: if is_signed { unsigned(&first.texts[index]).to_owned() } else { first.texts[index].clone() },
+            before: if is_signed { without_sign(&first.texts[index]).to_owned() } else { first.texts[index].clone() },
             after: first.texts[index + 1].clone(),
             values: names.iter().map(value).collect::<Option<_>>()?,
             digits: names.iter().map(|name| name.digits[index].len()).collect(),
@@ -133,21 +135,23 @@ impl Column {
         })
     }
 
+    /// Whether the numbers differ between names.
     pub(super) fn varies(&self) -> bool {
         self.values.iter().any(|value| *value != self.values[0])
     }
 
-    /// Whether all numbers have as many digits.
+    /// Whether all numbers have the same number of digits.
     pub(super) fn is_padded(&self) -> bool {
         self.digits.iter().all(|digits| *digits == self.digits[0])
     }
 
-    /// Whether the numbers are as dense as those of a counter.
+    /// Whether the numbers are distinct and as dense as those of a counter.
     pub(super) fn counts(&self) -> bool {
         let (min, max) = (self.values.iter().min().unwrap_or(&0), self.values.iter().max().unwrap_or(&0));
         self.is_unique() && max - min < MAX_COUNTER_STEP * self.values.len() as i128
     }
 
+    /// Whether no two names have the same number.
     pub(super) fn is_unique(&self) -> bool {
         let mut sorted = self.values.clone();
         sorted.sort_unstable();
@@ -162,12 +166,12 @@ impl Column {
     }
 
     /// Describes the range of the numbers, as `the number after "img_" (0 to 35)`.
-    pub(super) fn range(&self) -> String {
+    pub(super) fn describe_range(&self) -> String {
         let (min, max) = (self.values.iter().min().unwrap_or(&0), self.values.iter().max().unwrap_or(&0));
         format!("the number after {:?} ({min} to {max})", self.before)
     }
 
-    /// Appends the digits behind a decimal point.
+    /// Appends the digits behind a decimal point; `None` when a number does not fit.
     pub(super) fn with_decimals(&self, decimals: &Self) -> Option<Self> {
         let places = *decimals.digits.first()?;
         let scale = 10_i128.checked_pow(places as u32)?;

@@ -10,7 +10,8 @@ use std::path::{Path, PathBuf};
 
 /// Maximum number of gaps listed one by one.
 const GAPS_MAX: usize = 10;
-/// Numbers whose typical step is more than so many times their common divisor are times without a unit.
+/// The maximum typical step of a counter, in common divisors of all steps. Numbers with a larger one are times without
+/// a unit.
 const COUNTER_STEP_MAX: i128 = 8;
 
 /// The images of a sequence in their order.
@@ -61,9 +62,9 @@ impl Sequence {
         let dates = times::of_dates(&columns).filter(|dates| columns[dates.places.clone()].iter().any(Column::varies));
         match dates {
             Some(Dates { times, places }) if !is_numbered(&columns, &places) || Dates::are_distinct(&times) => {
-                let order = sorted(&times.times_ns);
+                let order = time_order(&times.times_ns);
                 let mut sequence = Self::in_order(&listed, &order)?;
-                let taken = times.taken(&sequence.order_of(&listed));
+                let taken = times.reordered(&sequence.order_of(&listed));
                 sequence.times = taken.times_ns.is_sorted().then_some(taken);
                 Ok(sequence)
             }
@@ -81,8 +82,9 @@ impl Sequence {
     ) -> Result<Self, ImportError> {
         columns.drain(places.clone());
         let column = running_number(&listed.paths, &columns)?;
-        if !dates.taken(&column.order()).times_ns.is_sorted() {
-            let reason = format!("the order is not clear: by {}, or by the dates in the names", column.range());
+        if !dates.reordered(&column.order()).times_ns.is_sorted() {
+            let reason =
+                format!("the order is not clear: by {}, or by the dates in the names", column.describe_range());
             return Err(ImportError::invalid(&listed.paths[0], reason));
         }
         Self::of_column(listed, &column)
@@ -101,10 +103,10 @@ impl Sequence {
             return Ok(sequence);
         }
         if let Some(times) = times::of_numbers(column) {
-            sequence.times = Some(times.taken(&order));
+            sequence.times = Some(times.reordered(&order));
             return Ok(sequence);
         }
-        sequence.number(&values);
+        sequence.number_images(&values);
         Ok(sequence)
     }
 
@@ -125,7 +127,7 @@ impl Sequence {
         Ok(Self { numbers: (0..paths.len() as u64).collect(), paths, times: None, warnings })
     }
 
-    /// The place of each image in the list that was given.
+    /// Returns the place of each image in the list that was given.
     fn order_of(&self, listed: &Listed) -> Vec<usize> {
         let places: std::collections::HashMap<&Path, usize> =
             listed.paths.iter().enumerate().map(|(place, path)| (path.as_path(), place)).collect();
@@ -134,10 +136,11 @@ impl Sequence {
 
     /// Numbers the images by rising values, with missing images counted.
     ///
-    /// The common divisor of the steps is one frame, so that a sequence of every fifth image is complete too.
-    fn number(&mut self, values: &[i128]) {
+    /// The greatest common divisor of the steps is one frame, so that a sequence of every fifth image is complete too.
+    /// Numbers that rise by much more than their divisor become times.
+    fn number_images(&mut self, values: &[i128]) {
         let mut steps: Vec<i128> = values.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        let divisor = steps.iter().copied().fold(0, divisor).max(1);
+        let divisor = steps.iter().copied().fold(0, greatest_common_divisor).max(1);
         steps.sort_unstable();
         let typical = steps[(steps.len() - 1) / 2];
         if typical > COUNTER_STEP_MAX * divisor {
@@ -158,6 +161,7 @@ impl Sequence {
         self.warn_of_gaps();
     }
 
+    /// Warns of missing images: up to [`GAPS_MAX`] gaps one by one, more of them in one sentence.
     fn warn_of_gaps(&mut self) {
         let missing = self.numbers.windows(2).map(|pair| pair[1] - pair[0] - 1);
         let gaps: Vec<(u64, &PathBuf)> = missing.zip(&self.paths).filter(|(missing, _)| *missing > 0).collect();
@@ -170,7 +174,7 @@ impl Sequence {
         self.warnings.extend(warnings);
     }
 
-    /// Turns the sequence round; its gaps stay where they are.
+    /// Reverses the sequence with its gaps and times.
     pub(super) fn reverse(&mut self) {
         self.paths.reverse();
         let last = self.numbers.last().copied().unwrap_or_default();
@@ -180,8 +184,12 @@ impl Sequence {
 }
 
 /// Finds the number that counts the images.
+///
+/// # Errors
+///
+/// [`ImportError::Invalid`] when there is none, or several numbers order the images differently.
 fn running_number(paths: &[PathBuf], columns: &[Column]) -> Result<Column, ImportError> {
-    let columns = with_decimals(columns);
+    let columns = joined_decimals(columns);
     let running: Vec<&Column> = columns.iter().filter(|column| column.varies()).collect();
     let refuse = |reason: String| Err(ImportError::invalid(&paths[0], reason));
     let unique: Vec<&Column> = running.iter().copied().filter(|column| column.is_unique()).collect();
@@ -195,8 +203,8 @@ fn running_number(paths: &[PathBuf], columns: &[Column]) -> Result<Column, Impor
         }
         ([], [first, second, ..]) => refuse(format!(
             "the names hold more than one running number: {}, or {}; pass the images of one series",
-            first.range(),
-            second.range()
+            first.describe_range(),
+            second.describe_range()
         )),
         (unique, running) => {
             // The number with the smallest range counts frames, the others are times or the like.
@@ -211,8 +219,8 @@ fn running_number(paths: &[PathBuf], columns: &[Column]) -> Result<Column, Impor
             match running.iter().find(falls) {
                 Some(other) => refuse(format!(
                     "the order is not clear: by {}, or by {}; pass the images one by one in their order",
-                    counter.range(),
-                    other.range()
+                    counter.describe_range(),
+                    other.describe_range()
                 )),
                 None => Ok((*counter).clone()),
             }
@@ -221,7 +229,7 @@ fn running_number(paths: &[PathBuf], columns: &[Column]) -> Result<Column, Impor
 }
 
 /// Joins numbers with a point between them, as `0.0002`, where all have as many decimals.
-fn with_decimals(columns: &[Column]) -> Vec<Column> {
+fn joined_decimals(columns: &[Column]) -> Vec<Column> {
     let mut joined: Vec<Column> = Vec::new();
     for column in columns {
         let whole = joined.last().filter(|whole| whole.after == "." && whole.decimals == 0 && column.is_padded());
@@ -236,6 +244,7 @@ fn with_decimals(columns: &[Column]) -> Vec<Column> {
     joined
 }
 
+/// Warns of a hyphen before the numbers that may be meant as their sign.
 fn hyphen_warning(column: &Column) -> Option<String> {
     let least = column.values.iter().min()?;
     Some(format!(
@@ -259,18 +268,19 @@ fn is_listing(paths: &[PathBuf]) -> bool {
         || paths.windows(2).all(|pair| ranked(&pair[0]) <= ranked(&pair[1]))
 }
 
-/// Whether a number besides those at these places varies.
+/// Whether a number other than those at these places varies.
 fn is_numbered(columns: &[Column], places: &Range<usize>) -> bool {
     columns.iter().enumerate().any(|(place, column)| !places.contains(&place) && column.varies())
 }
 
-fn sorted(times_ns: &[i64]) -> Vec<usize> {
+/// Returns the indices of the images in the order of their times.
+fn time_order(times_ns: &[i64]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..times_ns.len()).collect();
     order.sort_by_key(|index| times_ns[*index]);
     order
 }
 
-/// The greatest common divisor.
-fn divisor(a: i128, b: i128) -> i128 {
-    if b == 0 { a } else { divisor(b, a % b) }
+/// Returns the greatest common divisor by Euclid's algorithm.
+fn greatest_common_divisor(a: i128, b: i128) -> i128 {
+    if b == 0 { a } else { greatest_common_divisor(b, a % b) }
 }

@@ -3,10 +3,11 @@
 use super::names::Column;
 use crate::import::timeline::FrameTimes;
 
-/// Digits of a date with a time of day, in one to three numbers.
+/// The digits of year, month, day, hour, minute and second, which one to six numbers hold.
 const PARTS: [usize; 6] = [4, 2, 2, 2, 2, 2];
 /// Seconds since the Unix epoch of the years 2000 and 2100.
 const EPOCH_S: std::ops::Range<i128> = 946_684_800..4_102_444_800;
+/// One second, ns.
 const SECOND_NS: i128 = 1_000_000_000;
 
 /// Dates with a time of day in names.
@@ -46,7 +47,7 @@ pub(super) fn of_dates(columns: &[Column]) -> Option<Dates> {
                 let places = u32::try_from(fraction.digits[name]).ok().filter(|places| *places <= 9)?;
                 Some(fraction.values[name] * 10_i128.pow(9 - places))
             })?;
-            i64::try_from(seconds_of(&digits)? * SECOND_NS + fraction_ns).ok()
+            i64::try_from(epoch_seconds(&digits)? * SECOND_NS + fraction_ns).ok()
         })
         .collect();
     let is_padded = fraction.is_none_or(Column::is_padded);
@@ -57,7 +58,7 @@ pub(super) fn of_dates(columns: &[Column]) -> Option<Dates> {
     Some(Dates { times, places: start..end })
 }
 
-/// The number of columns at the beginning that hold a date and a time of day.
+/// Returns the number of columns at the beginning that hold a date and a time of day; `None` without one.
 fn date_length(columns: &[Column]) -> Option<usize> {
     let mut digits = 0;
     for (index, column) in columns.iter().take(PARTS.len()).enumerate() {
@@ -75,14 +76,14 @@ fn date_length(columns: &[Column]) -> Option<usize> {
                 .iter()
                 .map(|column| format!("{:0width$}", column.values[0], width = column.digits[0]))
                 .collect();
-            return seconds_of(&first).map(|_| index + 1);
+            return epoch_seconds(&first).map(|_| index + 1);
         }
     }
     None
 }
 
-/// The seconds since the Unix epoch of `20240501120000`; `None` when it is no date.
-fn seconds_of(digits: &str) -> Option<i128> {
+/// Returns the seconds since the Unix epoch of `20240501120000`; `None` when it is no date.
+fn epoch_seconds(digits: &str) -> Option<i128> {
     let number = |from: usize, to: usize| digits.get(from..to)?.parse::<i128>().ok();
     let (year, month, day) = (number(0, 4)?, number(4, 6)?, number(6, 8)?);
     let (hour, minute, second) = (number(8, 10)?, number(10, 12)?, number(12, 14)?);
@@ -107,7 +108,7 @@ pub(super) fn of_numbers(column: &Column) -> Option<FrameTimes> {
     Some(FrameTimes { times_ns: times_ns.collect::<Option<_>>()?, resolution_ns })
 }
 
-/// The unit at the beginning of the text behind a number, ns.
+/// Returns the unit at the beginning of the text behind a number, ns.
 fn unit_ns(after: &str) -> Option<i128> {
     let word: String = after.chars().take_while(|letter| letter.is_alphabetic()).collect();
     Some(match word.as_str() {
@@ -119,7 +120,7 @@ fn unit_ns(after: &str) -> Option<i128> {
     })
 }
 
-/// The unit in which all numbers are times since the Unix epoch, ns.
+/// Returns the unit in which all numbers are times since the Unix epoch of the years 2000 to 2100, ns.
 fn epoch_unit_ns(column: &Column) -> Option<i128> {
     let scale = 10_i128.checked_pow(column.decimals as u32)?;
     let is_epoch = |per_s: i128| column.values.iter().all(|value| EPOCH_S.contains(&(value / scale / per_s)));
@@ -135,10 +136,10 @@ mod tests {
 
     #[test]
     fn days_of_the_calendar_count_from_1970() {
-        assert_eq!(seconds_of("19700101000000"), Some(0));
-        assert_eq!(seconds_of("20240229120000"), Some(1_709_208_000));
-        assert_eq!(seconds_of("20240501120000"), Some(1_714_564_800));
-        assert_eq!(seconds_of("20241301120000"), None);
-        assert_eq!(seconds_of("20240501250000"), None);
+        assert_eq!(epoch_seconds("19700101000000"), Some(0));
+        assert_eq!(epoch_seconds("20240229120000"), Some(1_709_208_000));
+        assert_eq!(epoch_seconds("20240501120000"), Some(1_714_564_800));
+        assert_eq!(epoch_seconds("20241301120000"), None);
+        assert_eq!(epoch_seconds("20240501250000"), None);
     }
 }

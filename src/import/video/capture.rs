@@ -33,7 +33,7 @@ impl CaptureRate {
     pub(super) fn find(path: &Path, tags: &[(String, String)]) -> Result<Vec<Self>, ImportError> {
         let named = tags.iter().filter(|(key, _)| is_capture_tag(key));
         let mut rates: Vec<Self> =
-            named.filter_map(|(key, value)| Some(Self { hz: rate_hz(value)?, tag: key.clone() })).collect();
+            named.filter_map(|(key, value)| Some(Self { hz: parse_rate_hz(value)?, tag: key.clone() })).collect();
         if let Some(hz) = sony_rate_hz(path)? {
             rates.push(Self { hz, tag: SONY.to_owned() });
         }
@@ -41,14 +41,15 @@ impl CaptureRate {
     }
 }
 
+/// Whether the name of a tag is that of a rate of capture.
 fn is_capture_tag(key: &str) -> bool {
     let key: String =
         key.chars().filter(char::is_ascii_alphanumeric).map(|letter| letter.to_ascii_lowercase()).collect();
     TAGS.iter().any(|tag| key.ends_with(tag))
 }
 
-/// Reads `240`, `239.76 fps`, `119.88p` or `240000/1001`.
-fn rate_hz(text: &str) -> Option<f64> {
+/// Parses `240`, `239.76 fps`, `119.88p` or `240000/1001`; `None` for other texts and for 0.
+fn parse_rate_hz(text: &str) -> Option<f64> {
     let is_number = |letter: char| letter.is_ascii_digit() || matches!(letter, '.' | '/');
     let text = text.trim();
     let number = &text[..text.find(|letter| !is_number(letter)).unwrap_or(text.len())];
@@ -67,7 +68,7 @@ fn sony_rate_hz(path: &Path) -> Result<Option<f64>, ImportError> {
         let found = end.windows(key.len()).position(|window| window == key.as_bytes());
         if let Some(at) = found {
             let value = end[at + key.len()..].iter().take(16).take_while(|byte| **byte != b'"');
-            return Ok(rate_hz(&value.map(|byte| char::from(*byte)).collect::<String>()));
+            return Ok(parse_rate_hz(&value.map(|byte| char::from(*byte)).collect::<String>()));
         }
     }
     Ok(None)
@@ -89,12 +90,12 @@ mod tests {
 
     #[test]
     fn rates_are_read_with_their_units() {
-        assert_eq!(rate_hz("240.000000"), Some(240.0));
-        assert_eq!(rate_hz(" 960 fps"), Some(960.0));
-        assert_eq!(rate_hz("119.88p"), Some(119.88));
-        assert_eq!(rate_hz("120000/1001"), Some(120_000.0 / 1001.0));
-        assert_eq!(rate_hz("0"), None);
-        assert_eq!(rate_hz("fast"), None);
-        assert_eq!(rate_hz("1/0"), None);
+        assert_eq!(parse_rate_hz("240.000000"), Some(240.0));
+        assert_eq!(parse_rate_hz(" 960 fps"), Some(960.0));
+        assert_eq!(parse_rate_hz("119.88p"), Some(119.88));
+        assert_eq!(parse_rate_hz("120000/1001"), Some(120_000.0 / 1001.0));
+        assert_eq!(parse_rate_hz("0"), None);
+        assert_eq!(parse_rate_hz("fast"), None);
+        assert_eq!(parse_rate_hz("1/0"), None);
     }
 }

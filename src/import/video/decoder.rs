@@ -33,12 +33,12 @@ impl Decoder {
     }
 
     /// Reads the next frame; `None` after the last.
-    fn read(&mut self) -> Result<Option<Stored>, ImportError> {
+    fn read_frame(&mut self) -> Result<Option<Stored>, ImportError> {
         let Some(frame) = self.decoding.next_frame()? else {
             self.report_missing();
             return Ok(None);
         };
-        let index = self.index(frame)?;
+        let index = self.frame_index(frame)?;
         let bytes = match self.decoding.receive(&self.pixels)? {
             Some(pixels) => {
                 let pixels = pixels.map_err(|error| ImportError::io("read", &self.decoding.path, error))?;
@@ -57,7 +57,11 @@ impl Decoder {
     }
 
     /// Returns the index of a frame by its time, so that a frame that ffmpeg leaves out moves no other.
-    fn index(&self, frame: Decoded) -> Result<usize, ImportError> {
+    ///
+    /// # Errors
+    ///
+    /// [`ImportError::Invalid`] when its time is unknown, its size differs, or it is interlaced.
+    fn frame_index(&self, frame: Decoded) -> Result<usize, ImportError> {
         let [width, height] = [self.shape.width_px, self.shape.height_px].map(u64::from);
         if [frame.width_px, frame.height_px] != [width, height] {
             return Err(self.invalid(format!(
@@ -87,6 +91,7 @@ impl Decoder {
         }
     }
 
+    /// Returns the error of the next frame with a reason.
     fn invalid(&self, reason: String) -> ImportError {
         ImportError::invalid(&self.decoding.path, format!("frame {}: {reason}", self.next))
     }
@@ -116,7 +121,7 @@ impl Iterator for Decoder {
         if self.is_over {
             return None;
         }
-        let frame = self.read().transpose();
+        let frame = self.read_frame().transpose();
         self.is_over = !matches!(frame, Some(Ok(_)));
         frame
     }

@@ -1,7 +1,7 @@
 //! A running ffmpeg, which describes each frame that it decodes.
 
 use super::super::ImportError;
-use super::program::{Program, address, read_line};
+use super::program::{Program, file_url, read_line};
 use super::stream::Ratio;
 use std::ffi::OsString;
 use std::io::BufReader;
@@ -26,7 +26,7 @@ pub(super) struct Decoded {
 }
 
 impl Decoded {
-    /// Reads a line of `showinfo`: `n: 0 pts: 64 pts_time:0.004 ... s:64x48 i:P iskey:1`. Other lines have no frame.
+    /// Parses a line of `showinfo`: `n: 0 pts: 64 pts_time:0.004 ... s:64x48 i:P iskey:1`. Other lines have no frame.
     fn parse(line: &str) -> Option<Self> {
         let (_, line) = line.strip_prefix(SHOWINFO)?.split_once("[info] n:")?;
         let entry = |key: &str| {
@@ -59,7 +59,7 @@ impl Decoding {
     ///
     /// [`ImportError::Invalid`] without ffmpeg.
     pub(super) fn start(path: &Path, tick: Ratio, filters: &str, output: &str) -> Result<Self, ImportError> {
-        let mut arguments = vec![address(path)];
+        let mut arguments = vec![file_url(path)];
         // Every frame as it is stored: none is repeated or dropped to keep a rate.
         let describe = format!("settb=tb={}/{},showinfo=checksum=0", tick.over, tick.under);
         arguments.extend("-map 0:V:0 -fps_mode passthrough -vf".split_whitespace().map(OsString::from));
@@ -71,7 +71,7 @@ impl Decoding {
         let (described, frames) = sync_channel(WAITING);
         let (failed, error) = sync_channel(1);
         if let Some(pipe) = ffmpeg.stderr() {
-            std::thread::spawn(move || watch(pipe, &described, &failed));
+            std::thread::spawn(move || read_messages(pipe, &described, &failed));
         }
         Ok(Self { ffmpeg, frames, error, path: path.to_path_buf() })
     }
@@ -126,8 +126,8 @@ impl Decoding {
     }
 }
 
-/// Sends the descriptions of frames on, and at the end the last error.
-fn watch(pipe: ChildStderr, frames: &SyncSender<Decoded>, failed: &SyncSender<String>) {
+/// Reads the messages of ffmpeg: sends the descriptions of frames on, and at the end the last error.
+fn read_messages(pipe: ChildStderr, frames: &SyncSender<Decoded>, failed: &SyncSender<String>) {
     let mut pipe = BufReader::new(pipe);
     let mut error = None;
     let mut is_wanted = true;

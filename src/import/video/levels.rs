@@ -17,9 +17,10 @@ pub(super) struct Levels {
 }
 
 impl Levels {
+    /// Returns the levels of the first video stream, from ffprobe's names of its layout and range.
     pub(super) fn of(stream: &Stream) -> Self {
         let layout = stream.text("pix_fmt");
-        let bits = bits(layout);
+        let bits = layout_bits(layout);
         let format = match bits {
             ..=8 => PixelFormat::Mono8,
             9 | 10 => PixelFormat::Mono10,
@@ -28,7 +29,7 @@ impl Levels {
         };
         let is_full = stream.text("color_range") == "pc" || layout.starts_with("yuvj");
         let range = if is_full { Range::Full } else { Range::Limited };
-        Self { layout: layout.to_owned(), bits, format, rule: rule(layout, range) }
+        Self { layout: layout.to_owned(), bits, format, rule: grey_rule(layout, range) }
     }
 
     /// Returns the name of the grey layout that ffmpeg writes.
@@ -53,7 +54,7 @@ impl Levels {
 }
 
 /// Returns the bits of a level from the name of a layout: `gray12le`, `yuv420p10le`, `rgb48be`, `p010le`.
-fn bits(layout: &str) -> u32 {
+fn layout_bits(layout: &str) -> u32 {
     let name = layout.trim_end_matches("le").trim_end_matches("be");
     let digits = name.trim_start_matches(|letter: char| !letter.is_ascii_digit());
     let last = name.rsplit(|letter: char| !letter.is_ascii_digit()).next().unwrap_or_default();
@@ -83,7 +84,7 @@ enum Range {
 }
 
 /// Describes how grey levels are made of a layout; empty for a grey one.
-fn rule(layout: &str, range: Range) -> String {
+fn grey_rule(layout: &str, range: Range) -> String {
     let has_alpha = ["yuva", "rgba", "bgra", "argb", "abgr", "gbrap", "ya"].iter().any(|name| layout.starts_with(name));
     let alpha = if has_alpha { ", without its transparency" } else { "" };
     let is_rgb = ["rgb", "bgr", "gbr", "argb", "abgr", "pal", "0rgb", "0bgr", "x2"].iter();
@@ -132,7 +133,7 @@ mod tests {
             ("ya16le", 16),
         ];
         for (layout, expected) in known {
-            assert_eq!(bits(layout), expected, "{layout}");
+            assert_eq!(layout_bits(layout), expected, "{layout}");
         }
     }
 }

@@ -24,6 +24,7 @@ use std::path::Path;
 use stream::Stream;
 use times::Ticks;
 
+/// Opens a film through ffprobe and ffmpeg.
 pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError> {
     let (_, file_bytes) = open_file(path)?;
     let stream = Stream::probe(path)?;
@@ -61,7 +62,7 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
     Ok(footage.with_bits_of_first(path)?.with_square_pixels(stream.pixel_aspect()).oriented(orientation))
 }
 
-/// Properties of the film that are worth keeping.
+/// Returns the properties of the film that are worth keeping: codec, pixel layout, tone curve.
 fn description(stream: &Stream) -> BTreeMap<String, String> {
     let entries = [("codec", "codec_name"), ("pixel_layout", "pix_fmt"), ("tone_curve", "color_transfer")];
     let known = entries.into_iter().map(|(name, key)| (name.to_owned(), stream.text(key).to_owned()));

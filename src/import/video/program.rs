@@ -13,7 +13,7 @@ const LINE_BYTES: u64 = 4 << 10;
 /// Number of lines that may wait to be read.
 const WAITING_LINES: usize = 256;
 /// Maximum time without output, after which a program hangs.
-const PATIENCE: Duration = Duration::from_secs(60);
+const HANG_TIMEOUT: Duration = Duration::from_secs(60);
 
 /// A running program. It is stopped when it is dropped.
 pub(super) struct Program {
@@ -51,10 +51,12 @@ impl Program {
         Ok(Self { child, name, path: path.to_path_buf() })
     }
 
+    /// Takes the pipe of the program's output.
     pub(super) fn stdout(&mut self) -> Option<ChildStdout> {
         self.child.stdout.take()
     }
 
+    /// Takes the pipe of the program's messages.
     pub(super) fn stderr(&mut self) -> Option<ChildStderr> {
         self.child.stderr.take()
     }
@@ -65,11 +67,11 @@ impl Program {
     ///
     /// [`ImportError::Invalid`] when the program hangs.
     pub(super) fn receive<T>(&self, from: &Receiver<T>) -> Result<Option<T>, ImportError> {
-        match from.recv_timeout(PATIENCE) {
+        match from.recv_timeout(HANG_TIMEOUT) {
             Ok(item) => Ok(Some(item)),
             Err(RecvTimeoutError::Disconnected) => Ok(None),
             Err(RecvTimeoutError::Timeout) => {
-                let reason = format!("{} hangs: no output for {} s", self.name, PATIENCE.as_secs());
+                let reason = format!("{} hangs: no output for {} s", self.name, HANG_TIMEOUT.as_secs());
                 Err(ImportError::invalid(&self.path, reason))
             }
         }
@@ -90,7 +92,7 @@ impl Drop for Program {
 }
 
 /// Reads the lines of a pipe on a thread of its own, so that the program never waits for its reader.
-pub(super) fn lines(pipe: impl Read + Send + 'static) -> Receiver<String> {
+pub(super) fn spawn_line_reader(pipe: impl Read + Send + 'static) -> Receiver<String> {
     let (sender, receiver) = sync_channel(WAITING_LINES);
     std::thread::spawn(move || {
         let mut pipe = BufReader::new(pipe);
@@ -105,7 +107,7 @@ pub(super) fn lines(pipe: impl Read + Send + 'static) -> Receiver<String> {
 
 /// Reads a pipe to its end on a thread of its own, so that the program never stops at a full one, and sends the first
 /// `bytes` of its text.
-pub(super) fn text(mut pipe: impl Read + Send + 'static, bytes: u64) -> Receiver<String> {
+pub(super) fn spawn_text_reader(mut pipe: impl Read + Send + 'static, bytes: u64) -> Receiver<String> {
     let (sender, receiver) = sync_channel(1);
     std::thread::spawn(move || {
         let mut text = Vec::new();
@@ -127,9 +129,9 @@ pub(super) fn read_line(pipe: &mut impl BufRead) -> Option<String> {
     Some(String::from_utf8_lossy(&line).trim_end().to_owned())
 }
 
-/// Returns the address of a file, which keeps ffmpeg from reading its name as an option or a protocol.
-pub(super) fn address(path: &Path) -> OsString {
-    let mut address = OsString::from("file:");
-    address.push(path);
-    address
+/// Returns the URL of a file, which keeps ffmpeg from reading its name as an option or a protocol.
+pub(super) fn file_url(path: &Path) -> OsString {
+    let mut url = OsString::from("file:");
+    url.push(path);
+    url
 }

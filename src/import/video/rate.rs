@@ -29,12 +29,12 @@ pub(super) fn timeline(
 ) -> Result<Timeline, ImportError> {
     let times = ticks.frame_times();
     let captured = CaptureRate::find(path, &stream.tags)?;
-    let (played, said) = match times.timeline(stated_rate(stream, &times), None) {
+    let (played, contradictions) = match times.timeline(stated_rate(stream, &times), None) {
         Some(timed) => timed,
         // The other rate is ffmpeg's guess from the times.
-        None => coarse(path, stated(stream, "avg_frame_rate"), &times, fps)?,
+        None => coarse_timeline(path, rate_property(stream, "avg_frame_rate"), &times, fps)?,
     };
-    warnings.extend(said);
+    warnings.extend(contradictions);
     let playback_hz = played.rate_hz;
     let at_rate = |hz: f64| match times.timeline(stated_rate(stream, &times), Some(hz)) {
         Some((timeline, _)) => timeline,
@@ -64,6 +64,7 @@ pub(super) fn timeline(
     Ok(Timeline { source: RateSource::FrameTimes, ..played })
 }
 
+/// Whether two rates contradict each other.
 fn differ(one_hz: f64, other_hz: f64) -> bool {
     (one_hz / other_hz - 1.0).abs() >= CONTRADICTION
 }
@@ -72,18 +73,26 @@ fn differ(one_hz: f64, other_hz: f64) -> bool {
 ///
 /// `r_frame_rate` is ffmpeg's guess of a usual rate, `avg_frame_rate` a mean over gaps, or what the file states.
 fn stated_rate(stream: &Stream, times: &FrameTimes) -> Option<Rate> {
-    let stated = ["avg_frame_rate", "r_frame_rate"].into_iter().filter_map(|key| stated(stream, key));
+    let stated = ["avg_frame_rate", "r_frame_rate"].into_iter().filter_map(|key| rate_property(stream, key));
     let interval_ns = median_interval_ns(times);
     let distance = |rate: &Rate| (rate.hz * interval_ns / 1e9).ln().abs();
     stated.min_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
 
-fn stated(stream: &Stream, key: &str) -> Option<Rate> {
+/// Returns the rate that a property of the stream states.
+fn rate_property(stream: &Stream, key: &str) -> Option<Rate> {
     Rate::of_header(stream.ratio(key)?.value(), key)
 }
 
-/// Frames whose times are too coarse to separate them follow each other at the stated rate, or else at their mean rate.
-fn coarse(path: &Path, stated: Option<Rate>, times: &FrameTimes, fps: Option<f64>) -> Result<Timed, ImportError> {
+/// Returns the timeline of frames whose times are too coarse to separate them, with warnings.
+///
+/// They follow each other at the stated rate, or else at their mean rate.
+fn coarse_timeline(
+    path: &Path,
+    stated: Option<Rate>,
+    times: &FrameTimes,
+    fps: Option<f64>,
+) -> Result<Timed, ImportError> {
     let Some(mean_hz) = mean_rate_hz(times) else {
         let by_user = fps.map(|hz| Rate { hz, source: RateSource::Option });
         return Ok((Timeline::consecutive(Rate::known(path, None, stated.or(by_user))?), Vec::new()));
@@ -103,6 +112,7 @@ fn coarse(path: &Path, stated: Option<Rate>, times: &FrameTimes, fps: Option<f64
     Ok((Timeline::consecutive(rate), warnings))
 }
 
+/// Returns the median interval between frames, ns; 0 for a single frame.
 fn median_interval_ns(times: &FrameTimes) -> f64 {
     let mut steps: Vec<i64> = times.times_ns.windows(2).map(|pair| pair[1] - pair[0]).collect();
     steps.sort_unstable();

@@ -4,7 +4,7 @@
 //! rate of the film. Where frames are missing within such a packet, no one can say which.
 
 use super::super::ImportError;
-use super::program::{Program, address, lines, text};
+use super::program::{Program, file_url, spawn_line_reader, spawn_text_reader};
 use super::stream::{Ratio, Stream};
 use std::path::Path;
 
@@ -12,9 +12,10 @@ use std::path::Path;
 const CONTAINER: &str = "mpeg";
 /// Distance of a stored time from where the frames before it lead to, in periods, at which frames are missing.
 const OFF_RATE: f64 = 0.5;
-/// Number of intervals of which the median is the rate of the film. Of fewer, most may hold a gap, and the stated rate
-/// counts.
-const ENOUGH: usize = 4;
+/// The minimum number of intervals of which the median is the rate of the film.
+///
+/// Most of fewer intervals may hold a gap. The stated rate counts then.
+const MIN_INTERVALS: usize = 4;
 
 /// A frame whose time the file stores.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -39,7 +40,7 @@ pub(super) fn check(
     if stream.container != CONTAINER {
         return Ok(());
     }
-    let (stored, frames) = stored_times(path, file_bytes)?;
+    let (stored, frames) = read_stored_times(path, file_bytes)?;
     if stored.len() == frames {
         return Ok(());
     }
@@ -88,7 +89,7 @@ fn first_gap(stored: &[StoredTime], stated: Option<f64>) -> Option<Gap> {
     periods.sort_unstable_by(f64::total_cmp);
     // Missing frames make a span longer, never shorter.
     let median = *periods.get(periods.len().saturating_sub(1) / 2)?;
-    let period = stated.filter(|_| periods.len() < ENOUGH).unwrap_or(median);
+    let period = stated.filter(|_| periods.len() < MIN_INTERVALS).unwrap_or(median);
     // Between two neighbours that both have a time, a gap is where it seems to be.
     spans().filter(|(from, to)| to.index - from.index > 1).find_map(|(from, to)| {
         let gap = Gap { from: from.index, to: to.index, periods: (to.ticks - from.ticks) as f64 / period };
@@ -98,13 +99,13 @@ fn first_gap(stored: &[StoredTime], stated: Option<f64>) -> Option<Gap> {
 }
 
 /// Returns the times that the file stores, and its number of frames.
-fn stored_times(path: &Path, file_bytes: u64) -> Result<(Vec<StoredTime>, usize), ImportError> {
+fn read_stored_times(path: &Path, file_bytes: u64) -> Result<(Vec<StoredTime>, usize), ImportError> {
     let options = "-v error -protocol_whitelist file -fflags +nofillin -select_streams V:0 -show_entries packet=dts \
         -of csv=print_section=0";
-    let mut ffprobe = Program::start("ffprobe", options, &[address(path)], path)?;
-    let _messages = ffprobe.stderr().map(|pipe| text(pipe, 0));
+    let mut ffprobe = Program::start("ffprobe", options, &[file_url(path)], path)?;
+    let _messages = ffprobe.stderr().map(|pipe| spawn_text_reader(pipe, 0));
     let (mut stored, mut frames) = (Vec::new(), 0);
-    let Some(output) = ffprobe.stdout().map(lines) else { return Ok((stored, frames)) };
+    let Some(output) = ffprobe.stdout().map(spawn_line_reader) else { return Ok((stored, frames)) };
     while let Some(line) = ffprobe.receive(&output)? {
         let time = line.trim_end_matches(',').parse();
         stored.extend(time.ok().map(|ticks| StoredTime { index: frames, ticks }));

@@ -1,7 +1,7 @@
 //! The properties of a film, as ffprobe states them.
 
 use super::super::{ImportError, Orientation};
-use super::program::{Program, address, text};
+use super::program::{Program, file_url, spawn_text_reader};
 use serde_json::Value;
 use std::path::Path;
 use std::sync::mpsc::Receiver;
@@ -23,16 +23,16 @@ pub(super) struct Stream {
 }
 
 impl Stream {
-    /// Asks ffprobe for the properties.
+    /// Reads the properties through ffprobe.
     ///
     /// # Errors
     ///
     /// [`ImportError::Invalid`] without ffprobe, or when the file has no video stream.
     pub(super) fn probe(path: &Path) -> Result<Self, ImportError> {
         let options = "-v error -protocol_whitelist file -select_streams V:0 -show_streams -show_format -of json";
-        let mut ffprobe = Program::start("ffprobe", options, &[address(path)], path)?;
-        let messages = ffprobe.stderr().map(|pipe| text(pipe, MESSAGE_BYTES));
-        let output = ffprobe.stdout().map(|pipe| text(pipe, OUTPUT_BYTES));
+        let mut ffprobe = Program::start("ffprobe", options, &[file_url(path)], path)?;
+        let messages = ffprobe.stderr().map(|pipe| spawn_text_reader(pipe, MESSAGE_BYTES));
+        let output = ffprobe.stdout().map(|pipe| spawn_text_reader(pipe, OUTPUT_BYTES));
         let read = |from: Option<Receiver<String>>| match from {
             Some(from) => Ok(ffprobe.receive(&from)?.unwrap_or_default()),
             None => Ok(String::new()),
@@ -90,7 +90,7 @@ impl Stream {
     }
 }
 
-/// The entries of a JSON object that are texts.
+/// Returns the entries of a JSON object that are texts.
 fn texts(object: &Value) -> Vec<(String, String)> {
     let entries = object.as_object().into_iter().flatten();
     entries.filter_map(|(key, value)| Some((key.clone(), value.as_str()?.to_owned()))).collect()
@@ -111,6 +111,7 @@ impl Ratio {
         (over > 0 && under > 0).then_some(Self { over, under })
     }
 
+    /// Returns the ratio as a number.
     pub(super) fn value(self) -> f64 {
         self.over as f64 / self.under as f64
     }

@@ -3,7 +3,7 @@
 use super::super::ImportError;
 use super::super::timeline::FrameTimes;
 use super::decoding::Decoding;
-use super::program::{Program, address, lines, text};
+use super::program::{Program, file_url, spawn_line_reader, spawn_text_reader};
 use super::stream::{Ratio, Stream};
 use std::path::Path;
 
@@ -21,7 +21,7 @@ pub(super) struct Ticks {
 impl Ticks {
     /// Reads the times from the packets of the file, without decoding them.
     ///
-    /// Where a packet has no time, or may hold no visible frame, the film is decoded once for the times of its frames.
+    /// If a packet has no time, or may hold no visible frame, the film is decoded once for the times of its frames.
     ///
     /// # Errors
     ///
@@ -44,7 +44,7 @@ impl Ticks {
         Ok(Self { times, tick, counts_frames })
     }
 
-    /// Returns the times in nanoseconds.
+    /// Returns the times since the first frame, ns, with their resolution.
     pub(super) fn frame_times(&self) -> FrameTimes {
         let tick_ns = self.tick.value() * 1e9;
         let first = self.times.first().copied().unwrap_or_default();
@@ -65,9 +65,9 @@ impl Ticks {
 fn packet_times(path: &Path, file_bytes: u64) -> Result<Option<Vec<i64>>, ImportError> {
     let options = "-v error -protocol_whitelist file -select_streams V:0 -show_entries packet=pts,size,flags \
         -of compact=print_section=0";
-    let mut ffprobe = Program::start("ffprobe", options, &[address(path)], path)?;
-    let _messages = ffprobe.stderr().map(|pipe| text(pipe, 0));
-    let Some(output) = ffprobe.stdout().map(lines) else { return Ok(None) };
+    let mut ffprobe = Program::start("ffprobe", options, &[file_url(path)], path)?;
+    let _messages = ffprobe.stderr().map(|pipe| spawn_text_reader(pipe, 0));
+    let Some(output) = ffprobe.stdout().map(spawn_line_reader) else { return Ok(None) };
     let mut times = Vec::new();
     while let Some(line) = ffprobe.receive(&output)? {
         let entry = |key: &str| line.split('|').find_map(|entry| entry.strip_prefix(key)?.strip_prefix('='));

@@ -27,6 +27,7 @@ pub(super) struct Chunk {
 }
 
 impl Chunk {
+    /// Opens a chunk at the end of the sink. A compressed chunk is written as a whole at its end.
     pub(super) fn begin(sink: &mut Sink, compression: Compression) -> io::Result<Self> {
         let start = sink.position();
         let plain = match compression {
@@ -45,7 +46,7 @@ impl Chunk {
         self.crc.total_len()
     }
 
-    /// Indexes the message that is put next.
+    /// Adds the message that is put next to the index.
     pub(super) fn index(&mut self, header: &MessageHeader) {
         let time = header.log_time_ns;
         let (first, last) = self.times.unwrap_or((time, time));
@@ -136,7 +137,7 @@ impl Header {
     const UNKNOWN: Self =
         Self { times: [0; 2], plain_bytes: u64::MAX, crc: u32::MAX, compression: "", stored_bytes: u64::MAX };
 
-    /// Encodes prefix and header of a chunk's record.
+    /// Encodes the opcode, the length and the header of a chunk's record.
     fn encode(&self) -> Vec<u8> {
         let header = Body::default().u64s(self.times).u64(self.plain_bytes).u32(self.crc).text(self.compression);
         let header = header.u64(self.stored_bytes).into_bytes();

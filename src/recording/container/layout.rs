@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 pub(super) struct Body(Vec<u8>);
 
 impl Body {
+    /// Appends bytes as they are.
     pub(super) fn bytes(mut self, bytes: &[u8]) -> Self {
         self.0.extend_from_slice(bytes);
         self
@@ -26,6 +27,7 @@ impl Body {
         self.bytes(&value.to_le_bytes())
     }
 
+    /// Appends 64-bit numbers one after the other, without a length.
     pub(super) fn u64s(self, values: impl IntoIterator<Item = u64>) -> Self {
         values.into_iter().fold(self, Self::u64)
     }
@@ -40,16 +42,18 @@ impl Body {
         self.u32(bytes.len() as u32).bytes(bytes)
     }
 
+    /// Appends UTF-8 preceded by its 32-bit length.
     pub(super) fn text(self, text: &str) -> Self {
         self.block(text.as_bytes())
     }
 
+    /// Appends a map of texts, preceded by its 32-bit length in bytes.
     pub(super) fn map(self, entries: &BTreeMap<String, String>) -> Self {
         let pairs = entries.iter().fold(Self::default(), |pairs, (key, value)| pairs.text(key).text(value));
         self.block(&pairs.0)
     }
 
-    /// Appends a map from channels to numbers.
+    /// Appends a map from channels to numbers, preceded by its 32-bit length in bytes.
     pub(super) fn numbers(self, entries: &BTreeMap<u16, u64>) -> Self {
         let pairs = entries.iter().fold(Self::default(), |pairs, (channel, number)| pairs.u16(*channel).u64(*number));
         self.block(&pairs.0)
@@ -74,23 +78,25 @@ impl Body {
     }
 }
 
-/// The bytes before the body of a record.
+/// Returns the bytes before the body of a record: opcode and length, bytes.
 pub(super) fn prefix(opcode: u8, length: u64) -> [u8; 9] {
     let mut prefix = [opcode; 9];
     prefix[1..].copy_from_slice(&length.to_le_bytes());
     prefix
 }
 
+/// Encodes the record of a schema.
 pub(super) fn schema(id: u16, schema: &Schema) -> Vec<u8> {
     Body::default().u16(id).text(&schema.name).text(&schema.encoding).block(&schema.data).record(op::SCHEMA)
 }
 
+/// Encodes the record of a channel.
 pub(super) fn channel(id: u16, channel: &Channel) -> Vec<u8> {
     let Channel { schema, topic, encoding, metadata } = channel;
     Body::default().u16(id).u16(*schema).text(topic).text(encoding).map(metadata).record(op::CHANNEL)
 }
 
-/// Encodes the record of a message up to its body.
+/// Encodes the record of a message up to the body of its payload. Replaces the content of `out`.
 pub(super) fn message(out: &mut Vec<u8>, header: &MessageHeader, payload: &Payload<'_>) {
     out.clear();
     out.extend(prefix(op::MESSAGE, MESSAGE_HEADER_BYTES + payload.len() as u64));

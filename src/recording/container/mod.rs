@@ -52,7 +52,7 @@ pub(super) struct Payload<'a> {
 
 impl<'a> Payload<'a> {
     /// Takes data in one piece; large data are not copied.
-    pub(super) fn of(bytes: &'a [u8]) -> Self {
+    pub(super) fn from_bytes(bytes: &'a [u8]) -> Self {
         const MANY_BYTES: usize = 16 << 10;
         match bytes.len() {
             0..MANY_BYTES => Self { head: bytes, ..Self::default() },
@@ -60,6 +60,7 @@ impl<'a> Payload<'a> {
         }
     }
 
+    /// Returns the size of head and body, bytes.
     pub(super) fn len(&self) -> usize {
         self.head.len() + self.body.len()
     }
@@ -81,6 +82,7 @@ pub(super) struct Container {
 }
 
 impl Container {
+    /// Starts a file: magic bytes and header.
     pub(super) fn create(file: PartFile, settings: Settings) -> io::Result<Self> {
         let mut container = Self {
             sink: Sink::new(file),
@@ -160,7 +162,7 @@ impl Container {
         written
     }
 
-    /// The number of buffered bytes, without those of a chunk that is compressed at its end.
+    /// Returns the number of buffered bytes, without those of a chunk that is compressed at its end.
     pub(super) fn buffered_bytes(&self) -> usize {
         self.sink.buffered_bytes()
     }
@@ -201,6 +203,7 @@ impl Container {
         chunk.put(sink, record)
     }
 
+    /// Returns the open chunk, or a new one, with the sink that it is written to.
     fn open_chunk(&mut self) -> io::Result<(&mut Chunk, &mut Sink)> {
         let chunk = match self.chunk.take() {
             Some(chunk) => chunk,
@@ -209,6 +212,7 @@ impl Container {
         Ok((self.chunk.insert(chunk), &mut self.sink))
     }
 
+    /// Completes the open chunk, if any, and adds it to the summary.
     fn end_chunk(&mut self) -> io::Result<()> {
         if let Some(chunk) = self.chunk.take() {
             self.summary.chunks.push(chunk.end(&mut self.sink, &mut self.crc)?);

@@ -3,9 +3,12 @@
 use crate::recording::part_file::PartFile;
 use std::io;
 
-/// Bounds of the alignment of writes, bytes. The system caches an aligned write in pages as large as its alignment
-/// allows, and large pages take three quarters of the time.
+/// The maximum alignment of writes, bytes.
+///
+/// The system caches an aligned write in pages as large as its alignment allows. Large pages take three quarters of the
+/// time.
 const UNIT_BYTES_MAX: usize = 256 << 10;
+/// The minimum alignment of writes, bytes.
 const UNIT_BYTES_MIN: usize = 4 << 10;
 /// Maximum number of buffered bytes: the end of a body, and small records after it.
 const PENDING_BYTES: usize = UNIT_BYTES_MAX + (64 << 10);
@@ -19,6 +22,7 @@ pub(super) struct Sink {
 }
 
 impl Sink {
+    /// Starts at the beginning of an empty file.
     pub(super) fn new(file: PartFile) -> Self {
         Self { file, pending: Vec::with_capacity(PENDING_BYTES), position: 0 }
     }
@@ -33,7 +37,7 @@ impl Sink {
         self.pending.len()
     }
 
-    /// Appends few bytes, which are buffered.
+    /// Appends a few bytes, which are buffered.
     pub(super) fn put(&mut self, bytes: &[u8]) -> io::Result<()> {
         if self.pending.len() + bytes.len() > PENDING_BYTES {
             return self.write(bytes);
@@ -53,7 +57,7 @@ impl Sink {
         self.put(later)
     }
 
-    /// Overwrites bytes that were appended before.
+    /// Overwrites bytes that were appended before, from offset `at` of the file on.
     pub(super) fn replace(&mut self, bytes: &[u8], at: u64) -> io::Result<()> {
         let written = self.position - self.pending.len() as u64;
         if let Some(from) = at.checked_sub(written) {
@@ -71,6 +75,7 @@ impl Sink {
         self.write(&[])
     }
 
+    /// Appends bytes to the buffer, which has room for them.
     fn buffer(&mut self, bytes: &[u8]) {
         self.position += bytes.len() as u64;
         self.pending.extend_from_slice(bytes);

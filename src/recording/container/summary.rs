@@ -59,7 +59,7 @@ impl Summary {
         *self.counts.entry(header.channel).or_default() += 1;
     }
 
-    /// Encodes the summary, which begins at byte `start`, and the footer.
+    /// Encodes the summary, which begins at byte `start` of the file, its offsets and the footer.
     pub(super) fn encode(&self, start: u64) -> Vec<u8> {
         let groups: [(u8, Vec<u8>); 6] = [
             (op::SCHEMA, (1..).zip(&self.schemas).flat_map(|(id, schema)| layout::schema(id, schema)).collect()),
@@ -82,6 +82,7 @@ impl Summary {
         Body::default().bytes(&out).u64(start).u64(offsets_start).crc(0).into_bytes()
     }
 
+    /// Encodes the record with the counts of messages, schemas, channels and the other records.
     fn statistics(&self) -> Vec<u8> {
         let (first, last) = self.times.unwrap_or((0, 0));
         let counts = [self.channels.len(), self.attachments.len(), self.metadata.len(), self.chunks.len()];
@@ -92,6 +93,7 @@ impl Summary {
 }
 
 impl ChunkIndex {
+    /// Encodes the index record of a chunk.
     fn record(&self) -> Vec<u8> {
         let body = Body::default().u64s(self.times).u64(self.start).u64(self.length).numbers(&self.index_offsets);
         let body = body.u64(self.index_bytes).text(self.compression).u64(self.stored_bytes).u64(self.plain_bytes);
@@ -100,6 +102,7 @@ impl ChunkIndex {
 }
 
 impl AttachmentIndex {
+    /// Encodes the index record of an attachment.
     fn record(&self) -> Vec<u8> {
         // Log time and creation time are 0, as in the attachment itself.
         let body = Body::default().u64s([self.offset, self.length, 0, 0, self.content_bytes]);
@@ -108,6 +111,7 @@ impl AttachmentIndex {
 }
 
 impl MetadataIndex {
+    /// Encodes the index record of a metadata record.
     fn record(&self) -> Vec<u8> {
         Body::default().u64(self.offset).u64(self.length).text(&self.name).record(op::METADATA_INDEX)
     }

@@ -38,6 +38,7 @@ pub(super) enum Source {
 }
 
 impl Source {
+    /// Returns the number of bytes.
     pub(super) fn len(&self) -> u64 {
         match self {
             Self::File { bytes, .. } => *bytes,
@@ -45,7 +46,7 @@ impl Source {
         }
     }
 
-    /// Reads `count` bytes at `at`.
+    /// Reads `count` bytes at `at`, which counts from the start of the range.
     ///
     /// # Errors
     ///
@@ -74,6 +75,7 @@ pub(super) struct Window<'a> {
 }
 
 impl<'a> Window<'a> {
+    /// Returns a window that has read nothing yet.
     pub(super) fn new(file: &'a File, source: &'a Source) -> Self {
         Self { file, source, at: 0, buffer: Bytes::new() }
     }

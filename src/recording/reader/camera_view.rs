@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 impl Recording {
-    /// The names of the additional cameras.
+    /// Returns the names of the additional cameras.
     pub fn views(&self) -> Vec<String> {
         (0..).map_while(|index| self.metadata().get(&format!("{VIEW_KEY}.{index}")).cloned()).collect()
     }
@@ -49,13 +49,15 @@ impl Recording {
 }
 
 impl Inner {
+    /// Returns this file reduced to the topics, metadata and attachments of one additional camera, without their
+    /// prefix.
     fn view(&self, name: &str) -> Result<Self, RecordingError> {
         let mut structure = self.structure.clone();
         let (prefix, metadata_name) = (format!("/{name}"), format!("{METADATA_NAME}/{name}"));
         let all = std::mem::take(&mut structure.channels);
         for (id, mut channel) in all {
             match channel.topic.strip_prefix(&prefix).filter(|topic| topic.starts_with('/')) {
-                Some(own) => channel.topic = own.to_owned(),
+                Some(own_name) => channel.topic = own_name.to_owned(),
                 None if channel.topic == Topic::Events.as_str() => {}
                 None => continue,
             }
@@ -66,10 +68,10 @@ impl Inner {
         for (of, _) in structure.metadata.iter_mut().filter(|(of, _)| *of == metadata_name) {
             *of = METADATA_NAME.to_owned();
         }
-        let own = |of: &str| of.strip_prefix(name).and_then(|of| of.strip_prefix('/')).map(str::to_owned);
-        structure.attachments.retain(|attachment| own(&attachment.name).is_some());
+        let own_name = |of: &str| of.strip_prefix(name).and_then(|of| of.strip_prefix('/')).map(str::to_owned);
+        structure.attachments.retain(|attachment| own_name(&attachment.name).is_some());
         for attachment in &mut structure.attachments {
-            attachment.name = own(&attachment.name).unwrap_or_default();
+            attachment.name = own_name(&attachment.name).unwrap_or_default();
         }
         let mut inner = Self {
             path: self.path.clone(),

@@ -18,19 +18,20 @@ pub(super) fn load(file: &File, file_bytes: u64, section: &Section) -> Result<So
     let records = match section.coding {
         Coding::Plain if section.crc == 0 => return Ok(stored),
         Coding::Plain if section.bytes > MEMORY_BYTES => {
-            check(section, streamed_crc(file, &stored)?)?;
+            check_crc(section, streamed_crc(file, &stored)?)?;
             return Ok(stored);
         }
         Coding::Plain => stored.read(file, 0, section.bytes)?,
         Coding::Zstd | Coding::Lz4 => decompress(file, file_bytes, section)?,
     };
     if section.crc != 0 {
-        check(section, crc32fast::hash(&records))?;
+        check_crc(section, crc32fast::hash(&records))?;
     }
     Ok(Source::Memory(records))
 }
 
-fn check(section: &Section, crc: u32) -> Result<(), Unreadable> {
+/// Compares the CRC-32 of the records with that of the chunk.
+fn check_crc(section: &Section, crc: u32) -> Result<(), Unreadable> {
     if crc == section.crc {
         return Ok(());
     }
@@ -52,6 +53,7 @@ pub(super) fn streamed_crc(file: &File, source: &Source) -> io::Result<u32> {
     Ok(hasher.finalize())
 }
 
+/// Decompresses the records of a section, whose size is checked against that of the file before.
 fn decompress(file: &File, file_bytes: u64, section: &Section) -> Result<Bytes, Unreadable> {
     let damaged =
         |reason: String| Unreadable::Damaged(format!("the chunk with records from byte {}: {reason}", section.offset));
@@ -122,7 +124,9 @@ pub(super) fn scan(
     }
 }
 
-/// Reads the message whose record begins at `at`: its header and its data.
+/// Reads the message whose record begins at byte `at` of the section: its header and its data.
+///
+/// `None` when there is no complete message.
 pub(super) fn message(file: &File, records: &Source, at: u64) -> io::Result<Option<(MessageHeader, Bytes)>> {
     if at.checked_add(PREFIX_BYTES).is_none_or(|body| body > records.len()) {
         return Ok(None);

@@ -7,18 +7,19 @@ use image::{ImageFormat, ImageReader, Limits};
 use prost::Message as _;
 use std::io::Cursor;
 
+/// The schema of a compressed image in protobuf.
 pub(super) const SCHEMA_NAME: &str = "foxglove.CompressedImage";
 
 /// Maximum size of a decoded picture, bytes. A small file may announce a huge one.
 const PICTURE_BYTES: u64 = 256 << 20;
 
-/// Decodes a `foxglove.CompressedImage`.
+/// Decodes a `foxglove.CompressedImage` to grey levels.
 pub(super) fn image(message: Bytes) -> Result<RawImage, String> {
     let image = CompressedImage::decode(message).map_err(|error| error.to_string())?;
     decode(&image.data, image.timestamp)
 }
 
-/// Decodes a picture by its content, whatever format the message names.
+/// Decodes a PNG or JPEG picture to grey levels of 8 or 16 bits, whatever format the message names.
 pub(super) fn decode(payload: &[u8], timestamp: Option<Timestamp>) -> Result<RawImage, String> {
     let format = image::guess_format(payload).ok();
     let Some(format @ (ImageFormat::Png | ImageFormat::Jpeg)) = format else {

@@ -80,7 +80,7 @@ impl Recording {
         (!singles.is_empty()).then(|| Self::of_files(singles, missing))
     }
 
-    /// The paths of the files in order.
+    /// Returns the paths of the files in order.
     pub fn files(&self) -> impl Iterator<Item = &Path> {
         self.inners().map(|inner| inner.path.as_path())
     }
@@ -90,6 +90,7 @@ impl Recording {
         self.inners().map(Self::single)
     }
 
+    /// Returns all files in order.
     pub(super) fn inners(&self) -> impl Iterator<Item = &Arc<Inner>> {
         std::iter::once(&self.inner).chain(&self.rest.files)
     }
@@ -100,10 +101,12 @@ impl Recording {
         if self.rest.files.is_empty() { text.to_owned() } else { format!("{name}: {text}") }
     }
 
+    /// Returns one file as a recording of its own.
     fn single(inner: &Arc<Inner>) -> Self {
         Self { inner: Arc::clone(inner), rest: Arc::default() }
     }
 
+    /// Joins files to one recording. `missing` is the reason why a later file was not opened.
     fn of_files(files: Vec<Self>, missing: Option<String>) -> Self {
         let mut inners = files.into_iter().map(|file| file.inner).collect::<Vec<_>>();
         let inner = inners.remove(0);
@@ -121,11 +124,12 @@ impl Recording {
         Self { inner: whole.inner, rest: Arc::new(rest) }
     }
 
-    /// The name that the files of a split recording share, if this is the first.
+    /// Returns the name that the files of a split recording share, if this is the first.
     fn split_name(&self) -> Option<&str> {
         split::first_name(self.metadata())
     }
 
+    /// Whether the file ends with a note that it continues in a next one.
     fn is_continued(&self) -> bool {
         self.metadata_records().iter().any(|(name, _)| name == CONTINUED_NAME)
     }

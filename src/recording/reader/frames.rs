@@ -38,8 +38,8 @@ struct FrameNumber {
 }
 
 impl FrameNumber {
-    /// Whether no camera gives this number after that one.
-    fn follows_not(&self, last: &Self) -> bool {
+    /// Whether no camera gives this number after the number `last`: numbers rise until the camera is opened again.
+    fn contradicts(&self, last: &Self) -> bool {
         self.epoch < last.epoch || (self.epoch == last.epoch && self.sequence <= last.sequence)
     }
 }
@@ -47,10 +47,10 @@ impl FrameNumber {
 impl Recording {
     /// Whether the messages of this channel are images.
     pub(in super::super) fn is_image(&self, channel: u16) -> bool {
-        self.inner.kind(channel).is_some()
+        self.inner.image_kind(channel).is_some()
     }
 
-    /// The number of frames; 0 when there is not exactly one image topic.
+    /// Returns the number of frames; 0 when there is not exactly one image topic.
     pub fn frame_count(&self) -> u64 {
         self.inners().map(|inner| inner.frame_count()).sum()
     }
@@ -137,7 +137,7 @@ impl Recording {
         Ok(Some(frames as f64 * 1e9 / ns as f64))
     }
 
-    /// The exposure time from the metadata, us; 0 when they have none.
+    /// Returns the exposure time from the metadata, us; 0 when they have none.
     pub fn exposure_us(&self) -> f64 {
         let recorded = self.metadata().get("exposure_us").and_then(|text| text.parse().ok());
         recorded.filter(|exposure_us: &f64| exposure_us.is_finite() && *exposure_us >= 0.0).unwrap_or(0.0)
@@ -146,7 +146,7 @@ impl Recording {
 
 /// The encoding of an image topic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Kind {
+enum ImageKind {
     /// `foxglove.RawImage` in protobuf.
     Foxglove,
     /// `sensor_msgs/msg/Image` in CDR.
@@ -158,19 +158,20 @@ enum Kind {
 }
 
 impl Inner {
-    /// The number of frames in this file.
+    /// Returns the number of frames in this file.
     pub(super) fn frame_count(&self) -> u64 {
         let channels = self.image_channels().unwrap_or_default();
         channels.iter().filter_map(|id| self.counts.get(id)).sum()
     }
 
-    fn kind(&self, channel: u16) -> Option<Kind> {
+    /// Returns the encoding of the images on a channel; `None` when its messages are no images.
+    fn image_kind(&self, channel: u16) -> Option<ImageKind> {
         let channel = self.structure.channels.get(&channel)?;
         match (channel.encoding.as_str(), self.schema_name(channel.schema)) {
-            ("protobuf", schema) if schema == Topic::Image.schema_name() => Some(Kind::Foxglove),
-            ("cdr", ros2::SCHEMA_NAME) => Some(Kind::Ros2),
-            ("protobuf", compressed::SCHEMA_NAME) => Some(Kind::FoxgloveCompressed),
-            ("cdr", ros2::COMPRESSED_SCHEMA_NAME) => Some(Kind::Ros2Compressed),
+            ("protobuf", schema) if schema == Topic::Image.schema_name() => Some(ImageKind::Foxglove),
+            ("cdr", ros2::SCHEMA_NAME) => Some(ImageKind::Ros2),
+            ("protobuf", compressed::SCHEMA_NAME) => Some(ImageKind::FoxgloveCompressed),
+            ("cdr", ros2::COMPRESSED_SCHEMA_NAME) => Some(ImageKind::Ros2Compressed),
             _ => None,
         }
     }
@@ -179,7 +180,7 @@ impl Inner {
     pub(super) fn image_channels(&self) -> Result<Vec<u16>, RecordingError> {
         let ours = self.is_ours();
         let images: Vec<_> = (self.structure.channels.iter())
-            .filter(|(id, _)| self.kind(**id).is_some())
+            .filter(|(id, _)| self.image_kind(**id).is_some())
             .filter(|(_, c)| !ours || c.topic == Topic::Image.as_str())
             .collect();
         let Some((_, first)) = images.first() else {
@@ -201,12 +202,12 @@ impl Inner {
 }
 
 impl Frames {
-    /// The number of messages per frame: a frame of our own files is a pair.
+    /// Returns the number of messages per frame. A frame of our own files is a pair of information and image.
     fn messages_per_frame(&self) -> u64 {
         if self.info_channels.iter().all(Vec::is_empty) { 1 } else { 2 }
     }
 
-    /// An upper bound of the number of frames left.
+    /// Returns an upper bound of the number of frames left.
     pub fn left(&self) -> usize {
         self.messages.len()
     }
@@ -232,7 +233,7 @@ impl Frames {
             let frame = if self.info_channels[file as usize].contains(&message.header.channel) {
                 self.keep_info(message).map(|()| None)
             } else {
-                self.frame(message)
+                self.decode_frame(message)
             };
             match frame.map_err(|reason| self.messages.inner(file).invalid(reason)) {
                 Ok(None) => {}
@@ -243,13 +244,17 @@ impl Frames {
     }
 
     /// Checks that the numbers of a file rise, unless the camera was opened again.
+    ///
+    /// # Errors
+    ///
+    /// The reason when they do not, or a number is too large to count on.
     fn check_number(&mut self, file: u32, info: &proto::FrameInfo) -> Result<(), String> {
         if info.sequence > MAX_SEQUENCE {
             return Err(format!("number {} is larger than {MAX_SEQUENCE}", info.sequence));
         }
         let number = FrameNumber { file, epoch: info.epoch, sequence: info.sequence };
         let last = self.last.replace(number);
-        match last.filter(|last| last.file == file && number.follows_not(last)) {
+        match last.filter(|last| last.file == file && number.contradicts(last)) {
             None => Ok(()),
             Some(last) => Err(format!(
                 "number {} in epoch {} comes after number {} in epoch {}, but numbers rise",
@@ -258,6 +263,7 @@ impl Frames {
         }
     }
 
+    /// Keeps the frame information for the image that follows it.
     fn keep_info(&mut self, message: Message) -> Result<(), String> {
         let info = proto::FrameInfo::decode(message.data).map_err(|error| {
             format!("frame information at {} ns does not decode: {error}", message.header.log_time_ns)
@@ -267,19 +273,19 @@ impl Frames {
     }
 
     /// Decodes a frame; `None` for the last image of a file that was cut off before its frame information.
-    fn frame(&mut self, message: Message) -> Result<Option<(FrameMeta, Bytes)>, String> {
+    fn decode_frame(&mut self, message: Message) -> Result<Option<(FrameMeta, Bytes)>, String> {
         let index = self.index;
         self.index += 1;
         let named = |reason: String| format!("frame {index}: {reason}");
         let file = message.file;
-        let image = match self.messages.inner(file).kind(message.header.channel) {
-            Some(Kind::Ros2) => ros2::image(&message.data),
-            Some(Kind::FoxgloveCompressed) => compressed::image(message.data.clone()),
-            Some(Kind::Ros2Compressed) => ros2::compressed_image(&message.data),
+        let image = match self.messages.inner(file).image_kind(message.header.channel) {
+            Some(ImageKind::Ros2) => ros2::image(&message.data),
+            Some(ImageKind::FoxgloveCompressed) => compressed::image(message.data.clone()),
+            Some(ImageKind::Ros2Compressed) => ros2::compressed_image(&message.data),
             _ => RawImage::decode(message.data.clone()).map_err(|error| error.to_string()),
         };
         let image = image.map_err(|reason| named(format!("does not decode: {reason}")))?;
-        let mut meta = shape(&image).map_err(named)?;
+        let mut meta = frame_shape(&image).map_err(named)?;
         if self.info_channels[file as usize].is_empty() {
             meta.sequence = index;
             meta.stamp_ns = stamp_ns(&image).unwrap_or(message.header.log_time_ns);
@@ -319,8 +325,12 @@ impl Iterator for Frames {
     }
 }
 
-/// Returns the shape of a frame if its bytes fill it exactly.
-fn shape(image: &RawImage) -> Result<FrameMeta, String> {
+/// Returns the shape of a frame if its bytes fill it exactly, with the numbers and times left 0.
+///
+/// # Errors
+///
+/// The reason when the encoding is unsupported or the size differs.
+fn frame_shape(image: &RawImage) -> Result<FrameMeta, String> {
     let format = match image.encoding.as_str() {
         "mono8" | "8UC1" => PixelFormat::Mono8,
         "mono16" | "16UC1" => PixelFormat::Mono16,
@@ -336,6 +346,7 @@ fn shape(image: &RawImage) -> Result<FrameMeta, String> {
     Ok(FrameMeta { width_px: width, height_px: height, stride_bytes: step, format, ..FrameMeta::default() })
 }
 
+/// Returns the timestamp of an image, ns since the Unix epoch; `None` for none and for 0.
 fn stamp_ns(image: &RawImage) -> Option<u64> {
     let timestamp = image.timestamp?;
     let ns = u64::from(timestamp.sec()) * 1_000_000_000 + u64::from(timestamp.nsec());

@@ -9,8 +9,9 @@ use crate::recording::record::MessageHeader;
 use bytes::Bytes;
 use std::sync::Arc;
 
-/// Replaces the offset of a section that cannot be read.
+/// The offset in an entry of a section that cannot be read.
 const UNREADABLE: u64 = u64::MAX;
+/// The size of an entry in memory, bytes.
 const ENTRY_BYTES: u64 = size_of::<Entry>() as u64;
 /// Memory that an index may take on top of twice the file's size, bytes.
 const SPARE_BYTES: u64 = 32 << 20;
@@ -62,7 +63,7 @@ impl Messages {
     pub(super) fn new(files: Vec<(Arc<Inner>, Vec<u16>)>) -> Result<Self, RecordingError> {
         let mut entries = Vec::new();
         for (number, (inner, channels)) in (0..).zip(&files) {
-            Self::look_up(inner, number, channels, &mut entries)?;
+            Self::collect_entries(inner, number, channels, &mut entries)?;
         }
         entries.sort_unstable();
         Ok(Self { files, entries: entries.into_iter(), loaded: None, failed: None, unlisted: Vec::new() })
@@ -100,15 +101,22 @@ impl Messages {
         None
     }
 
-    fn look_up(inner: &Inner, file: u32, channels: &[u16], all: &mut Vec<Entry>) -> Result<(), RecordingError> {
+    /// Adds the entries of a file's messages on these channels to `all`.
+    ///
+    /// A section that cannot be read adds one entry, which makes reading return the error at its place.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError`] when the system fails, or there are more messages than a file of this size can have.
+    fn collect_entries(inner: &Inner, file: u32, channels: &[u16], all: &mut Vec<Entry>) -> Result<(), RecordingError> {
         let mut entries = Vec::new();
         for (number, section) in (0..).zip(&inner.structure.sections) {
             let before = entries.len();
             let place = Place { file, section: number };
             let found = if section.index.is_empty() {
-                scanned(inner, section, place, channels, &mut entries)
+                entries_by_scan(inner, section, place, channels, &mut entries)
             } else {
-                indexed(inner, section, place, channels, &mut entries)
+                entries_by_index(inner, section, place, channels, &mut entries)
             };
             match found {
                 Ok(()) => {}
@@ -132,7 +140,7 @@ impl Messages {
         Ok(())
     }
 
-    /// The number of messages left to read.
+    /// Returns the number of messages left to read.
     pub(super) fn len(&self) -> usize {
         self.entries.len()
     }
@@ -162,6 +170,7 @@ impl Messages {
         self.entries.as_slice().iter().all(|entry| entry.place.file != file)
     }
 
+    /// Reads the message of an entry. Loads its section unless it is in memory.
     fn read(&mut self, entry: Entry) -> Result<Message, Unreadable> {
         let place = entry.place;
         let (inner, channels) = &self.files[place.file as usize];
@@ -207,7 +216,7 @@ impl Iterator for Messages {
 }
 
 impl Recording {
-    /// The number of sections in the file.
+    /// Returns the number of sections in the file.
     pub(in super::super) fn section_count(&self) -> usize {
         self.inner.structure.sections.len()
     }
@@ -296,7 +305,9 @@ fn check_index(inner: &Inner, section: &Section, channels: &[u16], records: &Sou
     )))
 }
 
-fn indexed(
+/// Adds the entries of a section's messages on these channels from its index, 16 bytes per message: log time and
+/// offset.
+fn entries_by_index(
     inner: &Inner,
     section: &Section,
     place: Place,
@@ -315,7 +326,8 @@ fn indexed(
     Ok(())
 }
 
-fn scanned(
+/// Adds the entries of a section's messages on these channels by reading the heads of all records.
+fn entries_by_scan(
     inner: &Inner,
     section: &Section,
     place: Place,

@@ -52,6 +52,7 @@ pub struct Recording {
     rest: Arc<file_set::Rest>,
 }
 
+/// One file of a recording and the content that every reader needs.
 #[derive(Debug)]
 struct Inner {
     path: PathBuf,
@@ -66,7 +67,7 @@ struct Inner {
     damage: Vec<String>,
 }
 
-/// The error for a part of a file that cannot be read.
+/// Returns the error for a part of a file that cannot be read.
 fn unreadable(path: &Path, error: Unreadable) -> RecordingError {
     match error {
         Unreadable::Io(error) => RecordingError::io("read", path, error),
@@ -119,27 +120,27 @@ impl Recording {
         }
     }
 
-    /// The path of the first file.
+    /// Returns the path of the first file.
     pub fn path(&self) -> &Path {
         &self.inner.path
     }
 
-    /// The size of all files, bytes.
+    /// Returns the size of all files, bytes.
     pub fn bytes(&self) -> u64 {
         self.inners().map(|inner| inner.file_bytes).sum()
     }
 
-    /// The name and version of the program that wrote the file.
+    /// Returns the name and version of the program that wrote the file.
     pub fn library(&self) -> &str {
         &self.inner.structure.library
     }
 
-    /// The reason why the file ends early, with its place; `None` when it is complete.
+    /// Returns the reason why the file ends early, with its place; `None` when it is complete.
     pub fn truncated(&self) -> Option<&str> {
         self.rest.truncated.as_deref().or(self.inner.structure.truncated.as_deref())
     }
 
-    /// The damage found while opening; [`verify`](Self::verify) checks everything.
+    /// Returns the damage found while opening; [`verify`](Self::verify) checks everything.
     pub fn damage(&self) -> &[String] {
         if self.rest.files.is_empty() { &self.inner.damage } else { &self.rest.damage }
     }
@@ -149,32 +150,32 @@ impl Recording {
         self.inner.is_ours()
     }
 
-    /// The attached configuration of the rig.
+    /// Returns the attached configuration of the rig.
     pub fn config_toml(&self) -> Option<&str> {
         self.inner.config_toml.as_deref()
     }
 
-    /// Entries of the metadata record `ricochet`; empty in files of other programs.
+    /// Returns the entries of the metadata record `ricochet`; none in files of other programs.
     pub fn metadata(&self) -> &BTreeMap<String, String> {
         &self.inner.metadata
     }
 
-    /// Every metadata record: its name and entries.
+    /// Returns every metadata record: its name and entries.
     pub fn metadata_records(&self) -> &[(String, BTreeMap<String, String>)] {
         &self.inner.structure.metadata
     }
 
-    /// Names of the bodies, by index.
+    /// Returns the names of the bodies, by index.
     pub fn bodies(&self) -> &[String] {
         &self.inner.bodies
     }
 
-    /// Name of the body with this index; its number where the recording does not name it.
+    /// Returns the name of the body with this index; its number where the recording does not name it.
     pub fn body_name(&self, body: u32) -> String {
         self.inner.bodies.get(body as usize).cloned().unwrap_or_else(|| body.to_string())
     }
 
-    /// The attachments.
+    /// Returns name, type and size of every attachment.
     pub fn attachments(&self) -> Vec<Attachment> {
         let attachment = |a: &AttachmentRef| Attachment {
             name: a.name.clone(),
@@ -184,7 +185,7 @@ impl Recording {
         self.inner.structure.attachments.iter().map(attachment).collect()
     }
 
-    /// The content of the attachment of this name, checked against its CRC.
+    /// Returns the content of the attachment of this name, checked against its CRC.
     ///
     /// # Errors
     ///
@@ -210,6 +211,7 @@ impl Recording {
 }
 
 impl Inner {
+    /// Reads the whole file and lists its damage: chunks, attachments and data that fail their CRC-32.
     fn verify(&self) -> Result<Vec<String>, RecordingError> {
         let mut damage = self.damage.clone();
         for section in &self.structure.sections {
@@ -235,14 +237,17 @@ impl Inner {
         Ok(damage)
     }
 
+    /// Whether ricochet wrote the file.
     fn is_ours(&self) -> bool {
         self.structure.metadata.iter().any(|(name, _)| name == METADATA_NAME)
     }
 
+    /// Returns the error of this file with a reason.
     fn invalid(&self, reason: impl Into<String>) -> RecordingError {
         RecordingError::invalid(&self.path, reason)
     }
 
+    /// Returns the error of the system while this file was read.
     fn io(&self, error: std::io::Error) -> RecordingError {
         RecordingError::io("read", &self.path, error)
     }
@@ -275,6 +280,7 @@ impl Inner {
         Ok(())
     }
 
+    /// Counts the messages of a section by reading it, and adds its schemas and channels; returns the parsed bytes.
     fn scan_section(&mut self, section: &scan::Section) -> Result<u64, Unreadable> {
         let records = match section.coding {
             // The CRC is checked when a message is read.
@@ -312,6 +318,7 @@ impl Inner {
         Ok(())
     }
 
+    /// Reads the content of an attachment and checks its CRC-32, which may be 0 for none.
     fn attachment(&self, attachment: &AttachmentRef) -> Result<Vec<u8>, RecordingError> {
         if attachment.content_bytes > ATTACHMENT_BYTES {
             return Err(self.invalid(format!(

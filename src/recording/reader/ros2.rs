@@ -4,7 +4,9 @@ use super::compressed;
 use bytes::Bytes;
 use foxglove::messages::{RawImage, Timestamp};
 
+/// The schema of an image.
 pub(super) const SCHEMA_NAME: &str = "sensor_msgs/msg/Image";
+/// The schema of a compressed image.
 pub(super) const COMPRESSED_SCHEMA_NAME: &str = "sensor_msgs/msg/CompressedImage";
 
 /// Length of the encapsulation header. Alignment counts from its end.
@@ -12,15 +14,16 @@ const ENCAPSULATION_BYTES: usize = 4;
 
 /// Decodes a `sensor_msgs/msg/Image` in little-endian CDR (OMG DDS-XTypes 1.3, section 7.4.3).
 pub(super) fn image(message: &Bytes) -> Result<RawImage, String> {
-    read(message, parse)
+    decode_cdr(message, parse_image)
 }
 
 /// Decodes a `sensor_msgs/msg/CompressedImage` in the same encoding.
 pub(super) fn compressed_image(message: &Bytes) -> Result<RawImage, String> {
-    read(message, parse_compressed)
+    decode_cdr(message, parse_compressed_image)
 }
 
-fn read(
+/// Checks the encapsulation of a message and parses its fields. `parse` returns `None` when the message ends too early.
+fn decode_cdr(
     message: &Bytes,
     parse: impl FnOnce(&mut Cdr<'_>) -> Option<Result<RawImage, String>>,
 ) -> Result<RawImage, String> {
@@ -32,7 +35,8 @@ fn read(
     parse(&mut cdr).ok_or_else(|| format!("the message ends within its fields, at byte {}", cdr.at))?
 }
 
-fn parse_compressed(cdr: &mut Cdr<'_>) -> Option<Result<RawImage, String>> {
+/// Parses the fields of a `sensor_msgs/msg/CompressedImage` and decodes its picture.
+fn parse_compressed_image(cdr: &mut Cdr<'_>) -> Option<Result<RawImage, String>> {
     let (seconds, nanoseconds) = (cdr.u32()?, cdr.u32()?);
     let (_frame_id, _format) = (cdr.text()?, cdr.text()?);
     let count = cdr.u32()? as usize;
@@ -40,7 +44,8 @@ fn parse_compressed(cdr: &mut Cdr<'_>) -> Option<Result<RawImage, String>> {
     Some(compressed::decode(payload, Some(Timestamp::new(seconds, nanoseconds))))
 }
 
-fn parse(cdr: &mut Cdr<'_>) -> Option<Result<RawImage, String>> {
+/// Parses the fields of a `sensor_msgs/msg/Image`; its pixels share the memory of the message.
+fn parse_image(cdr: &mut Cdr<'_>) -> Option<Result<RawImage, String>> {
     let (seconds, nanoseconds) = (cdr.u32()?, cdr.u32()?);
     let frame_id = cdr.text()?;
     let (height, width) = (cdr.u32()?, cdr.u32()?);
@@ -65,6 +70,7 @@ struct Cdr<'a> {
 }
 
 impl<'a> Cdr<'a> {
+    /// Takes the next `count` bytes; `None` beyond the end.
     fn take(&mut self, count: usize) -> Option<&'a [u8]> {
         let end = self.at.checked_add(count)?;
         let taken = self.bytes.get(self.at..end)?;
@@ -72,6 +78,7 @@ impl<'a> Cdr<'a> {
         Some(taken)
     }
 
+    /// Reads a number, aligned to 4 bytes.
     fn u32(&mut self) -> Option<u32> {
         let offset = self.at - ENCAPSULATION_BYTES;
         self.at += offset.next_multiple_of(4) - offset;

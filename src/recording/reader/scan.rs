@@ -9,9 +9,11 @@ use std::fs::File;
 const DESCRIPTION_BYTES: u64 = 8 << 20;
 /// Maximum number of attachments.
 const ATTACHMENTS: usize = 1024;
-/// Maximum size of all chunks after decompression, bytes: a fixed part and a multiple of the file's size. Pixels of a
-/// camera shrink to a third at best, drawn ones to a hundredth.
+/// The fixed part of the maximum size of all chunks after decompression, bytes.
 const UNPACKED_BYTES: u64 = 512 << 20;
+/// The multiple of the file's size in the maximum size of all chunks after decompression.
+///
+/// Pixels of a camera shrink to a third at best, drawn ones to a hundredth.
 const UNPACKED_RATIO: u64 = 256;
 /// Maximum length of a chunk header, bytes. Only the name of the compression has no fixed length.
 const CHUNK_HEADER_BYTES: usize = 256;
@@ -53,7 +55,7 @@ pub(super) struct Section {
 }
 
 impl Section {
-    /// A section of uncompressed records without a CRC and an index.
+    /// Returns a section of uncompressed records without a CRC and an index.
     fn plain(offset: u64, bytes: u64) -> Self {
         let (coding, index) = (Coding::Plain, Vec::new());
         Self { offset, bytes, coding, uncompressed_bytes: bytes, crc: 0, whole: true, index }
@@ -120,7 +122,7 @@ pub(super) fn leading_metadata(
     Ok(structure.metadata.into_iter().find(|(found, _)| found == name).map(|(_, entries)| entries))
 }
 
-/// Scans the file up to the first record that is not wanted.
+/// Scans the file up to the first record whose opcode is not wanted.
 fn scan_while(file: &File, file_bytes: u64, is_wanted: impl Fn(u8) -> bool) -> Result<Structure, Unreadable> {
     let source = Source::File { offset: 0, bytes: file_bytes };
     let mut window = Window::new(file, &source);
@@ -140,7 +142,7 @@ fn scan_while(file: &File, file_bytes: u64, is_wanted: impl Fn(u8) -> bool) -> R
         let body = at + PREFIX_BYTES;
         if length > file_bytes - body {
             if opcode == op::CHUNK {
-                structure.torn_chunk(window.peek(body, CHUNK_HEADER_BYTES)?, body, file_bytes);
+                structure.store_torn_chunk(window.peek(body, CHUNK_HEADER_BYTES)?, body, file_bytes);
             }
             break Some(format!("cut off at byte {at}: the record there is longer than the rest of the file"));
         }
@@ -149,7 +151,7 @@ fn scan_while(file: &File, file_bytes: u64, is_wanted: impl Fn(u8) -> bool) -> R
             let magic = window.peek(end, record::MAGIC.len())? == record::MAGIC;
             break (!magic).then(|| format!("cut off at byte {end}: the magic bytes at the end are missing"));
         }
-        match structure.record(&mut window, opcode, body, length) {
+        match structure.store_record(&mut window, opcode, body, length) {
             Err(Unreadable::Damaged(reason)) => break Some(format!("damaged at byte {at}: {reason}")),
             stored => stored?,
         }
@@ -161,7 +163,7 @@ fn scan_while(file: &File, file_bytes: u64, is_wanted: impl Fn(u8) -> bool) -> R
     Ok(structure)
 }
 
-/// Parses opcode and length of a record.
+/// Parses opcode and length of a record; `None` for opcode 0 or too few bytes.
 pub(super) fn prefix(bytes: &[u8]) -> Option<(u8, u64)> {
     let (opcode, length) = bytes.split_first()?;
     let opcode = (*opcode != 0).then_some(*opcode)?;
@@ -169,23 +171,23 @@ pub(super) fn prefix(bytes: &[u8]) -> Option<(u8, u64)> {
 }
 
 impl Structure {
-    /// Stores the record with this body.
-    fn record(&mut self, window: &mut Window<'_>, opcode: u8, body: u64, length: u64) -> Result<(), Unreadable> {
+    /// Stores the record whose body of `length` bytes begins at byte `body` of the file.
+    fn store_record(&mut self, window: &mut Window<'_>, opcode: u8, body: u64, length: u64) -> Result<(), Unreadable> {
         let stored = match opcode {
-            op::CHUNK => self.chunk(window.peek(body, clamp(length, CHUNK_HEADER_BYTES))?, body, length),
-            op::MESSAGE_INDEX => self.message_index(window.peek(body, clamp(length, 6))?, body, length),
+            op::CHUNK => self.store_chunk(window.peek(body, clamped_length(length, CHUNK_HEADER_BYTES))?, body, length),
+            op::MESSAGE_INDEX => self.store_index(window.peek(body, clamped_length(length, 6))?, body, length),
             op::MESSAGE => {
-                self.loose_message(body, length);
+                self.store_loose_message(body, length);
                 Ok(())
             }
-            op::ATTACHMENT => self.attachment(window.peek(body, clamp(length, 1024))?, body, length),
+            op::ATTACHMENT => self.store_attachment(window.peek(body, clamped_length(length, 1024))?, body, length),
             op::HEADER | op::SCHEMA | op::CHANNEL | op::METADATA => {
                 self.admit(length).map_err(Unreadable::Damaged)?;
-                let bytes = window.peek(body, clamp(length, usize::MAX))?;
+                let bytes = window.peek(body, clamped_length(length, usize::MAX))?;
                 self.describe(opcode, bytes).ok_or_else(|| "the record does not parse".into())
             }
             op::DATA_END => {
-                let crc = Fields(window.peek(body, clamp(length, 4))?).u32().unwrap_or(0);
+                let crc = Fields(window.peek(body, clamped_length(length, 4))?).u32().unwrap_or(0);
                 self.data_end = Some((body - PREFIX_BYTES, crc));
                 Ok(())
             }
@@ -233,7 +235,8 @@ impl Structure {
         Some(())
     }
 
-    fn chunk(&mut self, head: &[u8], body: u64, length: u64) -> Result<(), String> {
+    /// Stores a chunk as a section, from the first bytes of its record's body.
+    fn store_chunk(&mut self, head: &[u8], body: u64, length: u64) -> Result<(), String> {
         let header = record::chunk_header(head).ok_or("the chunk header does not parse")?;
         let coding = coding(&header.compression).ok_or_else(|| {
             format!("chunk compression {:?} is not supported, only none, zstd and lz4", header.compression)
@@ -256,7 +259,7 @@ impl Structure {
     }
 
     /// Stores the chunk that was open when the file was cut off: it has records but no sizes.
-    fn torn_chunk(&mut self, head: &[u8], body: u64, file_bytes: u64) {
+    fn store_torn_chunk(&mut self, head: &[u8], body: u64, file_bytes: u64) {
         let Some(header) = record::chunk_header(head) else { return };
         // The rest of a compressed stream looks like damage.
         if coding(&header.compression) != Some(Coding::Plain) {
@@ -266,7 +269,8 @@ impl Structure {
         self.sections.push(Section { whole: false, ..Section::plain(offset, file_bytes - offset) });
     }
 
-    fn message_index(&mut self, head: &[u8], body: u64, length: u64) -> Result<(), String> {
+    /// Adds a message index to the chunk before it, from the first bytes of the record's body.
+    fn store_index(&mut self, head: &[u8], body: u64, length: u64) -> Result<(), String> {
         let mut fields = Fields(head);
         let parsed = fields.u16().zip(fields.u32());
         let (channel, bytes) = parsed.ok_or("the message index does not parse")?;
@@ -281,7 +285,7 @@ impl Structure {
     }
 
     /// Adds a message outside any chunk to those right before it.
-    fn loose_message(&mut self, body: u64, length: u64) {
+    fn store_loose_message(&mut self, body: u64, length: u64) {
         let (start, end) = (body - PREFIX_BYTES, body + length);
         match self.sections.last_mut() {
             Some(last) if last.is_loose() && last.offset + last.bytes == start => {
@@ -292,7 +296,8 @@ impl Structure {
         }
     }
 
-    fn attachment(&mut self, head: &[u8], body: u64, length: u64) -> Result<(), String> {
+    /// Stores name, type and place of an attachment, from the first bytes of the record's body.
+    fn store_attachment(&mut self, head: &[u8], body: u64, length: u64) -> Result<(), String> {
         if self.attachments.len() >= ATTACHMENTS {
             return Err(format!("more than {ATTACHMENTS} attachments"));
         }
@@ -318,6 +323,7 @@ impl Structure {
     }
 }
 
+/// Returns the encoding of a chunk by its name in the header; `None` for an unsupported one.
 fn coding(compression: &str) -> Option<Coding> {
     match compression {
         "" => Some(Coding::Plain),
@@ -327,6 +333,7 @@ fn coding(compression: &str) -> Option<Coding> {
     }
 }
 
-fn clamp(length: u64, limit: usize) -> usize {
+/// Converts a length in bytes, limited to `limit`.
+fn clamped_length(length: u64, limit: usize) -> usize {
     usize::try_from(length).unwrap_or(usize::MAX).min(limit)
 }

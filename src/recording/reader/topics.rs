@@ -138,6 +138,7 @@ impl Recording {
         self.rows(Topic::Status)
     }
 
+    /// Reads the rows of one of our topics in all files.
     fn rows<T>(&self, topic: Topic) -> Result<Rows<T>, RecordingError> {
         let of_file = |inner: &Arc<Inner>| Ok((Arc::clone(inner), inner.channels_of(topic)?));
         let messages = Messages::new(self.inners().map(of_file).collect::<Result<_, RecordingError>>()?)?;
@@ -146,18 +147,19 @@ impl Recording {
 }
 
 impl Recording {
-    /// Channels by number.
+    /// Returns the channels by number.
     pub(in super::super) fn channels(&self) -> &BTreeMap<u16, Channel> {
         &self.inner.structure.channels
     }
 
-    /// Schemas by number.
+    /// Returns the schemas by number.
     pub(in super::super) fn schemas(&self) -> &BTreeMap<u16, Schema> {
         &self.inner.structure.schemas
     }
 }
 
 impl Inner {
+    /// Returns the name of a schema; empty for one that the file does not define.
     pub(super) fn schema_name(&self, schema: u16) -> &str {
         self.structure.schemas.get(&schema).map_or("", |schema| &schema.name)
     }

@@ -1,6 +1,6 @@
 //! The rows of `/impact` and `/truth_impact`.
 
-use super::{Row, unknown};
+use super::{Row, unknown_name};
 use crate::recording::schema::proto::message;
 use crate::results::{Estimate, impact_row};
 
@@ -45,9 +45,9 @@ macro_rules! impact_file {
                     revision: message.revision,
                     origin_ns: message.origin_ns,
                     $($number: estimate(message.$number, message.$sigma),)+
-                    force_law: message.force_law.parse().map_err(unknown)?,
+                    force_law: message.force_law.parse().map_err(unknown_name)?,
                     force_law_probability: message.force_law_probability,
-                    status: message.status.parse().map_err(unknown)?,
+                    status: message.status.parse().map_err(unknown_name)?,
                 })
             }
         }

@@ -1,6 +1,6 @@
 //! The rod within a track row.
 
-use super::{Row, unknown};
+use super::{Row, unknown_name};
 use crate::recording::schema::proto;
 use crate::results::{Estimate, ROD_EDGES, Rod, RodEdge};
 
@@ -37,7 +37,7 @@ impl Row for Rod {
         let mut edges = [None; ROD_EDGES];
         for (to, from) in edges.iter_mut().zip(&message.edges) {
             let y_px = from.y_px.zip(from.sigma_y_px).map(|(value, sigma)| Estimate { value, sigma });
-            *to = Some(RodEdge { y_px, status: from.status.parse().map_err(unknown)? });
+            *to = Some(RodEdge { y_px, status: from.status.parse().map_err(unknown_name)? });
         }
         Ok(Self {
             x_px: estimate(message.x_px, message.sigma_x_px)?,

@@ -1,6 +1,6 @@
 //! The rows per frame and body: `/velocity`, `/truth` and `/track`.
 
-use super::{Row, unknown};
+use super::{Row, unknown_name};
 use crate::recording::schema::proto::{Rod, message};
 use crate::results::{
     BodyVelocity, MotionSample, Part, PointStatus, TrackSample, VelocitySample, track_row, velocity_row,
@@ -84,10 +84,10 @@ macro_rules! sample_file {
                     $($number: message.$number,)*
                     $($group: $group(),)*
                     $($later: message.$later,)*
-                    $($name: message.$name.parse().map_err(unknown)?,)*
-                    $($reason: if message.$reason.is_empty() { PointStatus::Valid } else { message.$reason.parse().map_err(unknown)? },)*
+                    $($name: message.$name.parse().map_err(unknown_name)?,)*
+                    $($reason: if message.$reason.is_empty() { PointStatus::Valid } else { message.$reason.parse().map_err(unknown_name)? },)*
                     $($nested: message.$nested.map(Row::from_message).transpose()?,)*
-                    status: message.status.parse().map_err(unknown)?,
+                    status: message.status.parse().map_err(unknown_name)?,
                 })
             }
         }

@@ -148,6 +148,7 @@ pub(super) fn schema(file: &str, messages: &[Declared<'_>]) -> Vec<u8> {
     FileDescriptorSet { file: vec![file] }.encode_to_vec()
 }
 
+/// Returns the descriptor of a message, as `protoc` makes it.
 fn message_type(name: &str, fields: &[Field]) -> DescriptorProto {
     let optional: Vec<&Field> = fields.iter().filter(|field| field.kind.ends_with("optional")).collect();
     let field = |field: &Field| {
@@ -191,7 +192,7 @@ fn message_type(name: &str, fields: &[Field]) -> DescriptorProto {
     }
 }
 
-/// Returns the name in camel case.
+/// Returns the name of a field in JSON: camel case, as in the protobuf specification (language guide, JSON mapping).
 fn json_name(name: &str) -> String {
     let mut words = name.split('_');
     let first = words.next().unwrap_or_default().to_owned();
@@ -201,6 +202,7 @@ fn json_name(name: &str) -> String {
     })
 }
 
+/// Returns the descriptor of the enumeration of statuses.
 fn point_status() -> EnumDescriptorProto {
     let value = |status: PointStatus| EnumValueDescriptorProto {
         name: Some(format!("POINT_STATUS_{}", status.as_str().to_uppercase().replace('-', "_"))),

@@ -60,13 +60,14 @@ impl RecordingWriter {
         self.write_due_batches(stamp_ns)
     }
 
+    /// Adds a row to those held back, and writes them if they are due.
     fn row<R: Row>(&mut self, topic: Topic, log_time_ns: u64, row: &R) -> Result<(), RecordingError> {
         self.rows.push(self.camera, topic, log_time_ns, &row.to_message());
         self.write_due_batches(log_time_ns)
     }
 }
 
-/// The log time of a collision: its start, or the origin of its times while the start is unknown.
+/// Returns the log time of a collision: its start, or the origin of its times while the start is unknown.
 fn impact_time_ns(impact: &Impact) -> u64 {
     let start_ns = impact.start_s.map_or(0.0, |start| (start.value * 1e9).max(0.0));
     impact.origin_ns.saturating_add(start_ns as u64)

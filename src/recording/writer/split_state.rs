@@ -40,14 +40,14 @@ impl SplitState {
         }
     }
 
-    /// The description of the current file.
+    /// Returns the description of the current file.
     pub(super) fn info(&self) -> RecordingInfo {
         let mut info = self.info.clone();
         split::insert(&mut info.metadata, self.number, &self.first);
         info
     }
 
-    /// The first file.
+    /// Returns the path of the first file.
     pub(super) fn first(&self) -> &Path {
         &self.first
     }
@@ -57,6 +57,7 @@ impl SplitState {
         self.expected_bytes += bytes as u64 + MESSAGE_OVERHEAD_BYTES;
     }
 
+    /// Whether another message of `bytes` exceeds the size of a file.
     fn is_full_with(&self, bytes: u64) -> bool {
         self.expected_bytes + bytes > self.bytes
     }
@@ -70,11 +71,12 @@ impl RecordingWriter {
         if is_full && self.has_messages { self.continue_in_next_file() } else { Ok(()) }
     }
 
+    /// Completes the current file with a note of its successor, and starts the next one.
     fn continue_in_next_file(&mut self) -> Result<(), RecordingError> {
         let Some(number) = self.split.as_ref().map(|split| split.number + 1) else { return Ok(()) };
         let Some(next) = self.split.as_ref().map(|split| split::numbered(&split.first, number)) else { return Ok(()) };
         self.flush()?;
-        self.metadata(CONTINUED_NAME, BTreeMap::from([("file".into(), split::name_of(&next))]))?;
+        self.metadata(CONTINUED_NAME, BTreeMap::from([("file".into(), split::file_name(&next))]))?;
         let (bytes, frames) = (self.complete()?, self.frames());
         let Some(split) = &mut self.split else { return Ok(()) };
         split.number = number;
