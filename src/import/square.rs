@@ -14,7 +14,7 @@ const ROUNDING: f64 = 5e-3;
 ///
 /// The longer side of a pixel becomes several, so that nothing is lost. `None` when the image has that shape already, or
 /// the aspect cannot be meant.
-pub(super) fn shape(stored: Shape, aspect: f64) -> Option<Shape> {
+pub(super) fn square_shape(stored: Shape, aspect: f64) -> Option<Shape> {
     let longer = |side: u32, factor: f64| (f64::from(side) * factor).round().min(f64::from(u32::MAX)) as u32;
     let shape = match aspect > 1.0 {
         true => Shape { width_px: longer(stored.width_px, aspect), ..stored },
@@ -54,7 +54,7 @@ mod tests {
     #[test]
     fn a_ramp_stays_a_ramp() {
         let stored = Shape { width_px: 40, height_px: 6, format: PixelFormat::Mono16 };
-        let wide = shape(stored, 1.5).unwrap();
+        let wide = square_shape(stored, 1.5).unwrap();
         assert_eq!((wide.width_px, wide.height_px), (60, 6));
         let words: Vec<u8> = (0..240_u16).flat_map(|at| (1000 + 300 * (at % 40)).to_le_bytes()).collect();
         let resized = resample(stored, wide, words);
@@ -62,8 +62,12 @@ mod tests {
             let expected = 1000.0 + 300.0 * ((x as f64 + 0.5) / 1.5 - 0.5);
             assert!((f64::from(u16::from_le_bytes([word[0], word[1]])) - expected).abs() < 1.5, "at {x}");
         }
-        let high = shape(stored, 0.5).unwrap();
+        let high = square_shape(stored, 0.5).unwrap();
         assert_eq!((high.width_px, high.height_px), (40, 12));
-        assert!(shape(stored, 1.0).is_none() && shape(stored, 1.001).is_none() && shape(stored, 90.0).is_none());
+        assert!(
+            square_shape(stored, 1.0).is_none()
+                && square_shape(stored, 1.001).is_none()
+                && square_shape(stored, 90.0).is_none()
+        );
     }
 }

@@ -43,7 +43,7 @@ impl Still {
             return Err(ImportError::invalid(path, reason));
         }
         let (shape, bytes) = (look.orientation.shape(stored), look.orientation.apply(stored, bytes));
-        let square = square::shape(shape, look.orientation.aspect(look.pixel_aspect));
+        let square = square::square_shape(shape, look.orientation.aspect(look.pixel_aspect));
         let bytes = match square {
             Some(square) => square::resample(shape, square, bytes),
             None => bytes,

@@ -94,7 +94,7 @@ pub(crate) struct Channel {
 }
 
 /// Parses the body of a schema's record: its number and the schema.
-pub(super) fn schema(body: &[u8]) -> Option<(u16, Schema)> {
+pub(super) fn parse_schema(body: &[u8]) -> Option<(u16, Schema)> {
     let mut fields = Fields(body);
     let id = fields.u16()?;
     let (name, encoding) = (fields.text()?.to_owned(), fields.text()?.to_owned());
@@ -102,7 +102,7 @@ pub(super) fn schema(body: &[u8]) -> Option<(u16, Schema)> {
 }
 
 /// Parses the body of a channel's record: its number and the channel.
-pub(super) fn channel(body: &[u8]) -> Option<(u16, Channel)> {
+pub(super) fn parse_channel(body: &[u8]) -> Option<(u16, Channel)> {
     let mut fields = Fields(body);
     let (id, schema) = (fields.u16()?, fields.u16()?);
     let (topic, encoding) = (fields.text()?.to_owned(), fields.text()?.to_owned());
@@ -119,7 +119,7 @@ pub(super) struct MessageHeader {
 }
 
 /// Parses the header from the first bytes of a message record's body.
-pub(super) fn message_header(body: &[u8]) -> Option<MessageHeader> {
+pub(super) fn parse_message_header(body: &[u8]) -> Option<MessageHeader> {
     let mut fields = Fields(body);
     Some(MessageHeader {
         channel: fields.u16()?,
@@ -141,7 +141,7 @@ pub(super) struct ChunkHeader {
 }
 
 /// Parses the header from the first bytes of a chunk record's body. The times of its messages are skipped.
-pub(super) fn chunk_header(body: &[u8]) -> Option<ChunkHeader> {
+pub(super) fn parse_chunk_header(body: &[u8]) -> Option<ChunkHeader> {
     let mut fields = Fields(body);
     fields.take(16)?;
     let (uncompressed_bytes, crc) = (fields.u64()?, fields.u32()?);

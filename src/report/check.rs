@@ -1,7 +1,7 @@
 //! The page that shows whether a rig is ready.
 
 use super::page::document;
-use super::picture::{Crop, data_url, png};
+use super::picture::{Crop, data_url, encode_png};
 use crate::image::FrameMeta;
 use maud::html;
 
@@ -36,7 +36,7 @@ pub fn check_page(rig: &str, facts: &[String], rows: &[CheckRow], pictures: &[Ch
     let bad: Vec<&str> = rows.iter().filter(|row| row.verdict == "bad").map(|row| row.name.as_str()).collect();
     let drawn = pictures.iter().filter_map(|picture| {
         let [x, y, width, height] = picture.crop;
-        Some((&picture.caption, png(picture.meta, &picture.bytes, Crop { x, y, width, height })?))
+        Some((&picture.caption, encode_png(picture.meta, &picture.bytes, Crop { x, y, width, height })?))
     });
     let body = html! {
         header {

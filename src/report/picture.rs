@@ -41,7 +41,7 @@ impl Crop {
 /// Encodes a part of a frame as an 8-bit grey PNG, stretched from black to white, averaged down to [`SIDE_PX_MAX`].
 ///
 /// Returns `None` for a frame that does not unpack.
-pub(super) fn png(meta: FrameMeta, bytes: &[u8], crop: Crop) -> Option<Vec<u8>> {
+pub(super) fn encode_png(meta: FrameMeta, bytes: &[u8], crop: Crop) -> Option<Vec<u8>> {
     let mut image = Image::default();
     Frame { meta, bytes }.unpack(&mut image).ok()?;
     let view = image.view();
@@ -90,16 +90,16 @@ mod tests {
     fn the_png_shows_the_part_asked_for_and_large_parts_are_averaged() {
         let meta = meta(1000, 400);
         let bytes: Vec<u8> = (0..400_000).map(|k| (k % 1000 / 4) as u8).collect();
-        let small = png(meta, &bytes, Crop { x: 400, y: 10, width: 21, height: 3 }).unwrap();
+        let small = encode_png(meta, &bytes, Crop { x: 400, y: 10, width: 21, height: 3 }).unwrap();
         let small = image::load_from_memory(&small).unwrap().to_luma8();
         assert_eq!((small.dimensions(), small.get_pixel(0, 0).0, small.get_pixel(20, 2).0), ((21, 3), [0], [255]));
         assert_eq!(small.get_pixel(8, 1).0, [102], "two fifths of the way");
-        let whole = image::load_from_memory(&png(meta, &bytes, Crop::about(None, 0.0, &meta)).unwrap()).unwrap();
+        let whole = image::load_from_memory(&encode_png(meta, &bytes, Crop::about(None, 0.0, &meta)).unwrap()).unwrap();
         assert_eq!((whole.width(), whole.height()), (334, 134));
     }
 
     #[test]
     fn a_frame_with_too_few_bytes_has_no_picture() {
-        assert_eq!(png(meta(10, 10), &[0; 50], Crop::about(None, 0.0, &meta(10, 10))), None);
+        assert_eq!(encode_png(meta(10, 10), &[0; 50], Crop::about(None, 0.0, &meta(10, 10))), None);
     }
 }

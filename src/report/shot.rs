@@ -191,7 +191,7 @@ impl Shot {
                 }
                 let center = snapshot.row.center_x_px.zip(snapshot.row.center_y_px).map(|(x, y)| [x, y]);
                 let crop = Crop::about(center, snapshot.row.radius_px.unwrap_or(0.0) * CROP_RADII, &meta);
-                snapshot.picture = picture::png(meta, &bytes, crop).map(|png| (crop, png));
+                snapshot.picture = picture::encode_png(meta, &bytes, crop).map(|png| (crop, png));
             }
         }
         Ok(())

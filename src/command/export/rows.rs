@@ -33,7 +33,7 @@ struct Origin {
 impl Origin {
     /// Returns the first frame. A recording without frames has it in its metadata (`first_frame`, `first_stamp_ns`);
     /// if these are missing too, it is that of the first row.
-    fn of(recording: &Recording, first_row: Option<Self>) -> Result<Self, RecordingError> {
+    fn from_recording(recording: &Recording, first_row: Option<Self>) -> Result<Self, RecordingError> {
         if recording.frame_count() > 0 {
             let first = recording.first_frame()?;
             return Ok(Self { frame: first.sequence, stamp_ns: first.stamp_ns });
@@ -46,7 +46,7 @@ impl Origin {
 
     /// Returns the first frame of a recording, with the first of these rows as a fallback.
     fn of_samples<R: Sample>(recording: &Recording, rows: &[R]) -> Result<Self, RecordingError> {
-        Self::of(recording, rows.first().map(|row| Self { frame: row.frame(), stamp_ns: row.stamp_ns() }))
+        Self::from_recording(recording, rows.first().map(|row| Self { frame: row.frame(), stamp_ns: row.stamp_ns() }))
     }
 
     /// Returns the number of a frame, counted from the first.
@@ -157,7 +157,7 @@ fn send_fields(recording: &Recording, table: &mut dyn Sink) -> Result<(), Export
     let mut fields = recording.fields()?.peekable();
     let first = fields.peek().and_then(|field| field.as_ref().ok());
     let first = first.map(|field| Origin { frame: field.frame, stamp_ns: field.stamp_ns });
-    let origin = Origin::of(recording, first)?;
+    let origin = Origin::from_recording(recording, first)?;
     send_header(&[FRAME], FieldPoint::COLUMNS, table)?;
     let mut frame: Vec<PairField> = Vec::new();
     for field in fields {
@@ -187,7 +187,7 @@ fn send_frame_fields(origin: Origin, fields: &mut Vec<PairField>, table: &mut dy
 fn send_impacts(recording: &Recording, rows: Vec<Impact>, table: &mut dyn Sink) -> Result<(), ExportError> {
     let rows = last_revisions(rows);
     let first = rows.first().map(|row| Origin { frame: 0, stamp_ns: row.origin_ns });
-    let (origin, columns) = (Origin::of(recording, first)?, Impact::table());
+    let (origin, columns) = (Origin::from_recording(recording, first)?, Impact::table());
     send_header(&[BODY], &columns, table)?;
     for row in rows {
         let body = Cell::Text(recording.body_name(row.body));
@@ -200,7 +200,7 @@ fn send_impacts(recording: &Recording, rows: Vec<Impact>, table: &mut dyn Sink) 
 fn send_events(recording: &Recording, table: &mut dyn Sink) -> Result<(), ExportError> {
     let rows: Vec<EventRow> = recording.events()?.collect::<Result<_, _>>()?;
     let first = rows.first().map(|row| Origin { frame: 0, stamp_ns: row.stamp_ns });
-    let origin = Origin::of(recording, first)?;
+    let origin = Origin::from_recording(recording, first)?;
     table.header(&[STAMP, TIME, text_heading("kind"), text_heading("text")])?;
     for row in rows {
         let time = origin.time_cell(row.stamp_ns);

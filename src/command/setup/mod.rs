@@ -85,7 +85,8 @@ pub fn run(options: &SetupOptions, stop: &Stop) -> Result<Outcome, Failure> {
         None if proposal::needs_diameter(&surveyed) => ask_diameter()?,
         given => given,
     };
-    let proposal = Proposal::of(&surveyed, diameter_mm).map_err(|reason| NothingFound(format!("{name}: {reason}")))?;
+    let proposal =
+        Proposal::from_survey(&surveyed, diameter_mm).map_err(|reason| NothingFound(format!("{name}: {reason}")))?;
     let command = next_command(options, &name);
     let text = rig_text::rig_text(&proposal, &name, &command);
     // A proposal that the program itself refuses would be a bug.

@@ -85,7 +85,7 @@ impl Proposal {
     /// # Errors
     ///
     /// The reason why nothing can be followed.
-    pub(super) fn of(surveyed: &Surveyed, diameter_mm: Option<f64>) -> Result<Self, String> {
+    pub(super) fn from_survey(surveyed: &Surveyed, diameter_mm: Option<f64>) -> Result<Self, String> {
         let chosen = choose_bodies(surveyed)?;
         let bodies: Vec<ProposedBody> = chosen.iter().filter_map(|body| propose_body(body, surveyed.size_px)).collect();
         let main = chosen.iter().find_map(|body| body.path.as_ref());

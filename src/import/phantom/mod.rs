@@ -68,7 +68,7 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
     layout.check_levels(&cine, &mut warnings)?;
     let (shape, count) = (layout.shape, u64::from(cine.count));
     let (bits, grey_rule, aspect) = (layout.bits, layout.grey_rule(), layout.pixel_aspect);
-    let frames = (0..count).map(move |number| layout.image(&cine, number));
+    let frames = (0..count).map(move |number| layout.read_image(&cine, number));
     let mut footage = Footage { description, warnings, ..Footage::new(shape, timeline, count, frames) };
     (footage.provenance.bits, footage.provenance.grey_rule) = (bits, grey_rule.to_owned());
     Ok(footage.oriented(setup.orientation()).with_square_pixels(setup.orientation().aspect(aspect)))

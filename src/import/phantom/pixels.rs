@@ -94,7 +94,7 @@ impl Layout {
         if self.shape.format.bytes_per_pixel() == 1 || self.bits == 16 {
             return Ok(());
         }
-        let highest = self.image(cine, 0)?.chunks_exact(2).map(|pair| u16_at(pair, 0)).max().unwrap_or(0);
+        let highest = self.read_image(cine, 0)?.chunks_exact(2).map(|pair| u16_at(pair, 0)).max().unwrap_or(0);
         if u32::from(highest) >> self.bits > 0 {
             let bits = self.bits;
             warnings
@@ -105,7 +105,7 @@ impl Layout {
     }
 
     /// Reads the pixels of one image, top row first; `number` is counted from 0.
-    pub(super) fn image(&self, cine: &Cine, number: u64) -> Pixels {
+    pub(super) fn read_image(&self, cine: &Cine, number: u64) -> Pixels {
         let stored = cine.stored_image(number)?;
         let grey = match self.storage {
             Storage::Packed => self.unpack(cine, number, &stored)?,

@@ -18,7 +18,7 @@ pub(super) struct Levels {
 
 impl Levels {
     /// Returns the levels of the first video stream, from ffprobe's names of its layout and range.
-    pub(super) fn of(stream: &Stream) -> Self {
+    pub(super) fn from_stream(stream: &Stream) -> Self {
         let layout = stream.text("pix_fmt");
         let bits = layout_bits(layout);
         let format = match bits {

@@ -35,7 +35,7 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
     stored_times::check(path, &stream, file_bytes, &mut warnings)?;
     let ticks = Ticks::read(path, &stream, file_bytes)?;
     let timeline = rate::timeline(path, &stream, &ticks, fps, &mut warnings)?;
-    let levels = Levels::of(&stream);
+    let levels = Levels::from_stream(&stream);
     if !levels.rule.is_empty() {
         warnings.push(format!("the pixels are {}, not grey; ffmpeg converts them to brightness", levels.layout));
     }

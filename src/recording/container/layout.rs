@@ -86,18 +86,18 @@ pub(super) fn prefix(opcode: u8, length: u64) -> [u8; 9] {
 }
 
 /// Encodes the record of a schema.
-pub(super) fn schema(id: u16, schema: &Schema) -> Vec<u8> {
+pub(super) fn encode_schema(id: u16, schema: &Schema) -> Vec<u8> {
     Body::default().u16(id).text(&schema.name).text(&schema.encoding).block(&schema.data).record(op::SCHEMA)
 }
 
 /// Encodes the record of a channel.
-pub(super) fn channel(id: u16, channel: &Channel) -> Vec<u8> {
+pub(super) fn encode_channel(id: u16, channel: &Channel) -> Vec<u8> {
     let Channel { schema, topic, encoding, metadata } = channel;
     Body::default().u16(id).u16(*schema).text(topic).text(encoding).map(metadata).record(op::CHANNEL)
 }
 
 /// Encodes the record of a message up to the body of its payload. Replaces the content of `out`.
-pub(super) fn message(out: &mut Vec<u8>, header: &MessageHeader, payload: &Payload<'_>) {
+pub(super) fn encode_message_head(out: &mut Vec<u8>, header: &MessageHeader, payload: &Payload<'_>) {
     out.clear();
     out.extend(prefix(op::MESSAGE, MESSAGE_HEADER_BYTES + payload.len() as u64));
     out.extend(header.channel.to_le_bytes());

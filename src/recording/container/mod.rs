@@ -125,7 +125,7 @@ impl Container {
         let place = schemas.iter().position(|known| known == schema).unwrap_or(schemas.len());
         let id = u16::try_from(place + 1).map_err(io::Error::other)?;
         if place == schemas.len() {
-            self.put_inside(&layout::schema(id, schema))?;
+            self.put_inside(&layout::encode_schema(id, schema))?;
             self.summary.schemas.push(schema.clone());
         }
         Ok(id)
@@ -139,7 +139,7 @@ impl Container {
         let place = channels.iter().position(|known| known == channel).unwrap_or(channels.len());
         let id = u16::try_from(place + 1).map_err(io::Error::other)?;
         if place == channels.len() {
-            self.put_inside(&layout::channel(id, channel))?;
+            self.put_inside(&layout::encode_channel(id, channel))?;
             self.summary.channels.push(channel.clone());
         }
         Ok(id)
@@ -152,7 +152,7 @@ impl Container {
             self.end_chunk()?;
         }
         let mut record = std::mem::take(&mut self.scratch);
-        layout::message(&mut record, header, payload);
+        layout::encode_message_head(&mut record, header, payload);
         let written = self.open_chunk().and_then(|(chunk, sink)| {
             chunk.index(header);
             chunk.put(sink, &record)?;

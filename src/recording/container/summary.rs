@@ -62,8 +62,11 @@ impl Summary {
     /// Encodes the summary, which begins at byte `start` of the file, its offsets and the footer.
     pub(super) fn encode(&self, start: u64) -> Vec<u8> {
         let groups: [(u8, Vec<u8>); 6] = [
-            (op::SCHEMA, (1..).zip(&self.schemas).flat_map(|(id, schema)| layout::schema(id, schema)).collect()),
-            (op::CHANNEL, (1..).zip(&self.channels).flat_map(|(id, channel)| layout::channel(id, channel)).collect()),
+            (op::SCHEMA, (1..).zip(&self.schemas).flat_map(|(id, schema)| layout::encode_schema(id, schema)).collect()),
+            (
+                op::CHANNEL,
+                (1..).zip(&self.channels).flat_map(|(id, channel)| layout::encode_channel(id, channel)).collect(),
+            ),
             (op::STATISTICS, self.statistics()),
             (op::CHUNK_INDEX, self.chunks.iter().flat_map(ChunkIndex::record).collect()),
             (op::ATTACHMENT_INDEX, self.attachments.iter().flat_map(AttachmentIndex::record).collect()),

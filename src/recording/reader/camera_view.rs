@@ -1,6 +1,6 @@
 //! The view of one of several cameras in a recording.
 
-use super::{Inner, Recording, RecordingError};
+use super::{RecordedFile, Recording, RecordingError};
 use crate::recording::schema::Topic;
 use crate::recording::{METADATA_NAME, VIEW_KEY};
 use std::collections::BTreeMap;
@@ -25,13 +25,13 @@ impl Recording {
             let known = if views.is_empty() { "it has one camera".into() } else { format!("it has {views:?}") };
             return Err(self.inner.invalid(format!("no additional camera named {name:?}: {known}")));
         }
-        let mut inners = Vec::new();
-        for inner in self.inners() {
-            inners.push(Arc::new(inner.view(name)?));
+        let mut all_files = Vec::new();
+        for inner in self.all_files() {
+            all_files.push(Arc::new(inner.view(name)?));
         }
-        let first = inners.remove(0);
+        let first = all_files.remove(0);
         let rest = super::file_set::Rest {
-            files: inners,
+            files: all_files,
             truncated: self.rest.truncated.clone(),
             damage: self.rest.damage.clone(),
         };
@@ -48,7 +48,7 @@ impl Recording {
     }
 }
 
-impl Inner {
+impl RecordedFile {
     /// Returns this file reduced to the topics, metadata and attachments of one additional camera, without their
     /// prefix.
     fn view(&self, name: &str) -> Result<Self, RecordingError> {

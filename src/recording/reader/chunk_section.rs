@@ -13,7 +13,7 @@ const MEMORY_BYTES: u64 = 64 << 20;
 /// Reads the records of a section, checks their CRC and decompresses them.
 ///
 /// Takes at most the file's size plus 64 MiB of memory.
-pub(super) fn load(file: &File, file_bytes: u64, section: &Section) -> Result<Source, Unreadable> {
+pub(super) fn load_records(file: &File, file_bytes: u64, section: &Section) -> Result<Source, Unreadable> {
     let stored = Source::File { offset: section.offset, bytes: section.bytes };
     let records = match section.coding {
         Coding::Plain if section.crc == 0 => return Ok(stored),
@@ -95,7 +95,7 @@ pub(super) enum Found<'a> {
 /// # Errors
 ///
 /// The reason returned by `visit`, or an error of the system.
-pub(super) fn scan(
+pub(super) fn scan_records(
     file: &File,
     records: &Source,
     mut visit: impl FnMut(Found<'_>) -> Result<(), String>,
@@ -111,7 +111,7 @@ pub(super) fn scan(
         match opcode {
             op::MESSAGE => {
                 let head = window.peek(body, length.min(record::MESSAGE_HEADER_BYTES) as usize)?;
-                let Some(header) = record::message_header(head) else { return Ok(at) };
+                let Some(header) = record::parse_message_header(head) else { return Ok(at) };
                 visit(Found::Message { at, header }).map_err(Unreadable::Damaged)?;
             }
             op::SCHEMA | op::CHANNEL => {
@@ -127,7 +127,7 @@ pub(super) fn scan(
 /// Reads the message whose record begins at byte `at` of the section: its header and its data.
 ///
 /// `None` when there is no complete message.
-pub(super) fn message(file: &File, records: &Source, at: u64) -> io::Result<Option<(MessageHeader, Bytes)>> {
+pub(super) fn read_message(file: &File, records: &Source, at: u64) -> io::Result<Option<(MessageHeader, Bytes)>> {
     if at.checked_add(PREFIX_BYTES).is_none_or(|body| body > records.len()) {
         return Ok(None);
     }
@@ -137,6 +137,6 @@ pub(super) fn message(file: &File, records: &Source, at: u64) -> io::Result<Opti
         return Ok(None);
     }
     let bytes = records.read(file, body, length)?;
-    let Some(header) = record::message_header(&bytes) else { return Ok(None) };
+    let Some(header) = record::parse_message_header(&bytes) else { return Ok(None) };
     Ok(Some((header, bytes.slice(record::MESSAGE_HEADER_BYTES as usize..))))
 }

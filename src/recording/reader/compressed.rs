@@ -14,13 +14,13 @@ pub(super) const SCHEMA_NAME: &str = "foxglove.CompressedImage";
 const PICTURE_BYTES: u64 = 256 << 20;
 
 /// Decodes a `foxglove.CompressedImage` to grey levels.
-pub(super) fn image(message: Bytes) -> Result<RawImage, String> {
+pub(super) fn decode_image(message: Bytes) -> Result<RawImage, String> {
     let image = CompressedImage::decode(message).map_err(|error| error.to_string())?;
-    decode(&image.data, image.timestamp)
+    decode_picture(&image.data, image.timestamp)
 }
 
 /// Decodes a PNG or JPEG picture to grey levels of 8 or 16 bits, whatever format the message names.
-pub(super) fn decode(payload: &[u8], timestamp: Option<Timestamp>) -> Result<RawImage, String> {
+pub(super) fn decode_picture(payload: &[u8], timestamp: Option<Timestamp>) -> Result<RawImage, String> {
     let format = image::guess_format(payload).ok();
     let Some(format @ (ImageFormat::Png | ImageFormat::Jpeg)) = format else {
         return Err("the image is neither PNG nor JPEG, the only supported compressions".into());

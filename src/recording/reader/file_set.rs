@@ -1,6 +1,6 @@
 //! Several files as one recording: one that was split by size, or the parts of one stream.
 
-use super::{Inner, Recording};
+use super::{RecordedFile, Recording};
 use crate::recording::{CONTINUED_NAME, RecordingError, part_path, split};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use std::sync::Arc;
 /// The files of a recording after the first.
 #[derive(Debug, Default)]
 pub(super) struct Rest {
-    pub(super) files: Vec<Arc<Inner>>,
+    pub(super) files: Vec<Arc<RecordedFile>>,
     /// Why a later file, or their sequence, ends early.
     pub(super) truncated: Option<String>,
     /// Damage of all files, each with its name.
@@ -71,7 +71,7 @@ impl Recording {
         Ok(all.into_iter().filter(|recording| !later.contains(&place(recording.path()))).collect())
     }
 
-    /// Joins several recordings to one, with messages in the order of their time.
+    /// Joins several recordings to one, with messages in the order of their time; `None` without any.
     ///
     /// The caller decides whether they belong together.
     pub fn joined(recordings: Vec<Self>) -> Option<Self> {
@@ -82,38 +82,39 @@ impl Recording {
 
     /// Returns the paths of the files in order.
     pub fn files(&self) -> impl Iterator<Item = &Path> {
-        self.inners().map(|inner| inner.path.as_path())
+        self.all_files().map(|inner| inner.path.as_path())
     }
 
     /// Returns each file as a recording of its own.
     pub(in super::super) fn singles(&self) -> impl Iterator<Item = Self> {
-        self.inners().map(Self::single)
+        self.all_files().map(Self::single)
     }
 
     /// Returns all files in order.
-    pub(super) fn inners(&self) -> impl Iterator<Item = &Arc<Inner>> {
+    pub(super) fn all_files(&self) -> impl Iterator<Item = &Arc<RecordedFile>> {
         std::iter::once(&self.inner).chain(&self.rest.files)
     }
 
     /// Prefixes a text about one of several files with the name of the file.
-    pub(super) fn named(&self, inner: &Inner, text: &str) -> String {
+    pub(super) fn named(&self, inner: &RecordedFile, text: &str) -> String {
         let name = inner.path.file_name().unwrap_or_default().to_string_lossy();
         if self.rest.files.is_empty() { text.to_owned() } else { format!("{name}: {text}") }
     }
 
     /// Returns one file as a recording of its own.
-    fn single(inner: &Arc<Inner>) -> Self {
+    fn single(inner: &Arc<RecordedFile>) -> Self {
         Self { inner: Arc::clone(inner), rest: Arc::default() }
     }
 
     /// Joins files to one recording. `missing` is the reason why a later file was not opened.
     fn of_files(files: Vec<Self>, missing: Option<String>) -> Self {
-        let mut inners = files.into_iter().map(|file| file.inner).collect::<Vec<_>>();
-        let inner = inners.remove(0);
-        let whole = Self { inner, rest: Arc::new(Rest { files: inners, ..Rest::default() }) };
-        let collect = |of: fn(&Inner) -> Vec<String>| -> Vec<String> {
-            let named = |inner: &Arc<Inner>| of(inner).into_iter().map(|text| whole.named(inner, &text)).collect();
-            whole.inners().flat_map::<Vec<String>, _>(named).collect()
+        let mut all_files = files.into_iter().map(|file| file.inner).collect::<Vec<_>>();
+        let inner = all_files.remove(0);
+        let whole = Self { inner, rest: Arc::new(Rest { files: all_files, ..Rest::default() }) };
+        let collect = |of: fn(&RecordedFile) -> Vec<String>| -> Vec<String> {
+            let named =
+                |inner: &Arc<RecordedFile>| of(inner).into_iter().map(|text| whole.named(inner, &text)).collect();
+            whole.all_files().flat_map::<Vec<String>, _>(named).collect()
         };
         let cut = collect(|inner| inner.structure.truncated.iter().cloned().collect());
         let rest = Rest {

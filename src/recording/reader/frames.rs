@@ -1,7 +1,7 @@
 //! The frames of a recording.
 
 use super::messages::{Message, Messages};
-use super::{Inner, Recording, compressed, ros2};
+use super::{RecordedFile, Recording, compressed, ros2};
 use crate::image::{FrameMeta, PixelFormat};
 use crate::recording::schema::proto;
 use crate::recording::{RecordingError, Topic};
@@ -52,7 +52,7 @@ impl Recording {
 
     /// Returns the number of frames; 0 when there is not exactly one image topic.
     pub fn frame_count(&self) -> u64 {
-        self.inners().map(|inner| inner.frame_count()).sum()
+        self.all_files().map(|inner| inner.frame_count()).sum()
     }
 
     /// Returns an iterator over the frames.
@@ -65,7 +65,7 @@ impl Recording {
         let inner = &self.inner;
         let mut files = Vec::new();
         let mut info_channels = Vec::new();
-        for inner in self.inners() {
+        for inner in self.all_files() {
             let mut channels = match inner.image_channels() {
                 Ok(channels) => channels,
                 // One of several files may have rows only.
@@ -157,7 +157,7 @@ enum ImageKind {
     Ros2Compressed,
 }
 
-impl Inner {
+impl RecordedFile {
     /// Returns the number of frames in this file.
     pub(super) fn frame_count(&self) -> u64 {
         let channels = self.image_channels().unwrap_or_default();
@@ -279,9 +279,9 @@ impl Frames {
         let named = |reason: String| format!("frame {index}: {reason}");
         let file = message.file;
         let image = match self.messages.inner(file).image_kind(message.header.channel) {
-            Some(ImageKind::Ros2) => ros2::image(&message.data),
-            Some(ImageKind::FoxgloveCompressed) => compressed::image(message.data.clone()),
-            Some(ImageKind::Ros2Compressed) => ros2::compressed_image(&message.data),
+            Some(ImageKind::Ros2) => ros2::decode_image(&message.data),
+            Some(ImageKind::FoxgloveCompressed) => compressed::decode_image(message.data.clone()),
+            Some(ImageKind::Ros2Compressed) => ros2::decode_compressed_image(&message.data),
             _ => RawImage::decode(message.data.clone()).map_err(|error| error.to_string()),
         };
         let image = image.map_err(|reason| named(format!("does not decode: {reason}")))?;

@@ -3,7 +3,7 @@
 use super::byte_source::{Source, Unreadable};
 use super::chunk_section::{self, Found};
 use super::scan::{Coding, IndexRef, Section};
-use super::{Inner, Recording, RecordingError, unreadable};
+use super::{RecordedFile, Recording, RecordingError, unreadable};
 use crate::recording::Topic;
 use crate::recording::record::MessageHeader;
 use bytes::Bytes;
@@ -48,7 +48,7 @@ pub(crate) struct Message {
 #[derive(Debug)]
 pub(crate) struct Messages {
     /// The files, each with the channels to read.
-    files: Vec<(Arc<Inner>, Vec<u16>)>,
+    files: Vec<(Arc<RecordedFile>, Vec<u16>)>,
     entries: std::vec::IntoIter<Entry>,
     /// The section in memory.
     loaded: Option<(Place, Source)>,
@@ -60,7 +60,7 @@ pub(crate) struct Messages {
 
 impl Messages {
     /// Finds the messages of the given channels of each file.
-    pub(super) fn new(files: Vec<(Arc<Inner>, Vec<u16>)>) -> Result<Self, RecordingError> {
+    pub(super) fn new(files: Vec<(Arc<RecordedFile>, Vec<u16>)>) -> Result<Self, RecordingError> {
         let mut entries = Vec::new();
         for (number, (inner, channels)) in (0..).zip(&files) {
             Self::collect_entries(inner, number, channels, &mut entries)?;
@@ -91,7 +91,7 @@ impl Messages {
             let section = &inner.structure.sections[place.section as usize];
             let records = match section.coding {
                 Coding::Plain => Ok(Source::File { offset: section.offset, bytes: section.bytes }),
-                Coding::Zstd | Coding::Lz4 => chunk_section::load(&inner.file, inner.file_bytes, section),
+                Coding::Zstd | Coding::Lz4 => chunk_section::load_records(&inner.file, inner.file_bytes, section),
             };
             let checked = records.and_then(|records| check_index(inner, section, channels, &records));
             if let Err(error) = checked {
@@ -108,7 +108,12 @@ impl Messages {
     /// # Errors
     ///
     /// [`RecordingError`] when the system fails, or there are more messages than a file of this size can have.
-    fn collect_entries(inner: &Inner, file: u32, channels: &[u16], all: &mut Vec<Entry>) -> Result<(), RecordingError> {
+    fn collect_entries(
+        inner: &RecordedFile,
+        file: u32,
+        channels: &[u16],
+        all: &mut Vec<Entry>,
+    ) -> Result<(), RecordingError> {
         let mut entries = Vec::new();
         for (number, section) in (0..).zip(&inner.structure.sections) {
             let before = entries.len();
@@ -161,7 +166,7 @@ impl Messages {
     }
 
     /// Returns one of the files.
-    pub(super) fn inner(&self, file: u32) -> &Inner {
+    pub(super) fn inner(&self, file: u32) -> &RecordedFile {
         &self.files[file as usize].0
     }
 
@@ -177,12 +182,12 @@ impl Messages {
         let section = &inner.structure.sections[place.section as usize];
         if self.loaded.as_ref().is_none_or(|(loaded, _)| *loaded != place) {
             self.loaded = None;
-            let records = chunk_section::load(&inner.file, inner.file_bytes, section)?;
+            let records = chunk_section::load_records(&inner.file, inner.file_bytes, section)?;
             check_index(inner, section, channels, &records)?;
             self.loaded = Some((place, records));
         }
         let found = match &self.loaded {
-            Some((_, records)) => chunk_section::message(&inner.file, records, entry.offset)?,
+            Some((_, records)) => chunk_section::read_message(&inner.file, records, entry.offset)?,
             None => None,
         };
         let (header, data) = found
@@ -242,7 +247,7 @@ impl Recording {
     ) -> Result<Option<String>, RecordingError> {
         let inner = &*self.inner;
         let Some(section) = inner.structure.sections.get(number) else { return Ok(None) };
-        let (records, damage) = match chunk_section::load(&inner.file, inner.file_bytes, section) {
+        let (records, damage) = match chunk_section::load_records(&inner.file, inner.file_bytes, section) {
             Ok(records) => (records, None),
             Err(Unreadable::Damaged(reason)) if section.coding == Coding::Plain && inner.is_ours() => {
                 (Source::File { offset: section.offset, bytes: section.bytes }, Some(reason))
@@ -256,12 +261,12 @@ impl Recording {
             [Topic::Image, Topic::FrameInfo].iter().any(|frame| frame.is_named_by(topic))
         };
         let mut refusal = None;
-        let scanned = chunk_section::scan(&inner.file, &records, |found| {
+        let scanned = chunk_section::scan_records(&inner.file, &records, |found| {
             let Found::Message { at, header } = found else { return Ok(()) };
             if damage.is_some() && !has_own_checksum(header.channel) {
                 return Ok(());
             }
-            let visited = match chunk_section::message(&inner.file, &records, at) {
+            let visited = match chunk_section::read_message(&inner.file, &records, at) {
                 Ok(Some((header, data))) => visit(Message { file: 0, header, data, is_checked }),
                 Ok(None) => Ok(()),
                 Err(error) => Err(inner.io(error)),
@@ -285,12 +290,12 @@ impl Recording {
 }
 
 /// Checks that the index of a chunk lists every message of the channels.
-fn check_index(inner: &Inner, section: &Section, channels: &[u16], records: &Source) -> Result<(), Unreadable> {
+fn check_index(inner: &RecordedFile, section: &Section, channels: &[u16], records: &Source) -> Result<(), Unreadable> {
     if section.index.is_empty() {
         return Ok(());
     }
     let mut present = 0_u64;
-    chunk_section::scan(&inner.file, records, |found| {
+    chunk_section::scan_records(&inner.file, records, |found| {
         present += u64::from(matches!(found, Found::Message { header, .. } if channels.contains(&header.channel)));
         Ok(())
     })?;
@@ -308,7 +313,7 @@ fn check_index(inner: &Inner, section: &Section, channels: &[u16], records: &Sou
 /// Adds the entries of a section's messages on these channels from its index, 16 bytes per message: log time and
 /// offset.
 fn entries_by_index(
-    inner: &Inner,
+    inner: &RecordedFile,
     section: &Section,
     place: Place,
     channels: &[u16],
@@ -328,14 +333,14 @@ fn entries_by_index(
 
 /// Adds the entries of a section's messages on these channels by reading the heads of all records.
 fn entries_by_scan(
-    inner: &Inner,
+    inner: &RecordedFile,
     section: &Section,
     place: Place,
     channels: &[u16],
     entries: &mut Vec<Entry>,
 ) -> Result<(), Unreadable> {
-    let records = chunk_section::load(&inner.file, inner.file_bytes, section)?;
-    chunk_section::scan(&inner.file, &records, |found| {
+    let records = chunk_section::load_records(&inner.file, inner.file_bytes, section)?;
+    chunk_section::scan_records(&inner.file, &records, |found| {
         if let Found::Message { at, header } = found
             && channels.contains(&header.channel)
         {

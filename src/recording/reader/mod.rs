@@ -48,13 +48,13 @@ pub struct Attachment {
 #[derive(Debug, Clone)]
 pub struct Recording {
     /// The first file.
-    inner: Arc<Inner>,
+    inner: Arc<RecordedFile>,
     rest: Arc<file_set::Rest>,
 }
 
 /// One file of a recording and the content that every reader needs.
 #[derive(Debug)]
-struct Inner {
+struct RecordedFile {
     path: PathBuf,
     file: File,
     file_bytes: u64,
@@ -89,7 +89,7 @@ impl Recording {
             return Err(RecordingError::invalid(path, "not a regular file"));
         }
         let structure = scan::scan(&file, about.len()).map_err(|error| unreadable(path, error))?;
-        let mut inner = Inner {
+        let mut inner = RecordedFile {
             path: path.to_path_buf(),
             file,
             file_bytes: about.len(),
@@ -127,7 +127,7 @@ impl Recording {
 
     /// Returns the size of all files, bytes.
     pub fn bytes(&self) -> u64 {
-        self.inners().map(|inner| inner.file_bytes).sum()
+        self.all_files().map(|inner| inner.file_bytes).sum()
     }
 
     /// Returns the name and version of the program that wrote the file.
@@ -203,19 +203,19 @@ impl Recording {
     /// [`RecordingError::Io`] when the system fails.
     pub fn verify(&self) -> Result<Vec<String>, RecordingError> {
         let mut damage = Vec::new();
-        for inner in self.inners() {
+        for inner in self.all_files() {
             damage.extend(inner.verify()?.into_iter().map(|reason| self.named(inner, &reason)));
         }
         Ok(damage)
     }
 }
 
-impl Inner {
+impl RecordedFile {
     /// Reads the whole file and lists its damage: chunks, attachments and data that fail their CRC-32.
     fn verify(&self) -> Result<Vec<String>, RecordingError> {
         let mut damage = self.damage.clone();
         for section in &self.structure.sections {
-            match chunk_section::load(&self.file, self.file_bytes, section) {
+            match chunk_section::load_records(&self.file, self.file_bytes, section) {
                 Ok(_) => {}
                 Err(Unreadable::Damaged(reason)) if damage.contains(&reason) => {}
                 Err(Unreadable::Damaged(reason)) => damage.push(reason),
@@ -285,10 +285,10 @@ impl Inner {
         let records = match section.coding {
             // The CRC is checked when a message is read.
             Coding::Plain => Source::File { offset: section.offset, bytes: section.bytes },
-            Coding::Zstd | Coding::Lz4 => chunk_section::load(&self.file, self.file_bytes, section)?,
+            Coding::Zstd | Coding::Lz4 => chunk_section::load_records(&self.file, self.file_bytes, section)?,
         };
         let (structure, counts) = (&mut self.structure, &mut self.counts);
-        chunk_section::scan(&self.file, &records, |found| match found {
+        chunk_section::scan_records(&self.file, &records, |found| match found {
             Found::Message { header, .. } => {
                 *counts.entry(header.channel).or_default() += 1;
                 Ok(())

@@ -13,12 +13,12 @@ pub(super) const COMPRESSED_SCHEMA_NAME: &str = "sensor_msgs/msg/CompressedImage
 const ENCAPSULATION_BYTES: usize = 4;
 
 /// Decodes a `sensor_msgs/msg/Image` in little-endian CDR (OMG DDS-XTypes 1.3, section 7.4.3).
-pub(super) fn image(message: &Bytes) -> Result<RawImage, String> {
+pub(super) fn decode_image(message: &Bytes) -> Result<RawImage, String> {
     decode_cdr(message, parse_image)
 }
 
 /// Decodes a `sensor_msgs/msg/CompressedImage` in the same encoding.
-pub(super) fn compressed_image(message: &Bytes) -> Result<RawImage, String> {
+pub(super) fn decode_compressed_image(message: &Bytes) -> Result<RawImage, String> {
     decode_cdr(message, parse_compressed_image)
 }
 
@@ -41,7 +41,7 @@ fn parse_compressed_image(cdr: &mut Cdr<'_>) -> Option<Result<RawImage, String>>
     let (_frame_id, _format) = (cdr.text()?, cdr.text()?);
     let count = cdr.u32()? as usize;
     let payload = cdr.take(count)?;
-    Some(compressed::decode(payload, Some(Timestamp::new(seconds, nanoseconds))))
+    Some(compressed::decode_picture(payload, Some(Timestamp::new(seconds, nanoseconds))))
 }
 
 /// Parses the fields of a `sensor_msgs/msg/Image`; its pixels share the memory of the message.

@@ -219,11 +219,11 @@ impl Structure {
                 self.library = fields.text()?.to_owned();
             }
             op::SCHEMA => {
-                let (id, schema) = record::schema(body)?;
+                let (id, schema) = record::parse_schema(body)?;
                 self.schemas.entry(id).or_insert(schema);
             }
             op::CHANNEL => {
-                let (id, channel) = record::channel(body)?;
+                let (id, channel) = record::parse_channel(body)?;
                 self.channels.entry(id).or_insert(channel);
             }
             _ => {
@@ -237,7 +237,7 @@ impl Structure {
 
     /// Stores a chunk as a section, from the first bytes of its record's body.
     fn store_chunk(&mut self, head: &[u8], body: u64, length: u64) -> Result<(), String> {
-        let header = record::chunk_header(head).ok_or("the chunk header does not parse")?;
+        let header = record::parse_chunk_header(head).ok_or("the chunk header does not parse")?;
         let coding = coding(&header.compression).ok_or_else(|| {
             format!("chunk compression {:?} is not supported, only none, zstd and lz4", header.compression)
         })?;
@@ -260,7 +260,7 @@ impl Structure {
 
     /// Stores the chunk that was open when the file was cut off: it has records but no sizes.
     fn store_torn_chunk(&mut self, head: &[u8], body: u64, file_bytes: u64) {
-        let Some(header) = record::chunk_header(head) else { return };
+        let Some(header) = record::parse_chunk_header(head) else { return };
         // The rest of a compressed stream looks like damage.
         if coding(&header.compression) != Some(Coding::Plain) {
             return;

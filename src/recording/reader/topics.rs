@@ -1,7 +1,7 @@
 //! The topics of a recording and their rows.
 
 use super::messages::Messages;
-use super::{Inner, Recording};
+use super::{RecordedFile, Recording};
 use crate::recording::record::{Channel, Schema};
 use crate::recording::rows::Row;
 use crate::recording::{EventRow, RecordingError, StatusRow, Topic};
@@ -54,7 +54,7 @@ impl Recording {
     /// Returns every topic with its schema and its number of messages, by name.
     pub fn topics(&self) -> Vec<TopicSummary> {
         let mut topics = BTreeMap::new();
-        for inner in self.inners() {
+        for inner in self.all_files() {
             for (id, channel) in &inner.structure.channels {
                 let schema = inner.schema_name(channel.schema).to_owned();
                 let messages = inner.counts.get(id).copied().unwrap_or(0);
@@ -140,8 +140,8 @@ impl Recording {
 
     /// Reads the rows of one of our topics in all files.
     fn rows<T>(&self, topic: Topic) -> Result<Rows<T>, RecordingError> {
-        let of_file = |inner: &Arc<Inner>| Ok((Arc::clone(inner), inner.channels_of(topic)?));
-        let messages = Messages::new(self.inners().map(of_file).collect::<Result<_, RecordingError>>()?)?;
+        let of_file = |inner: &Arc<RecordedFile>| Ok((Arc::clone(inner), inner.channels_of(topic)?));
+        let messages = Messages::new(self.all_files().map(of_file).collect::<Result<_, RecordingError>>()?)?;
         Ok(Rows { messages, topic: topic.as_str(), row: PhantomData })
     }
 }
@@ -158,7 +158,7 @@ impl Recording {
     }
 }
 
-impl Inner {
+impl RecordedFile {
     /// Returns the name of a schema; empty for one that the file does not define.
     pub(super) fn schema_name(&self, schema: u16) -> &str {
         self.structure.schemas.get(&schema).map_or("", |schema| &schema.name)
