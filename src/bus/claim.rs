@@ -7,8 +7,9 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+/// The time between two tries to take a role.
 const PAUSE: Duration = Duration::from_millis(10);
-/// The number of tries of a claim without patience: a process that only looks holds a lock for a few microseconds.
+/// The minimum number of tries. A process that only asks for the holder has the lock for a few microseconds.
 const MIN_TRIES: u128 = 5;
 
 /// A role that is taken until this is dropped or the process ends, however it ends.
@@ -21,14 +22,19 @@ pub(super) struct Claim {
 }
 
 impl Claim {
-    /// Takes the role that this file stands for. Waits at most `patience` for the process that has it.
-    pub(super) fn take(path: &Path, patience: Duration) -> Result<Option<Self>, BusError> {
+    /// Takes the role that this file stands for. Waits at most `timeout` for the process that has it; `None` if it
+    /// keeps it.
+    ///
+    /// # Errors
+    ///
+    /// [`BusError::Folder`] if the file cannot be written.
+    pub(super) fn take(path: &Path, timeout: Duration) -> Result<Option<Self>, BusError> {
         let fail = |error: std::io::Error| BusError::Folder { path: path.to_owned(), reason: error.to_string() };
-        for attempt in 0..(patience.as_millis() / PAUSE.as_millis()).max(MIN_TRIES) {
+        for attempt in 0..(timeout.as_millis() / PAUSE.as_millis()).max(MIN_TRIES) {
             if attempt > 0 {
                 std::thread::sleep(PAUSE);
             }
-            let mut file = runtime::file(path).map_err(fail)?;
+            let mut file = runtime::open_file(path).map_err(fail)?;
             if file.try_lock().is_err() || !is_at(&file, path) {
                 continue;
             }
@@ -52,7 +58,7 @@ fn is_at(file: &File, path: &Path) -> bool {
     file.metadata().map(inode).ok() == path.metadata().map(inode).ok()
 }
 
-/// Returns the process that has taken the role of this file; `None` if no process has.
+/// Returns the id of the process that has taken the role of this file, 0 while it takes it; `None` if no process has.
 pub(super) fn holder(path: &Path) -> Option<u32> {
     let mut file = File::open(path).ok()?;
     if file.try_lock_shared().is_ok() {
@@ -71,7 +77,7 @@ mod tests {
     #[test]
     fn a_role_is_taken_once_and_free_again_when_it_is_given_up() {
         let folder = std::env::temp_dir().join(format!("ricochet-claim-{}", std::process::id()));
-        runtime::private(&folder).unwrap();
+        runtime::ensure_private(&folder).unwrap();
         let path = folder.join("track");
         let first = Claim::take(&path, Duration::ZERO).unwrap();
         assert!(first.is_some() && holder(&path) == Some(std::process::id()));

@@ -57,13 +57,13 @@ pub struct ControlClient {
 }
 
 impl ControlClient {
-    /// Sends a request and waits at most `patience` for the answer; `None` when nobody answers.
+    /// Sends a request and waits at most `timeout` for the answer; `None` when nobody answers.
     ///
     /// # Errors
     ///
     /// [`BusError::Service`] when shared memory cannot be used.
-    pub fn ask(&self, command: Command, patience: Duration) -> Result<Option<Reply>, BusError> {
-        self.send(command)?.wait(patience)
+    pub fn ask(&self, command: Command, timeout: Duration) -> Result<Option<Reply>, BusError> {
+        self.send(command)?.wait(timeout)
     }
 
     /// Sends a request without waiting for the answer. Dropping the result withdraws the request.
@@ -82,15 +82,15 @@ impl ControlClient {
 pub struct PendingReply(PendingResponse<ipc::Service, Request, (), Reply, ()>);
 
 impl PendingReply {
-    /// Waits at most `patience` for the answer; `None` when nobody answers.
+    /// Waits at most `timeout` for the answer; `None` when nobody answers.
     ///
     /// # Errors
     ///
     /// [`BusError::Service`] when shared memory cannot be used.
-    pub fn wait(&self, patience: Duration) -> Result<Option<Reply>, BusError> {
+    pub fn wait(&self, timeout: Duration) -> Result<Option<Reply>, BusError> {
         #[expect(clippy::disallowed_methods, reason = "limits how long a person waits")]
         let asked = Instant::now();
-        while asked.elapsed() < patience {
+        while asked.elapsed() < timeout {
             if let Some(reply) = self.0.receive().map_err(failure("ask", TOPIC))? {
                 return Ok(Some(*reply));
             }
@@ -101,6 +101,7 @@ impl PendingReply {
 }
 
 impl Bus {
+    /// Opens the service of the requests, or creates it.
     pub(super) fn control_service(&self) -> Result<Service, BusError> {
         self.node()
             .service_builder(&self.service_name(TOPIC)?)
@@ -116,7 +117,7 @@ impl Bus {
             .map_err(self.failure("create", TOPIC))
     }
 
-    /// Creates the server.
+    /// Creates the server, which answers the requests to this rig.
     ///
     /// # Errors
     ///
@@ -127,13 +128,13 @@ impl Bus {
         Ok(ControlServer { port, _service: service })
     }
 
-    /// Creates a client.
+    /// Creates a client, which sends requests to the rig as it runs now.
     ///
     /// # Errors
     ///
     /// [`BusError::NoRig`] when the rig is not running.
     pub fn control_client(&self) -> Result<ControlClient, BusError> {
-        self.follow()?;
+        self.rejoin_present_domain()?;
         let service = self
             .node()
             .service_builder(&self.service_name(TOPIC)?)

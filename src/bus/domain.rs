@@ -1,8 +1,8 @@
 //! Domains: the shared memory of one run of a rig, apart from that of every other run, rig and user.
 //!
-//! Names in `/dev/shm` are visible to every user, and anyone can take a name that is not taken yet. The names of a domain
-//! therefore begin with random digits, and each run of a rig has its own domain. So a process that a dead run left behind
-//! reaches nobody in the next one.
+//! Names in `/dev/shm` are visible to every user, and anyone can take a name that is not taken yet. The names of a
+//! domain therefore begin with random digits, and each run of a rig has its own domain. So a process that a dead run
+//! left behind reaches nobody in the next one.
 
 use super::claim::{self, Claim};
 use super::{BusError, runtime};
@@ -24,9 +24,10 @@ const MEMBERS: &str = "members";
 const SUPERVISOR: &str = "run";
 /// The lock of a process that looks for the domain of a rig, and creates one if there is none.
 const LOCK: &str = "lock";
-/// Time for a supervisor that has stopped its rig to leave.
-const LEAVING: Duration = Duration::from_secs(1);
-const LOCK_PATIENCE: Duration = Duration::from_secs(5);
+/// The maximum wait for a supervisor that has stopped its rig and is about to exit.
+const EXIT_TIMEOUT: Duration = Duration::from_secs(1);
+/// The maximum wait for the process that has the lock of a rig.
+const LOCK_TIMEOUT: Duration = Duration::from_secs(5);
 /// The file of a domain whose processes end with their supervisor.
 const SUPERVISED: &str = "supervised";
 
@@ -54,7 +55,7 @@ pub(super) struct Member {
 }
 
 impl Domain {
-    /// The domain in this folder, as passed on by [`folder`](Self::folder).
+    /// Returns the domain in this folder, which another process returned from [`folder`](Self::folder).
     pub fn in_folder(folder: &Path) -> Self {
         Self { folder: folder.to_owned() }
     }
@@ -64,11 +65,12 @@ impl Domain {
         &self.folder
     }
 
+    /// Returns the beginning of all names of the domain in shared memory.
     fn prefix(&self) -> String {
         format!("{}_", self.folder.file_name().unwrap_or_default().to_string_lossy())
     }
 
-    /// Returns the configuration of iceoryx2. Files in the working directory or the home folder change nothing.
+    /// Returns the configuration of iceoryx2 for this domain. Configuration files of iceoryx2 are not read.
     pub(super) fn config(&self) -> Result<Config, BusError> {
         let fail = |error: &dyn std::fmt::Debug| BusError::new("name", &self.folder.to_string_lossy(), error);
         let mut config = Config::default();
@@ -78,7 +80,7 @@ impl Domain {
         Ok(config)
     }
 
-    /// Joins the domain, unless it is gone.
+    /// Joins the domain; `None` if it was removed.
     pub(super) fn join(&self) -> Option<Member> {
         let path = self.folder.join(MEMBERS);
         let lock = File::open(&path).ok()?;
@@ -87,11 +89,11 @@ impl Domain {
         path.exists().then(|| Member { domain: self.clone(), lock: Some(lock) })
     }
 
-    /// Takes a role, and waits at most `patience` for the process that has it; `None` if it keeps it.
-    pub(super) fn claim(&self, rig: &str, role: &str, patience: Duration) -> Result<Option<Claim>, BusError> {
+    /// Takes a role, and waits at most `timeout` for the process that has it; `None` if it keeps it.
+    pub(super) fn claim(&self, rig: &str, role: &str, timeout: Duration) -> Result<Option<Claim>, BusError> {
         let claims = self.folder.join("claims");
-        runtime::private(&claims)?;
-        Claim::take(&claims.join(format!("{rig}.{role}")), patience)
+        runtime::ensure_private(&claims)?;
+        Claim::take(&claims.join(format!("{rig}.{role}")), timeout)
     }
 
     /// Returns the roles of a rig that are taken.
@@ -104,14 +106,19 @@ impl Domain {
         entries.filter_map(|entry| claimed(entry.path())).collect()
     }
 
-    /// Creates a domain; the result is its first member.
+    /// Creates a domain in the runtime folder, and returns its first member.
+    ///
+    /// # Errors
+    ///
+    /// [`BusError::Service`] if another user takes its names again and again, [`BusError::Folder`] if the folder cannot
+    /// be used.
     fn create(runtime: &Path) -> Result<Member, BusError> {
         for _ in 0..MAX_TRIES {
             let name = runtime::random_name();
             let fail = |error: std::io::Error| BusError::Folder { path: runtime.to_owned(), reason: error.to_string() };
             let domain = Self { folder: runtime.join(name.map_err(&fail)?) };
-            runtime::private(&domain.folder)?;
-            runtime::file(&domain.folder.join(MEMBERS)).map_err(fail)?;
+            runtime::ensure_private(&domain.folder)?;
+            runtime::open_file(&domain.folder.join(MEMBERS)).map_err(fail)?;
             let Some(member) = domain.join() else { continue };
             // Creates the counter of the domain's processes.
             let node = NodeBuilder::new()
@@ -119,43 +126,43 @@ impl Domain {
                 .config(&domain.config()?)
                 .create::<ipc::Service>();
             drop(node.map_err(|error| BusError::new("create", &domain.folder.to_string_lossy(), error))?);
-            if domain.close_to_others().is_ok() {
+            if domain.restrict_to_user().is_ok() {
                 return Ok(member);
             }
         }
         Err(BusError::new("create", MEMORY, "another user takes its names"))
     }
 
-    /// Replaces every file that others may write by one that they may not.
+    /// Replaces every file in shared memory by a copy that only this user can open.
     ///
-    /// The library opens the counter of processes to every user. Changing its mode would not close it to a process that
-    /// has opened it already.
-    fn close_to_others(&self) -> std::io::Result<()> {
-        for path in self.memory() {
+    /// The library lets every user write its counter of processes. A change of the mode would not affect a process that
+    /// has already opened the file.
+    fn restrict_to_user(&self) -> std::io::Result<()> {
+        for path in self.memory_files() {
             let content = std::fs::read(&path)?;
             std::fs::remove_file(&path)?;
             let mut options = std::fs::OpenOptions::new();
-            let mut closed = options.write(true).create_new(true).mode(0o600).open(&path)?;
-            std::io::Write::write_all(&mut closed, &content)?;
+            let mut copy = options.write(true).create_new(true).mode(0o600).open(&path)?;
+            std::io::Write::write_all(&mut copy, &content)?;
         }
         Ok(())
     }
 
-    /// Returns the paths of its shared memory.
-    pub(super) fn memory(&self) -> Vec<PathBuf> {
+    /// Returns the paths of its files in shared memory.
+    pub(super) fn memory_files(&self) -> Vec<PathBuf> {
         let prefix = self.prefix();
         let entries = std::fs::read_dir(MEMORY).into_iter().flatten().flatten();
         let is_own = |entry: &std::fs::DirEntry| entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes());
         entries.filter(is_own).map(|entry| entry.path()).collect()
     }
 
-    /// Removes everything of a domain without members.
-    fn sweep(&self) {
+    /// Removes the shared memory and the folder of the domain, unless it has members.
+    fn remove_if_empty(&self) {
         let members = self.folder.join(MEMBERS);
         let Ok(lock) = File::open(&members) else { return };
         if lock.try_lock().is_ok() {
             let _ = std::fs::remove_file(members);
-            self.memory().iter().for_each(|path| drop(std::fs::remove_file(path)));
+            self.memory_files().iter().for_each(|path| drop(std::fs::remove_file(path)));
             let _ = std::fs::remove_dir_all(&self.folder);
         }
     }
@@ -170,7 +177,7 @@ impl Member {
 impl Drop for Member {
     fn drop(&mut self) {
         self.lock = None;
-        self.domain.sweep();
+        self.domain.remove_if_empty();
     }
 }
 
@@ -180,9 +187,9 @@ fn rig_folder(runtime: &Path, rig: &str) -> Option<PathBuf> {
     (!rig.is_empty() && rig.chars().all(is_plain)).then(|| runtime.join("rigs").join(rig))
 }
 
-/// Returns the domain that the rig has in this runtime folder.
-fn existing(runtime: &Path, rig: &str) -> Option<Domain> {
-    runtime::private(runtime).ok()?;
+/// Returns the domain that the rig's file in this runtime folder leads to; `None` if it has no such file.
+fn read_pointer(runtime: &Path, rig: &str) -> Option<Domain> {
+    runtime::ensure_private(runtime).ok()?;
     let pointer = std::fs::read_to_string(rig_folder(runtime, rig)?.join(POINTER)).ok()?;
     let name = pointer.lines().find_map(|line| line.strip_prefix("prefix = \"")?.strip_suffix("_\""))?;
     Some(Domain { folder: runtime.join(name) })
@@ -190,7 +197,7 @@ fn existing(runtime: &Path, rig: &str) -> Option<Domain> {
 
 /// Returns the names of all rigs that this user has run since the runtime folders were created, in alphabetical order.
 pub(super) fn known_rigs() -> Vec<String> {
-    let is_ours = |folder: &PathBuf| folder.is_dir() && runtime::private(folder).is_ok();
+    let is_ours = |folder: &PathBuf| folder.is_dir() && runtime::ensure_private(folder).is_ok();
     let folders = runtime::candidates().into_iter().filter(is_ours);
     let entries = folders.flat_map(|folder| std::fs::read_dir(folder.join("rigs")).into_iter().flatten().flatten());
     let mut names: Vec<String> = entries.filter_map(|entry| entry.file_name().into_string().ok()).collect();
@@ -199,26 +206,27 @@ pub(super) fn known_rigs() -> Vec<String> {
     names
 }
 
-/// Returns the rig's present domain: that of the runtime folder in which it is alive.
-pub(super) fn of_rig(rig: &str) -> Option<Domain> {
+/// Returns the rig's present domain: that of the runtime folder in which processes of the rig run, else the first one.
+/// `None` if it has none.
+pub(super) fn present_domain(rig: &str) -> Option<Domain> {
     let folders = runtime::candidates();
-    let found = || folders.iter().filter(|folder| folder.is_dir()).filter_map(|folder| existing(folder, rig));
+    let found = || folders.iter().filter(|folder| folder.is_dir()).filter_map(|folder| read_pointer(folder, rig));
     let is_alive = |domain: &Domain| !domain.claims(rig).is_empty();
     found().find(is_alive).or_else(|| found().next())
 }
 
 /// Joins the rig's present domain, or creates one.
 pub(super) fn join_or_create(rig: &str) -> Result<Member, BusError> {
-    if let Some(member) = of_rig(rig).and_then(|domain| domain.join()) {
+    if let Some(member) = present_domain(rig).and_then(|domain| domain.join()) {
         return Ok(member);
     }
-    let (runtime, folder) = open_rig(rig)?;
-    let _lock = lock(&folder)?;
-    match existing(&runtime, rig).and_then(|domain| domain.join()) {
+    let RigFolders { runtime, folder } = open_rig_folder(rig)?;
+    let _lock = lock_rig(&folder)?;
+    match read_pointer(&runtime, rig).and_then(|domain| domain.join()) {
         Some(member) => Ok(member),
         None => {
             let member = Domain::create(&runtime)?;
-            point(&folder, &member.domain)?;
+            write_pointer(&folder, &member.domain)?;
             Ok(member)
         }
     }
@@ -232,57 +240,76 @@ pub(super) enum Renewal<'a> {
     Of(&'a Domain),
 }
 
-/// Gives a rig whose supervisor starts its domain, and takes the supervisor's place.
+/// Starts a run of a rig. Takes the place of its supervisor, and lets its file lead to the new domain.
+///
+/// `role` is the name of the supervisor in error messages.
 ///
 /// # Errors
 ///
 /// [`BusError::Taken`] if the rig has a supervisor, or processes without one.
 pub(super) fn renew(rig: &str, role: &str, renewal: &Renewal<'_>) -> Result<(Member, Claim), BusError> {
     let taken = |role: &str| BusError::Taken { rig: rig.to_owned(), role: role.to_owned() };
-    let (runtime, folder) = open_rig(rig)?;
-    let claim = Claim::take(&folder.join(SUPERVISOR), LEAVING)?.ok_or_else(|| taken(role))?;
-    let _lock = lock(&folder)?;
-    if let Some(domain) = of_rig(rig) {
+    let RigFolders { runtime, folder } = open_rig_folder(rig)?;
+    let claim = Claim::take(&folder.join(SUPERVISOR), EXIT_TIMEOUT)?.ok_or_else(|| taken(role))?;
+    let _lock = lock_rig(&folder)?;
+    if let Some(domain) = present_domain(rig) {
         // The processes of a dead supervisor end by themselves. Processes started one by one keep their roles.
         if let (Some(role), false) = (domain.claims(rig).first(), domain.folder.join(SUPERVISED).exists()) {
             return Err(taken(&role.name));
         }
     }
-    sweep_all(&runtime);
+    remove_empty_domains(&runtime);
     let member = match renewal {
         Renewal::New => Domain::create(&runtime)?,
-        Renewal::Of(domain) => domain.join().ok_or_else(|| gone(domain))?,
+        Renewal::Of(domain) => domain.join().ok_or_else(|| ended_error(domain))?,
     };
     let fail = |error: std::io::Error| BusError::Folder { path: folder.clone(), reason: error.to_string() };
-    runtime::file(&member.domain.folder.join(SUPERVISED)).map_err(fail)?;
-    point(&folder, &member.domain)?;
+    runtime::open_file(&member.domain.folder.join(SUPERVISED)).map_err(fail)?;
+    write_pointer(&folder, &member.domain)?;
     Ok((member, claim))
 }
 
-/// The error of a process that comes after the end of its run.
-pub(super) fn gone(domain: &Domain) -> BusError {
+/// Returns the error of a process that starts after the end of its run.
+pub(super) fn ended_error(domain: &Domain) -> BusError {
     BusError::Folder { path: domain.folder.clone(), reason: "the run of the rig is over".into() }
 }
 
-fn open_rig(rig: &str) -> Result<(PathBuf, PathBuf), BusError> {
-    let runtime = runtime::open()?;
+/// The folders that hold the files of a rig.
+struct RigFolders {
+    /// The runtime folder of the user.
+    runtime: PathBuf,
+    /// The rig's own folder in it.
+    folder: PathBuf,
+}
+
+/// Creates the runtime folder and the folder of a rig in it, if needed.
+///
+/// # Errors
+///
+/// [`BusError::NoRig`] for a name that no rig can have, [`BusError::Folder`] if a folder is not private.
+fn open_rig_folder(rig: &str) -> Result<RigFolders, BusError> {
+    let runtime = runtime::open_folder()?;
     let Some(folder) = rig_folder(&runtime, rig) else {
         return Err(BusError::NoRig { rig: rig.to_owned(), service: format!("ricochet/{rig}") });
     };
-    runtime::private(&runtime.join("rigs"))?;
-    runtime::private(&folder)?;
-    Ok((runtime, folder))
+    runtime::ensure_private(&runtime.join("rigs"))?;
+    runtime::ensure_private(&folder)?;
+    Ok(RigFolders { runtime, folder })
 }
 
 /// Takes the right to decide on the domain of a rig, which a process has for milliseconds.
-fn lock(folder: &Path) -> Result<Claim, BusError> {
+///
+/// # Errors
+///
+/// [`BusError::Folder`] if another process keeps it.
+fn lock_rig(folder: &Path) -> Result<Claim, BusError> {
     let path = folder.join(LOCK);
-    Claim::take(&path, LOCK_PATIENCE)?
+    Claim::take(&path, LOCK_TIMEOUT)?
         .ok_or_else(|| BusError::Folder { path, reason: "a process that hangs has locked it".into() })
 }
 
-/// Lets the rig's file lead to a domain.
-fn point(folder: &Path, domain: &Domain) -> Result<(), BusError> {
+/// Lets the rig's file lead to a domain. The file is replaced as a whole, so that no reader sees half of it.
+fn write_pointer(folder: &Path, domain: &Domain) -> Result<(), BusError> {
     let text = format!(
         "# Other programs that use iceoryx2 find this rig with this configuration.\n\
          [global]\nroot-path = \"{}\"\nprefix = \"{}\"\n",
@@ -295,9 +322,9 @@ fn point(folder: &Path, domain: &Domain) -> Result<(), BusError> {
         .map_err(|error| BusError::Folder { path, reason: error.to_string() })
 }
 
-/// Removes the domains of runs that were killed.
-fn sweep_all(runtime: &Path) {
+/// Removes the domains without members in a runtime folder, which runs leave behind that were killed.
+fn remove_empty_domains(runtime: &Path) {
     let entries = std::fs::read_dir(runtime).into_iter().flatten().flatten();
     let domains = entries.map(|entry| entry.path()).filter(|path| path.join(MEMBERS).exists());
-    domains.for_each(|folder| Domain { folder }.sweep());
+    domains.for_each(|folder| Domain { folder }.remove_if_empty());
 }

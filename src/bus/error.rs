@@ -76,7 +76,7 @@ impl Fatal for BusError {
 }
 
 impl BusError {
-    /// An error of iceoryx2.
+    /// Returns the error of an action on a service that iceoryx2 refused.
     pub fn new(action: &'static str, service: &str, reason: impl std::fmt::Debug) -> Self {
         Self::Service { action, service: service.to_owned(), reason: format!("{reason:?}") }
     }

@@ -70,6 +70,7 @@ impl FieldSubscriber {
 }
 
 impl Bus {
+    /// Opens the service of the fields, or creates it with these limits.
     pub(super) fn field_service(&self, limits: &Limits) -> Result<Service, BusError> {
         self.node()
             .service_builder(&self.service_name(TOPIC)?)
@@ -111,7 +112,7 @@ impl Bus {
     ///
     /// [`BusError::Service`] when shared memory cannot be used.
     pub fn field_subscriber(&self, limits: &Limits) -> Result<FieldSubscriber, BusError> {
-        self.read_field(self.field_service(limits)?, limits.field_depth())
+        self.subscribe_to_field(self.field_service(limits)?, limits.field_depth())
     }
 
     /// Creates a subscriber of fields for any other program.
@@ -120,7 +121,7 @@ impl Bus {
     ///
     /// [`BusError::NoRig`] when the rig is not running.
     pub fn listen_field(&self) -> Result<FieldSubscriber, BusError> {
-        self.follow()?;
+        self.rejoin_present_domain()?;
         let service = self
             .node()
             .service_builder(&self.service_name(TOPIC)?)
@@ -128,10 +129,11 @@ impl Bus {
             .user_header::<FieldHeader>()
             .open()
             .map_err(|_| BusError::NoRig { rig: self.rig.clone(), service: self.full_name(TOPIC) })?;
-        self.read_field(service, 64)
+        self.subscribe_to_field(service, 64)
     }
 
-    fn read_field(&self, service: Service, depth: usize) -> Result<FieldSubscriber, BusError> {
+    /// Creates a subscriber whose queue holds `depth` fields.
+    fn subscribe_to_field(&self, service: Service, depth: usize) -> Result<FieldSubscriber, BusError> {
         let port = service.subscriber_builder().buffer_size(depth).create().map_err(self.failure("read", TOPIC))?;
         Ok(FieldSubscriber { port, _service: service })
     }

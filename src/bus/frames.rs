@@ -75,12 +75,12 @@ impl FramePublisher {
         }
     }
 
-    /// Returns all slots to the ring that a camera which is gone still holds.
+    /// Returns to the ring all slots that a camera still holds which is gone.
     pub fn take_all_back(&mut self) {
         self.loans.clear();
     }
 
-    /// Connects to readers that joined since the last frame.
+    /// Connects to readers that joined since the last frame, so that they receive the next one.
     pub fn greet(&self) {
         let _ = self.port.update_connections();
     }
@@ -142,6 +142,7 @@ impl FrameSubscriber {
 }
 
 impl Bus {
+    /// Opens the service of the frames, or creates it with these limits.
     pub(super) fn frames_service(&self, limits: &Limits) -> Result<Service, BusError> {
         self.node()
             .service_builder(&self.service_name(TOPIC)?)

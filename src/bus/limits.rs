@@ -21,12 +21,13 @@ impl Limits {
     /// The maximum number of readers of the frames besides workers and recorder.
     pub const SPARE_READERS: usize = 4;
 
-    /// Returns the number of frames in shared memory.
+    /// Returns the number of frames in shared memory: the ring, the frames that readers and the camera hold, and a
+    /// reserve.
     pub fn frame_chunks(&self) -> usize {
         self.ring_frames + self.held_frames + 4 * self.workers as usize + Self::CAMERA_SLOTS + 32
     }
 
-    /// Returns the size of the frames in shared memory, bytes.
+    /// Returns the size of the frames in shared memory, bytes, for slots of this size.
     pub fn ring_bytes(&self, slot_bytes: usize) -> u64 {
         // The headers of the library and ours.
         (self.frame_chunks() * (slot_bytes + 192)) as u64

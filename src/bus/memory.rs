@@ -13,12 +13,12 @@ use std::path::PathBuf;
 /// The memory that a process needs to join a rig: its publishers and connections, bytes.
 pub(super) const JOIN_BYTES: u64 = 10 << 20;
 
-/// Returns the free bytes of `/dev/shm`; the maximum if that is unknown.
+/// Returns the free bytes of `/dev/shm`; `u64::MAX` if they are unknown.
 pub fn free_bytes() -> u64 {
     rustix::fs::statvfs("/dev/shm").map_or(u64::MAX, |stat| stat.f_bavail * stat.f_frsize)
 }
 
-/// Checks that `/dev/shm` has room for frames of `ring_bytes` and some more processes.
+/// Checks that `/dev/shm` has room for frames of `ring_bytes` and for this number of further processes.
 ///
 /// # Errors
 ///
@@ -28,6 +28,10 @@ pub fn check_room(ring_bytes: u64, processes: usize) -> Result<(), BusError> {
 }
 
 /// Checks that `/dev/shm` has `needed_bytes` free.
+///
+/// # Errors
+///
+/// [`BusError::Memory`] if it has not.
 pub(super) fn require(needed_bytes: u64) -> Result<(), BusError> {
     let free_bytes = free_bytes();
     if free_bytes < needed_bytes { Err(BusError::Memory { needed_bytes, free_bytes }) } else { Ok(()) }
@@ -35,7 +39,12 @@ pub(super) fn require(needed_bytes: u64) -> Result<(), BusError> {
 
 /// Reserves the memory of small files, so that using them cannot fail later.
 ///
-/// Larger ones are the pools of frames, which their writer touches, and of fields, which check for room at each use.
+/// Files above [`JOIN_BYTES`] are left out: the pool of frames, which its writer touches, and that of fields, whose
+/// writer checks for room at each use.
+///
+/// # Errors
+///
+/// [`BusError::Memory`] if there is not enough.
 pub(super) fn reserve(paths: &[PathBuf]) -> Result<(), BusError> {
     for path in paths {
         // It may be gone by now.
@@ -55,8 +64,12 @@ pub(super) fn reserve(paths: &[PathBuf]) -> Result<(), BusError> {
 /// Makes every page of the mapping that holds `address` present and writable.
 ///
 /// A kernel before 5.14 does not know the request. That is no error; the pages are then mapped one by one.
+///
+/// # Errors
+///
+/// [`BusError::Memory`] if there is no memory left for them.
 pub(super) fn populate(address: usize) -> Result<(), BusError> {
-    let Some((start, end)) = mapping(address) else { return Ok(()) };
+    let Some((start, end)) = mapping_of(address) else { return Ok(()) };
     let bytes = end - start;
     // SAFETY: the range is one whole mapping of this process; populating changes no content.
     let touched = unsafe { madvise(start as *mut c_void, bytes, Advice::LinuxPopulateWrite) };
@@ -66,8 +79,8 @@ pub(super) fn populate(address: usize) -> Result<(), BusError> {
     }
 }
 
-/// Returns the first and the one-past-last address of the mapping that holds `address`.
-fn mapping(address: usize) -> Option<(usize, usize)> {
+/// Returns the first and the one-past-last address of the mapping that holds `address`; `None` if there is none.
+fn mapping_of(address: usize) -> Option<(usize, usize)> {
     let maps = std::fs::read_to_string("/proc/self/maps").ok()?;
     maps.lines().find_map(|line| {
         let (start, end) = line.split_whitespace().next()?.split_once('-')?;

@@ -1,13 +1,12 @@
 //! Shared memory between the processes of a rig. This is the only room that opens iceoryx2.
 //!
 //! Services are named `ricochet/RIG/TOPIC`. All limits are set here and never left to a default, because all processes
-//! must request the same. The processes of a rig derive them from one configuration ([`Limits`]); other programs open the
-//! services that exist.
+//! must request the same. The processes of a rig derive them from one configuration ([`Limits`]); other programs open
+//! the services that exist.
 //!
-//! Each topic overflows safely. A slow, dead or absent reader loses its own oldest messages, detects that by the sequence
-//! numbers, and never slows a writer.
+//! Each topic overflows safely. A slow, dead or absent reader loses its own oldest messages, detects that by the
+//! sequence numbers, and never slows a writer.
 
-mod bell;
 mod claim;
 mod control;
 mod domain;
@@ -16,10 +15,10 @@ mod field;
 mod frames;
 mod limits;
 mod memory;
+mod notification;
 mod runtime;
 mod topic;
 
-pub use bell::{Bell, Ear};
 pub use control::{ControlClient, ControlServer, PendingReply, PendingRequest};
 pub use domain::{Domain, TakenRole};
 pub use error::BusError;
@@ -27,6 +26,7 @@ pub use field::{FieldPublisher, FieldSubscriber};
 pub use frames::{FramePublisher, FrameSample, FrameSubscriber};
 pub use limits::Limits;
 pub use memory::{check_room, free_bytes};
+pub use notification::{TopicListener, TopicNotifier};
 pub use topic::{Publisher, Subscriber, Topic};
 
 use claim::Claim;
@@ -57,6 +57,7 @@ struct Link {
 }
 
 impl Link {
+    /// Registers this process in a domain, under a name made of rig and role.
     fn new(member: Member, rig: &str, role: &str) -> Result<Self, BusError> {
         memory::require(memory::JOIN_BYTES)?;
         iceoryx2::prelude::set_log_level_from_env_or(LogLevel::Fatal);
@@ -82,25 +83,26 @@ impl Bus {
         Self::new(domain::join_or_create(rig)?, rig, role, Vec::new())
     }
 
+    /// Registers this process in a domain with the roles that it has taken.
     fn new(member: Member, rig: &str, role: &str, claims: Vec<Claim>) -> Result<Self, BusError> {
         let link = RefCell::new(Link::new(member, rig, role)?);
         Ok(Self { link, rig: rig.to_owned(), role: role.to_owned(), _claims: claims })
     }
 
-    /// Joins in a role that only one process of a rig has at a time. Waits at most `patience` for one that is ending.
+    /// Joins in a role that only one process of a rig has at a time. Waits at most `timeout` for one that is ending.
     ///
     /// `domain` is that of the supervisor; a process without one joins the rig's present domain.
     ///
     /// # Errors
     ///
     /// [`BusError::Taken`] when another process has the role; [`BusError::Service`] when shared memory cannot be used.
-    pub fn join_as(rig: &str, role: &str, patience: Duration, domain: Option<&Domain>) -> Result<Self, BusError> {
+    pub fn join_as(rig: &str, role: &str, timeout: Duration, domain: Option<&Domain>) -> Result<Self, BusError> {
         let member = match domain {
-            Some(domain) => domain.join().ok_or_else(|| domain::gone(domain))?,
+            Some(domain) => domain.join().ok_or_else(|| domain::ended_error(domain))?,
             None => domain::join_or_create(rig)?,
         };
         let taken = || BusError::Taken { rig: rig.to_owned(), role: role.to_owned() };
-        let claim = member.domain().claim(rig, role, patience)?.ok_or_else(taken)?;
+        let claim = member.domain().claim(rig, role, timeout)?.ok_or_else(taken)?;
         Self::new(member, rig, role, vec![claim])
     }
 
@@ -133,12 +135,13 @@ impl Bus {
     ///
     /// [`BusError::Memory`] when there is not enough.
     pub fn reserve(&self) -> Result<(), BusError> {
-        memory::reserve(&self.domain().memory())
+        memory::reserve(&self.domain().memory_files())
     }
 
-    /// Joins the rig's present domain, if it has a new one.
-    fn follow(&self) -> Result<(), BusError> {
-        let Some(domain) = domain::of_rig(&self.rig).filter(|domain| *domain != self.domain()) else { return Ok(()) };
+    /// Leaves the domain for the rig's present one, if the rig was started again since.
+    fn rejoin_present_domain(&self) -> Result<(), BusError> {
+        let present = domain::present_domain(&self.rig);
+        let Some(domain) = present.filter(|domain| *domain != self.domain()) else { return Ok(()) };
         if let Some(member) = domain.join() {
             let link = Link::new(member, &self.rig, &self.role)?;
             self.link.replace(link);
@@ -155,9 +158,9 @@ impl Bus {
         let _ = self.node().try_cleanup_dead_nodes();
     }
 
-    /// Whether a rig of this name runs. Unlike a look after [`join`](Self::join), this creates nothing.
+    /// Whether a rig of this name runs. Unlike [`join`](Self::join), this creates nothing.
     pub fn is_running(rig: &str) -> bool {
-        domain::of_rig(rig).is_some_and(|domain| !domain.claims(rig).is_empty())
+        domain::present_domain(rig).is_some_and(|domain| !domain.claims(rig).is_empty())
     }
 
     /// Returns the names of this user's rigs that run, in alphabetical order.
@@ -184,11 +187,13 @@ impl Bus {
         &self.rig
     }
 
+    /// Returns the name of a topic's service for iceoryx2, which limits its length.
     fn service_name(&self, topic: &str) -> Result<ServiceName, BusError> {
-        let name = format!("ricochet/{}/{topic}", self.rig);
+        let name = self.full_name(topic);
         ServiceName::new(&name).map_err(|error| BusError::new("name", &name, error))
     }
 
+    /// Returns the name of a topic's service.
     fn full_name(&self, topic: &str) -> String {
         format!("ricochet/{}/{topic}", self.rig)
     }
@@ -198,7 +203,8 @@ impl Bus {
         failure(action, self.full_name(topic))
     }
 
-    /// Opens all services of a rig and keeps them open, so that a process that dies and is restarted finds the same limits.
+    /// Opens all services of a rig, which stay open until the result is dropped. A process that dies and is restarted
+    /// thus finds the same limits.
     ///
     /// # Errors
     ///
@@ -215,9 +221,9 @@ impl Bus {
             Box::new(self.topic_service::<StatusMessage>(limits)?),
             Box::new(self.topic_service::<Progress>(limits)?),
             Box::new(self.control_service()?),
-            Box::new(self.bell_service("frames")?),
-            Box::new(self.bell_service("field")?),
-            Box::new(self.bell_service("velocity")?),
+            Box::new(self.notification_service("frames")?),
+            Box::new(self.notification_service("field")?),
+            Box::new(self.notification_service("velocity")?),
         ])
     }
 }

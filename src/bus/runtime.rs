@@ -1,6 +1,7 @@
 //! The private folder of a user: locks, and what processes need to find the shared memory of a rig.
 //!
-//! Nobody else can enter it, so nobody else can take a role, take a name, or put something in place of what is read there.
+//! Nobody else can enter it, so nobody else can take a role, take a name, or put something in place of what is read
+//! there.
 
 use super::BusError;
 use std::fs::{DirBuilder, File, OpenOptions};
@@ -36,9 +37,9 @@ pub(super) fn candidates() -> Vec<PathBuf> {
 /// # Errors
 ///
 /// [`BusError::Folder`] if it belongs to another user, can be entered by others, or has too long a path.
-pub(super) fn open() -> Result<PathBuf, BusError> {
+pub(super) fn open_folder() -> Result<PathBuf, BusError> {
     let path = candidates().swap_remove(0);
-    private(&path)?;
+    ensure_private(&path)?;
     if path.as_os_str().len() > MAX_PATH_BYTES {
         let reason = format!("its path is longer than {MAX_PATH_BYTES} bytes");
         return Err(BusError::Folder { path, reason });
@@ -46,8 +47,12 @@ pub(super) fn open() -> Result<PathBuf, BusError> {
     Ok(path)
 }
 
-/// Creates a folder that only this user can enter, or checks that it is one.
-pub(super) fn private(path: &Path) -> Result<(), BusError> {
+/// Creates a folder that only this user can enter, or checks that an existing one is such a folder.
+///
+/// # Errors
+///
+/// [`BusError::Folder`] if it is a link or a file, belongs to another user, or others can enter it.
+pub(super) fn ensure_private(path: &Path) -> Result<(), BusError> {
     let fail = |reason: String| BusError::Folder { path: path.to_owned(), reason };
     let created = DirBuilder::new().mode(0o700).create(path);
     if let Some(error) = created.err().filter(|error| error.kind() != std::io::ErrorKind::AlreadyExists) {
@@ -64,11 +69,11 @@ pub(super) fn private(path: &Path) -> Result<(), BusError> {
 }
 
 /// Opens a file in a private folder for locks and notes; creates it if needed.
-pub(super) fn file(path: &Path) -> std::io::Result<File> {
+pub(super) fn open_file(path: &Path) -> std::io::Result<File> {
     OpenOptions::new().read(true).write(true).create(true).truncate(false).mode(0o600).open(path)
 }
 
-/// Returns some random hexadecimal digits.
+/// Returns twelve random hexadecimal digits.
 pub(super) fn random_name() -> std::io::Result<String> {
     let mut bytes = [0; 6];
     std::io::Read::read_exact(&mut File::open("/dev/urandom")?, &mut bytes)?;
@@ -83,14 +88,14 @@ mod tests {
     #[test]
     fn a_folder_that_others_can_enter_or_that_is_a_link_is_refused() {
         let parent = std::env::temp_dir().join(format!("ricochet-test-{}", std::process::id()));
-        private(&parent).unwrap();
+        ensure_private(&parent).unwrap();
         let (open, link) = (parent.join("open"), parent.join("link"));
-        private(&open).unwrap();
-        private(&open).unwrap();
+        ensure_private(&open).unwrap();
+        ensure_private(&open).unwrap();
         std::fs::set_permissions(&open, std::fs::Permissions::from_mode(0o750)).unwrap();
-        assert!(private(&open).unwrap_err().to_string().contains("others can enter it (mode 750"));
+        assert!(ensure_private(&open).unwrap_err().to_string().contains("others can enter it (mode 750"));
         std::os::unix::fs::symlink(&parent, &link).unwrap();
-        assert!(private(&link).unwrap_err().to_string().contains("it is no folder"));
+        assert!(ensure_private(&link).unwrap_err().to_string().contains("it is no folder"));
         std::fs::remove_dir_all(&parent).unwrap();
     }
 }

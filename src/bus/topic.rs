@@ -87,6 +87,7 @@ impl<T: Topic> Subscriber<T> {
 }
 
 impl Bus {
+    /// Opens the service of this topic, or creates it with these limits.
     pub(super) fn topic_service<T: Topic>(&self, limits: &Limits) -> Result<Service<T>, BusError> {
         let writers = 2 * limits.workers as usize + 16;
         self.node()
@@ -109,7 +110,7 @@ impl Bus {
     ///
     /// [`BusError::Service`] when shared memory cannot be used.
     pub fn publisher<T: Topic>(&self, limits: &Limits) -> Result<Publisher<T>, BusError> {
-        self.write(self.topic_service::<T>(limits)?)
+        self.publish_to(self.topic_service::<T>(limits)?)
     }
 
     /// Creates a publisher of this topic for a process that does not know the limits of the rig.
@@ -118,10 +119,11 @@ impl Bus {
     ///
     /// [`BusError::NoRig`] when the rig is not running.
     pub fn guest_publisher<T: Topic>(&self) -> Result<Publisher<T>, BusError> {
-        self.write(self.existing_service::<T>()?)
+        self.publish_to(self.existing_service::<T>()?)
     }
 
-    fn write<T: Topic>(&self, service: Service<T>) -> Result<Publisher<T>, BusError> {
+    /// Creates a publisher on an open service.
+    fn publish_to<T: Topic>(&self, service: Service<T>) -> Result<Publisher<T>, BusError> {
         let port = service
             .publisher_builder()
             .max_loaned_samples(2)
@@ -137,7 +139,7 @@ impl Bus {
     ///
     /// [`BusError::Service`] when shared memory cannot be used.
     pub fn subscriber<T: Topic>(&self, limits: &Limits) -> Result<Subscriber<T>, BusError> {
-        self.read(self.topic_service::<T>(limits)?)
+        self.subscribe_to(self.topic_service::<T>(limits)?)
     }
 
     /// Creates a subscriber of this topic for any other program.
@@ -146,10 +148,15 @@ impl Bus {
     ///
     /// [`BusError::NoRig`] when the rig is not running.
     pub fn listen<T: Topic>(&self) -> Result<Subscriber<T>, BusError> {
-        self.follow()?;
-        self.read(self.existing_service::<T>()?)
+        self.rejoin_present_domain()?;
+        self.subscribe_to(self.existing_service::<T>()?)
     }
 
+    /// Opens the service of this topic with the limits that it has.
+    ///
+    /// # Errors
+    ///
+    /// [`BusError::NoRig`] if it does not exist.
     fn existing_service<T: Topic>(&self) -> Result<Service<T>, BusError> {
         use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
         let opened = self.node().service_builder(&self.service_name(T::NAME)?).publish_subscribe::<T>().open();
@@ -161,7 +168,8 @@ impl Bus {
         })
     }
 
-    fn read<T: Topic>(&self, service: Service<T>) -> Result<Subscriber<T>, BusError> {
+    /// Creates a subscriber on an open service, which first receives the history.
+    fn subscribe_to<T: Topic>(&self, service: Service<T>) -> Result<Subscriber<T>, BusError> {
         let port = service
             .subscriber_builder()
             .buffer_size(Limits::small_depth())

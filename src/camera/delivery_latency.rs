@@ -10,18 +10,19 @@ use std::time::{Duration, Instant};
 /// complete, and takes the measured time.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct DeliveryLatency {
-    at: Option<Instant>,
+    /// When the transfer of the last frame was complete; `None` before the first frame.
+    delivered: Option<Instant>,
 }
 
 impl DeliveryLatency {
     /// Records a frame that was due at `due` and took `duration` to write.
     pub fn record(&mut self, due: Instant, duration: Duration) {
-        self.at = self.at.map_or(due, |last| last.max(due)).checked_add(duration);
+        self.delivered = self.delivered.map_or(due, |last| last.max(due)).checked_add(duration);
     }
 
-    /// Returns the age of the last frame at `now`.
+    /// Returns the time since the last frame was delivered, at the time `now`; zero before the first frame.
     pub fn age(&self, now: Instant) -> Duration {
-        self.at.map_or(Duration::ZERO, |at| now.saturating_duration_since(at))
+        self.delivered.map_or(Duration::ZERO, |delivered| now.saturating_duration_since(delivered))
     }
 }
 

@@ -1,4 +1,4 @@
-//! Helpers for applying settings, shared by all kinds of cameras.
+//! Application of settings and their ranges, shared by all kinds of cameras.
 
 use super::CameraError;
 use crate::config::{self, FeatureValue};
@@ -49,7 +49,7 @@ pub fn set_in_dependency_order<'a>(
 ///
 /// # Errors
 ///
-/// The allowed range.
+/// The allowed range as text.
 pub fn check_integer(value: i64, range: IntegerRange) -> Result<(), String> {
     if (range.min..=range.max).contains(&value) && value.abs_diff(range.min).is_multiple_of(range.step.max(1)) {
         return Ok(());
@@ -89,7 +89,7 @@ impl FloatRange {
     ///
     /// # Errors
     ///
-    /// The allowed range.
+    /// The allowed range as text.
     pub fn check(self, value: f64) -> Result<(), String> {
         let slack = 1e-9 * self.min.abs().max(self.max.abs());
         if value.is_finite() && value >= self.min - slack && value <= self.max + slack {
@@ -106,6 +106,8 @@ impl fmt::Display for FloatRange {
 }
 
 /// Returns the number of slots that a camera of this rate holds at once.
+///
+/// It is `min` plus the frames of [`MAX_CONSUMER_DELAY_S`], and at most `max`.
 pub fn slot_count(frame_rate_hz: f64, min: usize, max: usize) -> usize {
     (min + (frame_rate_hz * MAX_CONSUMER_DELAY_S).ceil() as usize).min(max)
 }

@@ -161,7 +161,7 @@ pub trait Camera {
     /// Returns the model and serial number.
     fn identity(&self) -> CameraIdentity;
 
-    /// Returns whether the camera runs on its own clock or on demand.
+    /// Returns who sets the pace: the camera's own clock or its consumer.
     fn pace(&self) -> Pace;
 
     /// Returns the number of slots the camera wants to hold at once.

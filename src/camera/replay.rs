@@ -78,14 +78,15 @@ pub struct ReplayCamera {
     slots: VecDeque<Slot>,
     /// Read, but not due yet or without a slot.
     pending: Option<(FrameMeta, Bytes)>,
-    /// When the first frame of this pass was due, and its stamp.
+    /// When the first frame since the start was due, and its stamp, ns.
     origin: Option<(Instant, u64)>,
-    /// When the pending frame is due, and how long it took to read.
+    /// When the pending frame is due; `None` unless played at a given speed.
     due: Option<Instant>,
+    /// The time that reading the pending frame took.
     reading: Duration,
     delivery: DeliveryLatency,
-    /// Frames before this one are skipped.
-    begin: u64,
+    /// Sequence number of the first frame to play; frames before it are skipped.
+    first_sequence: u64,
     /// Receives one message per frame that may be published, once started.
     steps: Option<Receiver<()>>,
 }
@@ -133,16 +134,16 @@ impl ReplayCamera {
             due: None,
             reading: Duration::ZERO,
             delivery: DeliveryLatency::default(),
-            begin: 0,
+            first_sequence: 0,
             steps: None,
         })
     }
 
-    /// Returns the next frame of the replayed part.
-    fn next_within(&mut self) -> Option<Result<(FrameMeta, Bytes), RecordingError>> {
+    /// Reads the next frame of the part that is played; `None` at its end.
+    fn next_in_range(&mut self) -> Option<Result<(FrameMeta, Bytes), RecordingError>> {
         loop {
             let frame = self.frames.next_shared()?;
-            if frame.as_ref().is_ok_and(|(meta, _)| meta.sequence < self.begin) {
+            if frame.as_ref().is_ok_and(|(meta, _)| meta.sequence < self.first_sequence) {
                 continue;
             }
             let range = self.playback.range;
@@ -154,13 +155,17 @@ impl ReplayCamera {
         }
     }
 
-    /// Reads the next frame unless one is pending; returns `false` at the end.
+    /// Reads the next frame into `pending` unless one is there; returns `false` at the end.
+    ///
+    /// # Errors
+    ///
+    /// [`CameraError::Recording`] if the frame cannot be read or differs from the first in size or pixel format.
     fn fetch(&mut self) -> Result<bool, CameraError> {
         if self.pending.is_some() {
             return Ok(true);
         }
         let begin = now();
-        let Some(frame) = self.next_within() else { return Ok(false) };
+        let Some(frame) = self.next_in_range() else { return Ok(false) };
         let (mut meta, pixels) = frame?;
         let shape = |width_px, height_px, format: PixelFormat| format!("{width_px}x{height_px} {}", format.as_str());
         let found = shape(meta.width_px, meta.height_px, meta.format);
@@ -175,8 +180,10 @@ impl ReplayCamera {
         Ok(true)
     }
 
-    /// Sleeps until the frame is due, at most `timeout`; returns whether it is due.
-    fn wait(&mut self, stamp_ns: u64, timeout: Duration) -> bool {
+    /// Sleeps until the frame with this stamp is due, at most `timeout`; returns whether it is due.
+    ///
+    /// The first call since the start sets the origin of the playback.
+    fn wait_until_due(&mut self, stamp_ns: u64, timeout: Duration) -> bool {
         let PlaybackRate::Times(times) = self.playback.rate else { return true };
         let now = now();
         let (start, first_ns) = *self.origin.get_or_insert((now, stamp_ns));
@@ -203,7 +210,7 @@ fn now() -> Instant {
 }
 
 /// Starts a thread that sends one message per line on standard input, and hangs up at its end.
-fn lines() -> Receiver<()> {
+fn step_on_input_lines() -> Receiver<()> {
     let (sender, receiver) = mpsc::channel();
     std::thread::spawn(move || {
         let lines = std::io::stdin().lines().map_while(Result::ok);
@@ -214,7 +221,9 @@ fn lines() -> Receiver<()> {
 }
 
 /// Copies a frame into a slot, without the row padding if the slot has no room for it; returns whether it fits.
-fn copy(meta: &mut FrameMeta, pixels: &[u8], slot: &mut [u8]) -> bool {
+///
+/// Without the padding, the stride in `meta` becomes the length of a row.
+fn copy_frame(meta: &mut FrameMeta, pixels: &[u8], slot: &mut [u8]) -> bool {
     if pixels.len() <= slot.len() {
         slot[..pixels.len()].copy_from_slice(pixels);
         return true;
@@ -255,7 +264,7 @@ impl Camera for ReplayCamera {
     fn start(&mut self) -> Result<(), CameraError> {
         self.origin = None;
         if self.playback.rate == PlaybackRate::Stepped && self.steps.is_none() {
-            self.steps = Some(lines());
+            self.steps = Some(step_on_input_lines());
         }
         Ok(())
     }
@@ -265,7 +274,7 @@ impl Camera for ReplayCamera {
             return Ok(Next::End);
         }
         let Some(stamp_ns) = self.pending.as_ref().map(|(meta, _)| meta.stamp_ns) else { return Ok(Next::End) };
-        if self.slots.is_empty() || !self.wait(stamp_ns, timeout) {
+        if self.slots.is_empty() || !self.wait_until_due(stamp_ns, timeout) {
             return Ok(Next::Timeout);
         }
         match self.steps.as_ref().map(|steps| steps.recv_timeout(timeout)) {
@@ -277,7 +286,7 @@ impl Camera for ReplayCamera {
             return Ok(Next::Timeout);
         };
         let begin = now();
-        if !copy(&mut meta, &pixels, slot.bytes_mut()) {
+        if !copy_frame(&mut meta, &pixels, slot.bytes_mut()) {
             let reason = format!("frame {} has {} bytes, the slot {}", meta.sequence, pixels.len(), slot.len());
             return Ok(Next::Incomplete(slot, reason));
         }
@@ -286,7 +295,7 @@ impl Camera for ReplayCamera {
     }
 
     fn seek(&mut self, sequence: u64) -> bool {
-        self.begin = sequence;
+        self.first_sequence = sequence;
         true
     }
 

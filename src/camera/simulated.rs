@@ -33,7 +33,7 @@ pub fn load_scenario(name: &str) -> Result<Scenario, ScenarioError> {
     Scenario::from_toml(&text)
 }
 
-/// Returns the stream format of a simulated world.
+/// Returns the stream format of a simulated film.
 pub fn stream_format(world: &SimulatedFilm) -> StreamFormat {
     StreamFormat {
         width_px: world.width_px(),
@@ -44,7 +44,7 @@ pub fn stream_format(world: &SimulatedFilm) -> StreamFormat {
     }
 }
 
-/// Returns the metadata of one frame of a simulated world.
+/// Returns the metadata of one frame of a simulated film.
 pub fn meta(world: &SimulatedFilm, index: u64) -> FrameMeta {
     let stamp_ns = world.stamp_ns(index);
     stream_format(world).meta(index, stamp_ns, stamp_ns - world.stamp_ns(0))
@@ -66,10 +66,11 @@ pub struct SimulatedCamera {
     started: Option<Instant>,
     /// The delivery times, in real time.
     delivery: DeliveryLatency,
-    /// The time of the film at its start.
+    /// The time in the film at which playing starts, after frames were skipped.
     passed: Duration,
     /// Each slot with the first frame that it can take.
     slots: VecDeque<(Slot, u64)>,
+    /// The next frame.
     index: u64,
 }
 
@@ -89,7 +90,7 @@ impl SimulatedCamera {
         Self::film(world, pace)
     }
 
-    /// Films a world at this pace.
+    /// Prepares a film that is already simulated, to be played at this pace.
     ///
     /// # Errors
     ///
@@ -126,7 +127,7 @@ impl SimulatedCamera {
         Ok(Self { pulse, ..self })
     }
 
-    /// Returns when the exposure of a frame begins, and the silence before it.
+    /// Returns when the exposure of a frame begins, and the silence of the trigger line before it.
     fn exposure_start(&self, index: u64) -> ExposureStart {
         let period_s = 1.0 / self.world.frame_rate_hz();
         let film_s = index as f64 * period_s;
@@ -137,7 +138,7 @@ impl SimulatedCamera {
         ExposureStart { since_start_s: film_s + silent_s, silent_s }
     }
 
-    /// Returns the simulated world.
+    /// Returns the simulated film.
     pub fn world(&self) -> &SimulatedFilm {
         &self.world
     }
@@ -147,13 +148,14 @@ impl SimulatedCamera {
         self.world.impact()
     }
 
-    /// Returns the time since the start; frame `n` is exposed at `n` periods.
+    /// Returns the present time in the film; zero before the start. Without pulses, frame `n` is exposed at `n`
+    /// periods.
     #[expect(clippy::disallowed_methods, reason = "a simulated live camera runs on the wall clock")]
     fn elapsed(&self) -> Duration {
         self.started.map_or(Duration::ZERO, |started| self.passed + Instant::now().duration_since(started))
     }
 
-    /// Returns the first frame whose exposure has not begun.
+    /// Returns the first frame whose exposure has not begun; 0 on demand and before the start.
     fn next_exposed(&self) -> u64 {
         match (self.pace, self.started) {
             (Pace::Live, Some(_)) => {
@@ -167,15 +169,15 @@ impl SimulatedCamera {
         }
     }
 
-    /// Returns when a frame is completely read out, from the start.
+    /// Returns when a frame is completely exposed and read out, as time from the start of the film.
     fn due(&self, index: u64) -> Duration {
         let camera = &self.world.scenario().camera;
         let rows_s = 1e-6 * camera.row_time_us.abs() * f64::from(camera.height_px - 1);
         Duration::from_secs_f64(self.exposure_start(index).since_start_s + 1e-6 * camera.exposure_us + rows_s)
     }
 
-    /// Waits for a frame and returns whether it came within `timeout`.
-    fn wait(&self, index: u64, timeout: Duration) -> bool {
+    /// Waits at most `timeout` until a frame is due; returns whether it is due. On demand every frame is.
+    fn wait_until_due(&self, index: u64, timeout: Duration) -> bool {
         if self.pace == Pace::OnDemand {
             return true;
         }
@@ -184,7 +186,7 @@ impl SimulatedCamera {
         missing <= timeout
     }
 
-    /// Records the delivery of a frame whose rendering began at `begin`.
+    /// Records the delivery of a frame whose rendering began at the film time `begin`, if the camera is live.
     fn record_delivery(&mut self, index: u64, begin: Duration) {
         if let Some(started) = self.started.filter(|_| self.pace == Pace::Live) {
             let duration = self.elapsed().saturating_sub(begin);
@@ -192,6 +194,11 @@ impl SimulatedCamera {
         }
     }
 
+    /// Writes a frame into a slot: copied from the film if it was rendered in advance, else rendered now.
+    ///
+    /// # Panics
+    ///
+    /// If the slot is smaller than a frame.
     fn fill(&self, index: u64, slot: &mut Slot) {
         let bytes = self.world.frame_bytes();
         let target = &mut slot.bytes_mut()[..bytes];
@@ -246,7 +253,7 @@ impl Camera for SimulatedCamera {
             self.index = index;
             return Ok(Next::End);
         }
-        if self.started.is_none() || !self.wait(index, timeout) {
+        if self.started.is_none() || !self.wait_until_due(index, timeout) {
             return Ok(Next::Timeout);
         }
         let Some((mut slot, _)) = self.slots.pop_front() else { return Ok(Next::Timeout) };
@@ -283,11 +290,17 @@ struct ExposureStart {
     silent_s: f64,
 }
 
-/// Renders the whole film if rendering cannot keep up with its rate.
+/// Renders the whole film if rendering cannot keep up with its rate; `None` if it can.
+///
+/// The rate is that of the fastest of three frames. The film is one frame after another, without padding.
+///
+/// # Errors
+///
+/// [`CameraError::Setting`] if the film needs more than [`MAX_FILM_BYTES`].
 fn render_if_slow(world: &SimulatedFilm) -> Result<Option<Vec<u8>>, CameraError> {
     let bytes = world.frame_bytes();
     let mut frame = vec![0; bytes];
-    let render_s = (0..3).map(|_| seconds(|| world.render(0, &mut frame))).fold(f64::INFINITY, f64::min);
+    let render_s = (0..3).map(|_| measure_s(|| world.render(0, &mut frame))).fold(f64::INFINITY, f64::min);
     if render_s * world.frame_rate_hz() < MAX_RENDER_SHARE {
         return Ok(None);
     }
@@ -311,8 +324,9 @@ fn render_if_slow(world: &SimulatedFilm) -> Result<Option<Vec<u8>>, CameraError>
     Ok(Some(film))
 }
 
+/// Returns the time that a piece of work takes, s.
 #[expect(clippy::disallowed_methods, reason = "measures the rendering time on this machine")]
-fn seconds(work: impl FnOnce()) -> f64 {
+fn measure_s(work: impl FnOnce()) -> f64 {
     let started = Instant::now();
     work();
     started.elapsed().as_secs_f64()

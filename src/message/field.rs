@@ -183,6 +183,7 @@ impl FieldHeader {
         })
     }
 
+    /// Returns the circle of the outline; it has no meaning when there is a rod or no outline.
     fn circle(&self) -> Circle {
         Circle {
             x_px: self.center_x_px,
@@ -194,6 +195,7 @@ impl FieldHeader {
         }
     }
 
+    /// Returns the motion; it has no meaning when `method` is 0.
     fn motion(&self) -> RigidStep {
         RigidStep {
             dx_px: self.dx_px,
@@ -206,14 +208,19 @@ impl FieldHeader {
         }
     }
 
+    /// Returns the drift of a ball's centre and rotation relative to the motion: x and y (down) in px/frame, deg/frame.
+    /// `None` when any of them is missing.
     fn drift(&self) -> Option<[Estimate; 3]> {
-        let (x, y): (Option<f64>, Option<f64>) = (self.drift_x_px.into(), self.drift_y_px.into());
-        let (place, turn) = (self.sigma_drift_px, self.sigma_drift_deg);
-        let along = |value: Option<f64>, sigma: f64| value.map(|value| Estimate { value, sigma });
-        Some([along(x, place)?, along(y, place)?, along(self.drift_deg.into(), turn)?])
+        let estimate = |number: Number, sigma| Option::<f64>::from(number).map(|value| Estimate { value, sigma });
+        let (sigma_px, sigma_deg) = (self.sigma_drift_px, self.sigma_drift_deg);
+        Some([
+            estimate(self.drift_x_px, sigma_px)?,
+            estimate(self.drift_y_px, sigma_px)?,
+            estimate(self.drift_deg, sigma_deg)?,
+        ])
     }
 
-    /// Returns the field with these points; `None` when there is none.
+    /// Returns the field with these points; `None` when the header has a step without a field.
     pub fn field(&self, points: &[FieldPointMessage]) -> Option<PairField> {
         (self.target_sequence != self.sequence).then(|| PairField {
             frame: self.sequence,
@@ -228,8 +235,8 @@ impl FieldHeader {
 /// The value of a number that is missing.
 const MISSING: f32 = -2.0;
 
-/// Returns the number unless it is [`MISSING`].
-fn present(number: f32) -> Option<f32> {
+/// Returns the number; `None` when it is [`MISSING`].
+fn known(number: f32) -> Option<f32> {
     (number > MISSING).then_some(number)
 }
 
@@ -274,13 +281,13 @@ macro_rules! field_message {
                 let displacement = || {
                     Some(Displacement {
                         $($part: message.$part,)*
-                        $($sigma: present(message.$sigma)?,)*
+                        $($sigma: known(message.$sigma)?,)*
                     })
                 };
                 Self {
                     $($position: message.$position,)*
                     displacement: displacement(),
-                    $($score: present(message.$score),)*
+                    $($score: known(message.$score),)*
                     status: PointStatus::from_number(message.status).unwrap_or(PointStatus::Lost),
                 }
             }

@@ -42,7 +42,7 @@ described! {
 const _: () = assert!(size_of::<FrameHeader>() == 64 && align_of::<FrameHeader>() == 64);
 
 impl FrameHeader {
-    /// Creates the header of a frame of this run with this exposure time (0: unknown).
+    /// Creates the header of a frame of this run with this exposure time, us (0 if it is unknown).
     pub fn new(meta: &FrameMeta, run_id: u64, exposure_us: f64) -> Self {
         Self {
             sequence: meta.sequence,
@@ -61,7 +61,7 @@ impl FrameHeader {
         }
     }
 
-    /// Returns the description of the frame; `None` when the pixel format is unknown.
+    /// Returns the metadata of the frame; `None` when the pixel format is unknown.
     pub fn meta(&self) -> Option<FrameMeta> {
         Some(FrameMeta {
             sequence: self.sequence,

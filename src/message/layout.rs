@@ -51,6 +51,7 @@ pub trait Field {
     fn kind() -> FieldKind;
 }
 
+/// Implements [`Field`] for primitive types.
 macro_rules! numbers {
     ($($type:ty: $kind:ident,)*) => {$(
         impl Field for $type {

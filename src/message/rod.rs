@@ -44,14 +44,14 @@ described! {
 impl From<Option<Rod>> for RodMessage {
     fn from(rod: Option<Rod>) -> Self {
         let Some(rod) = rod else { return Self::default() };
-        let place = |index: usize| rod.edges[index].and_then(|edge| edge.y_px);
+        let edge_px = |index: usize| rod.edges[index].and_then(|edge| edge.y_px);
         Self {
             known: 1,
             edges: rod.edges.iter().flatten().count() as u32,
             edge_status: rod.edges.map(|edge| edge.map_or(0, |edge| edge.status as u32)),
-            edge_known: std::array::from_fn(|index| u32::from(place(index).is_some())),
-            edge_px: std::array::from_fn(|index| place(index).map_or(0.0, |y| y.value)),
-            sigma_edge_px: std::array::from_fn(|index| place(index).map_or(0.0, |y| y.sigma)),
+            edge_known: std::array::from_fn(|index| u32::from(edge_px(index).is_some())),
+            edge_px: std::array::from_fn(|index| edge_px(index).map_or(0.0, |y| y.value)),
+            sigma_edge_px: std::array::from_fn(|index| edge_px(index).map_or(0.0, |y| y.sigma)),
             x_px: rod.x_px.value,
             sigma_x_px: rod.x_px.sigma,
             y_px: rod.y_px.value,

@@ -58,7 +58,7 @@ macro_rules! sample_message {
         }
 
         impl $Message {
-            /// The message of a sample of this run.
+            /// Creates the message of a sample of this run.
             pub fn new(sample: &$Row, run_id: u64) -> Self {
                 Self {
                     run_id,
@@ -76,7 +76,7 @@ macro_rules! sample_message {
                 }
             }
 
-            /// The sample; `None` when the number of a name is unknown.
+            /// Returns the sample; `None` when the number of a name is unknown.
             pub fn sample(&self) -> Option<$Row> {
                 $(
                     let $group = || {

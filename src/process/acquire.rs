@@ -9,13 +9,13 @@ use super::launch::Launch;
 use super::live_trigger::StandaloneTrigger;
 use super::readers::Readers;
 use super::reference_picture;
-use super::resume::{Reached, Resume};
-use super::setup::{SUCCESSION, Source, limits};
+use super::resume::{NewestFrameFile, Resume};
+use super::setup::{SUCCESSION_TIMEOUT, Source, limits};
 use super::status_reporter::StatusReporter;
 use super::stepping;
 use super::stop::Stop;
 use super::summary::Summary;
-use crate::bus::{Bell, Bus, BusError, FramePublisher, Limits};
+use crate::bus::{Bus, BusError, FramePublisher, Limits, TopicNotifier};
 use crate::camera::{CameraError, Next, Pace, Slot, realtime_priority};
 use crate::config::{Config, TriggerMode};
 use crate::failure::Failure;
@@ -28,6 +28,7 @@ use std::time::{Duration, Instant};
 const READY_TIMEOUT: Duration = Duration::from_secs(15);
 /// Time that the ring is kept after the last frame for readers that are still at work.
 const LINGER_TIMEOUT: Duration = Duration::from_secs(30);
+/// Maximum wait for a frame before the loop does its other work.
 const WAIT: Duration = Duration::from_millis(50);
 /// Time for a camera to release a process that died: GigE Vision cameras wait 3 s for a heartbeat.
 const RELEASE_TIMEOUT: Duration = Duration::from_secs(20);
@@ -40,13 +41,13 @@ const RELEASE_TIMEOUT: Duration = Duration::from_secs(20);
 ///
 /// If the camera cannot be opened or is lost for good, or shared memory cannot be used.
 pub fn run(config: &Config, launch: Launch, stop: &Stop) -> Result<Summary, Failure> {
-    let mut source = open(config, &launch, stop)?;
+    let mut source = open_source(config, &launch, stop)?;
     if let Some(steps) = launch.steps {
         source.camera().follow_steps(steps);
     }
     config.check_calibration(source.format().width_px, source.format().height_px)?;
-    let bus = Bus::join_as(&config.rig.name, Role::Acquire.as_str(), SUCCESSION, launch.domain.as_ref())?;
-    let (reached, left) = Reached::open(&bus.private_file(Role::Acquire.as_str()))?;
+    let bus = Bus::join_as(&config.rig.name, Role::Acquire.as_str(), SUCCESSION_TIMEOUT, launch.domain.as_ref())?;
+    let (reached, left) = NewestFrameFile::open(&bus.private_file(Role::Acquire.as_str()))?;
     let resume = left.filter(|_| launch.is_restart).map(|(resume, age_s)| {
         let resume = Resume { epoch: resume.epoch + 1, ..resume };
         (resume.after(age_s * config.camera.playback_rate, source.format().frame_rate_hz), now())
@@ -56,7 +57,7 @@ pub fn run(config: &Config, launch: Launch, stop: &Stop) -> Result<Summary, Fail
         Some((resume, _)) => reached.note(FrameStamp::from(&resume), resume.epoch),
         None => {
             reached.clear();
-            reference_picture::begin(config, &bus)?;
+            reference_picture::begin_stream(config, &bus)?;
         }
     }
     let mut loop_ = Loop::new(&bus, config, source, reached)?;
@@ -70,8 +71,9 @@ pub fn run(config: &Config, launch: Launch, stop: &Stop) -> Result<Summary, Fail
     Ok(loop_.summary)
 }
 
-/// Opens the camera. A camera whose controlling process was killed may refuse for some seconds.
-fn open(config: &Config, launch: &Launch, stop: &Stop) -> Result<Source, CameraError> {
+/// Opens the camera. A camera whose controlling process was killed may refuse for some seconds, so a restarted process
+/// tries again within [`RELEASE_TIMEOUT`].
+fn open_source(config: &Config, launch: &Launch, stop: &Stop) -> Result<Source, CameraError> {
     let timeout = Timeout::new(RELEASE_TIMEOUT);
     loop {
         match Source::open(config) {
@@ -84,13 +86,14 @@ fn open(config: &Config, launch: &Launch, stop: &Stop) -> Result<Source, CameraE
     }
 }
 
+/// The main loop of acquisition.
 struct Loop {
     // Drop order: the camera goes before the ring whose slots it holds.
     source: Source,
     ring: FramePublisher,
     /// The newest frame, for a successor.
-    reached: Reached,
-    bell: Bell,
+    reached: NewestFrameFile,
+    notifier: TopicNotifier,
     reporter: StatusReporter,
     readers: Readers,
     trigger: Option<MotionTrigger>,
@@ -104,21 +107,27 @@ struct Loop {
     is_pulsed: bool,
     block_frames: u32,
     summary: Summary,
+    /// Number of slots that the camera holds.
     queued: usize,
-    /// Incomplete frames since the last complete one.
+    /// Number of incomplete frames since the last complete one.
     incomplete: u64,
+    /// Sequence number of the first published frame.
     first: Option<u64>,
+    /// One past the newest published frame.
     next: u64,
+    /// Stamp of the newest published frame, ns.
     stamp_ns: u64,
     /// Offset of the camera's count, after it was reopened.
     offset: u64,
+    /// Number of times the camera was reopened.
     epoch: u32,
     /// The state of the dead predecessor until the first frame, and when it was true.
     resume: Option<(Resume, Instant)>,
 }
 
 impl Loop {
-    fn new(bus: &Bus, config: &Config, source: Source, reached: Reached) -> Result<Self, Failure> {
+    /// Creates the ring and opens the topics for an open camera.
+    fn new(bus: &Bus, config: &Config, source: Source, reached: NewestFrameFile) -> Result<Self, Failure> {
         let limits = limits(config, &source.format());
         let ring = bus.frame_publisher(&limits, source.format().slot_bytes())?;
         let mut reporter = StatusReporter::new(bus, &limits, Role::Acquire, 0)?;
@@ -132,7 +141,7 @@ impl Loop {
         Ok(Self {
             ring,
             reached,
-            bell: bus.bell("frames")?,
+            notifier: bus.notifier("frames")?,
             reporter,
             readers: Readers::new(bus, &limits, config)?,
             decision_latency: LatencyHistogram::default(),
@@ -167,7 +176,7 @@ impl Loop {
         self.resume = (self.source.pace() == Pace::Live).then_some((resume, since));
     }
 
-    /// Moves a film to the frame that is due by now.
+    /// Moves a film to the frame that is due by now, if the process replaces one that died.
     fn seek(&mut self, config: &Config) {
         let Some((resume, begin)) = self.resume else { return };
         let (rate_hz, speed) = (self.source.format().frame_rate_hz, config.camera.playback_rate);
@@ -178,7 +187,7 @@ impl Loop {
         }
     }
 
-    /// Sets the offset of a live camera, which counts from 0 again, by the time of its first frame.
+    /// Sets the offset of a live camera, which counts from 0 again, by the time of its first frame after a restart.
     fn continue_count(&mut self, first: &FrameMeta) {
         let Some((resume, _)) = self.resume.take() else { return };
         // A pulsed camera has no frame rate to count missed frames by.
@@ -194,7 +203,7 @@ impl Loop {
         let camera = self.source.identity();
         let identity = format!("{}\n{}", camera.model, camera.serial);
         let earliest = self.resume.map_or(0, |(resume, _)| resume.sequence + 1);
-        self.reporter.event(EventKind::Prepared, FrameStamp { sequence: earliest, stamp_ns: 0 }, &identity)?;
+        self.reporter.publish_event(EventKind::Prepared, FrameStamp { sequence: earliest, stamp_ns: 0 }, &identity)?;
         let timeout = Timeout::new(READY_TIMEOUT);
         while !stop.requested() && !self.readers.all_attached(run_id)? {
             if timeout.has_expired() {
@@ -202,15 +211,16 @@ impl Loop {
                 break;
             }
             self.ring.greet();
-            self.reporter.status(&self.summary, FrameStamp::default())?;
+            self.reporter.publish_status_if_due(&self.summary, FrameStamp::default())?;
             std::thread::sleep(Duration::from_millis(1));
         }
         self.ring.greet();
         Ok(())
     }
 
+    /// Starts the camera and publishes its frames until it ends or a stop is requested.
     fn stream(&mut self, config: &Config, stop: &Stop) -> Result<(), Failure> {
-        self.lend()?;
+        self.lend_slots()?;
         self.seek(config);
         self.source.camera().start()?;
         if self.source.pace() == Pace::Live
@@ -219,11 +229,11 @@ impl Loop {
             log::info!("frames are published without real-time priority: {error}");
         }
         if self.is_stepped {
-            stepping::print("ready: each line on standard input plays a frame");
+            stepping::print_answer("ready: each line on standard input plays a frame");
         }
         while !stop.requested() {
-            self.reporter.status(&self.summary, self.newest())?;
-            self.lend()?;
+            self.reporter.publish_status_if_due(&self.summary, self.newest())?;
+            self.lend_slots()?;
             if self.source.pace() == Pace::OnDemand {
                 let first = self.first.unwrap_or(self.next);
                 self.readers.wait_for_room(self.reporter.run_id(), first..self.next, stop)?;
@@ -240,7 +250,7 @@ impl Loop {
     }
 
     /// Queues as many slots as the camera wants and the ring has.
-    fn lend(&mut self) -> Result<(), BusError> {
+    fn lend_slots(&mut self) -> Result<(), BusError> {
         while self.queued < self.source.camera().slots().min(Limits::CAMERA_SLOTS) {
             let Some(slot) = self.ring.lend()? else { break };
             self.source.camera().queue(slot);
@@ -249,16 +259,17 @@ impl Loop {
         Ok(())
     }
 
-    /// Returns the newest frame.
+    /// Returns the newest published frame.
     fn newest(&self) -> FrameStamp {
         FrameStamp { sequence: self.next.saturating_sub(1), stamp_ns: self.stamp_ns }
     }
 
-    /// Publishes an event after the newest frame.
-    fn event(&self, kind: EventKind, text: &str) -> Result<(), BusError> {
-        self.reporter.event(kind, FrameStamp { sequence: self.next, stamp_ns: self.stamp_ns }, text)
+    /// Publishes an event at the frame after the newest one.
+    fn publish_event(&self, kind: EventKind, text: &str) -> Result<(), BusError> {
+        self.reporter.publish_event(kind, FrameStamp { sequence: self.next, stamp_ns: self.stamp_ns }, text)
     }
 
+    /// Publishes a frame, with the events of its shot, its trigger and the losses before it.
     fn publish(&mut self, mut slot: Slot, mut meta: FrameMeta) -> Result<(), BusError> {
         self.queued -= 1;
         self.continue_count(&meta);
@@ -267,14 +278,14 @@ impl Loop {
         let frame = FrameStamp { sequence: meta.sequence, stamp_ns: meta.stamp_ns };
         // Before it is published, so that no number is ever used twice.
         self.reached.note(frame, meta.epoch);
-        let decided = self.decide(&meta, &mut slot);
+        let decided = self.detect_motion(&meta, &mut slot);
         self.begin_shot(frame)?;
         let exposure_us = self.source.format().exposure_us;
         let shot = self.hardware_trigger.as_ref().map_or(0, HardwareTrigger::shot);
         self.ring.send(slot, FrameHeader { shot, ..FrameHeader::new(&meta, self.reporter.run_id(), exposure_us) })?;
-        self.bell.ring();
+        self.notifier.notify();
         if self.is_stepped {
-            stepping::print(&format!("frame {} of {} ns", meta.sequence, meta.stamp_ns));
+            stepping::print_answer(&format!("frame {} of {} ns", meta.sequence, meta.stamp_ns));
         }
         self.summary.taken += 1;
         self.summary.given += 1;
@@ -282,24 +293,24 @@ impl Loop {
             self.first = Some(meta.sequence);
             // A live camera counts from its first frame id, complete or not; a recording may begin with any number.
             self.next = if self.source.is_live() { self.offset } else { meta.sequence };
-            self.reporter.event(EventKind::Started, frame, "first frame")?;
+            self.reporter.publish_event(EventKind::Started, frame, "first frame")?;
             if self.epoch > 0 {
                 let text = format!("its process was restarted; epoch {}", self.epoch);
-                self.reporter.event(EventKind::Camera, frame, &text)?;
+                self.reporter.publish_event(EventKind::Camera, frame, &text)?;
             }
         }
         let gap = meta.sequence.saturating_sub(self.next);
         if gap > 0 {
             self.summary.lost += gap;
             let text = format!("the camera lost {gap} frames");
-            self.reporter.event(EventKind::Lost, frame, &text)?;
+            self.reporter.publish_event(EventKind::Lost, frame, &text)?;
         }
         self.next = meta.sequence + 1;
         self.incomplete = 0;
         self.stamp_ns = meta.stamp_ns;
         if let Some(latency) = decided {
             let text = format!("motion; decided {} us after the frame came", latency.as_micros());
-            self.reporter.event(EventKind::Decided, frame, &text)?;
+            self.reporter.publish_event(EventKind::Decided, frame, &text)?;
             if let Some(standalone) = &mut self.standalone {
                 standalone.trigger(&TriggerCause { frame, text: "motion".into() }, &self.reporter)?;
             }
@@ -310,7 +321,7 @@ impl Loop {
     /// Announces a shot of the hardware trigger before its first frame is published.
     fn begin_shot(&mut self, frame: FrameStamp) -> Result<(), BusError> {
         let Some(text) = self.hardware_trigger.as_mut().and_then(HardwareTrigger::on_frame) else { return Ok(()) };
-        self.reporter.event(EventKind::Decided, frame, &text)?;
+        self.reporter.publish_event(EventKind::Decided, frame, &text)?;
         let Some(standalone) = &mut self.standalone else { return Ok(()) };
         standalone.trigger(&TriggerCause { frame, text }, &self.reporter)
     }
@@ -320,11 +331,11 @@ impl Loop {
         if !self.hardware_trigger.as_mut().is_some_and(HardwareTrigger::on_timeout) {
             return Ok(());
         }
-        self.event(EventKind::Silent, "no frame for trigger.silence_s")
+        self.publish_event(EventKind::Silent, "no frame for trigger.silence_s")
     }
 
     /// Evaluates the motion trigger on a frame; if it fires, returns the time since the frame's delivery.
-    fn decide(&mut self, meta: &FrameMeta, slot: &mut Slot) -> Option<Duration> {
+    fn detect_motion(&mut self, meta: &FrameMeta, slot: &mut Slot) -> Option<Duration> {
         let trigger = self.trigger.as_mut()?;
         let (begin, age) = (now(), self.source.camera().frame_age());
         let fires = trigger.push(meta, slot.bytes_mut());
@@ -347,13 +358,13 @@ impl Loop {
         if !matches!(error, CameraError::Lost { .. }) {
             return Err(error.into());
         }
-        self.event(EventKind::Camera, &error.to_string())?;
+        self.publish_event(EventKind::Camera, &error.to_string())?;
         self.release();
         let mut timer = PeriodicTimer::new(Duration::from_millis(500));
         while !stop.requested() {
-            self.reporter.status(&self.summary, self.newest())?;
+            self.reporter.publish_status_if_due(&self.summary, self.newest())?;
             if timer.due() && self.try_reopen(config)? {
-                return Ok(self.event(EventKind::Camera, "the camera is back")?);
+                return Ok(self.publish_event(EventKind::Camera, "the camera is back")?);
             }
             std::thread::sleep(Duration::from_millis(10));
         }
@@ -372,7 +383,7 @@ impl Loop {
         if self.source.reopen(config).is_err() {
             return Ok(false);
         }
-        self.lend()?;
+        self.lend_slots()?;
         if let Err(error) = self.source.camera().start() {
             log::debug!("cannot restart the camera: {error}");
             self.release();
@@ -396,13 +407,13 @@ impl Loop {
             None => "last frame".to_owned(),
             Some(latencies) => format!("last frame; from a frame to its decision: {latencies}"),
         };
-        self.event(EventKind::Ended, &text)?;
+        self.publish_event(EventKind::Ended, &text)?;
         let timeout = Timeout::new(LINGER_TIMEOUT);
         while !timeout.has_expired() && !stop.is_abandoned() && !self.readers.all_done(self.reporter.run_id())? {
             self.ring.greet();
-            self.reporter.status(&self.summary, self.newest())?;
+            self.reporter.publish_status_if_due(&self.summary, self.newest())?;
             std::thread::sleep(Duration::from_millis(2));
         }
-        self.reporter.status_now(&self.summary, self.newest())
+        self.reporter.publish_status(&self.summary, self.newest())
     }
 }

@@ -29,6 +29,7 @@ const MAX_RUNNING: usize = 16;
 #[derive(Debug, Clone)]
 pub(super) struct TriggerCause {
     pub(super) frame: FrameStamp,
+    /// The condition that was met, in words.
     pub(super) text: String,
 }
 
@@ -40,10 +41,14 @@ pub(super) struct ActionOutcome {
     pub(super) failed: bool,
 }
 
+/// One configured action.
 #[derive(Debug, Clone)]
 enum Action {
+    /// Runs a program with its arguments.
     Run(Vec<String>),
+    /// Posts the trigger to this address.
     Post(String),
+    /// Triggers the rig of this name.
     Trigger(String),
 }
 
@@ -53,6 +58,7 @@ pub(super) struct Actions {
     rig: String,
     actions: Vec<Action>,
     outcomes: (Sender<ActionOutcome>, Receiver<ActionOutcome>),
+    /// Number of actions whose outcome was not taken yet.
     running: usize,
 }
 
@@ -66,7 +72,7 @@ impl Actions {
         Self { rig: config.rig.name.clone(), actions, outcomes: channel(), running: 0 }
     }
 
-    /// Starts every action.
+    /// Starts every action. One that cannot be started has failed, which its outcome states.
     pub(super) fn start(&mut self, cause: &TriggerCause) {
         for action in &self.actions {
             let sender = self.outcomes.0.clone();
@@ -95,14 +101,14 @@ impl Actions {
         }
     }
 
-    /// Returns the outcome of an action that has ended since the last call.
+    /// Returns the outcome of the next action that has ended, if there is one.
     pub(super) fn next_outcome(&mut self) -> Option<ActionOutcome> {
         let outcome = self.outcomes.1.try_recv().ok()?;
         self.running -= 1;
         Some(outcome)
     }
 
-    /// Waits for the actions that still run, at the end of a loop.
+    /// Waits at most [`END_TIMEOUT`] for the actions that still run, and returns their outcomes.
     pub(super) fn wait_for_all(&mut self) -> Vec<ActionOutcome> {
         let (timeout, mut outcomes) = (Timeout::new(END_TIMEOUT), Vec::new());
         while self.running > 0 && !timeout.has_expired() {
@@ -114,6 +120,7 @@ impl Actions {
 }
 
 impl Action {
+    /// Returns the key of the configuration and its value, for messages.
     fn name(&self) -> String {
         match self {
             Self::Run(command) => format!("command {}", command[0]),
@@ -125,15 +132,20 @@ impl Action {
     /// Performs the action; both results describe it for the event.
     fn perform(&self, rig: &str, cause: &TriggerCause) -> Result<String, String> {
         match self {
-            Self::Run(command) => run(command, rig, cause, PROGRAM_TIMEOUT),
-            Self::Post(url) => post(url, rig, cause),
-            Self::Trigger(other) => trigger(other),
+            Self::Run(command) => run_program(command, rig, cause, PROGRAM_TIMEOUT),
+            Self::Post(url) => post_to_url(url, rig, cause),
+            Self::Trigger(other) => trigger_rig(other),
         }
     }
 }
 
-/// Runs a program to its end, with the trigger in its environment, and ends it with all that it has started at the limit.
-fn run(command: &[String], rig: &str, cause: &TriggerCause, limit: Duration) -> Result<String, String> {
+/// Runs a program to its end, with the trigger in its environment. After `limit` it is killed, with all that it has
+/// started.
+///
+/// # Errors
+///
+/// The outcome, unless the program ends with 0.
+fn run_program(command: &[String], rig: &str, cause: &TriggerCause, limit: Duration) -> Result<String, String> {
     let mut child = Command::new(&command[0])
         .args(&command[1..])
         .env("RICOCHET_RIG", rig)
@@ -162,7 +174,7 @@ fn run(command: &[String], rig: &str, cause: &TriggerCause, limit: Duration) -> 
 }
 
 /// Posts the trigger to a web service as JSON; the response status must be 2xx.
-fn post(url: &str, rig: &str, cause: &TriggerCause) -> Result<String, String> {
+fn post_to_url(url: &str, rig: &str, cause: &TriggerCause) -> Result<String, String> {
     let body = serde_json::json!({
         "rig": rig, "frame": cause.frame.sequence, "stamp_ns": cause.frame.stamp_ns, "cause": cause.text,
     });
@@ -176,7 +188,11 @@ fn post(url: &str, rig: &str, cause: &TriggerCause) -> Result<String, String> {
 }
 
 /// Triggers another rig.
-fn trigger(other: &str) -> Result<String, String> {
+///
+/// # Errors
+///
+/// The reason, unless its recorder accepts.
+fn trigger_rig(other: &str) -> Result<String, String> {
     let failure = |error: crate::bus::BusError| error.to_string();
     let bus = Bus::join(other, "action").map_err(failure)?;
     let reply = bus.control_client().map_err(failure)?.ask(Request::Trigger, REPLY_TIMEOUT).map_err(failure)?;
@@ -199,7 +215,7 @@ mod tests {
         let script = format!("sleep 600 & echo $! > {}; wait", note.display());
         let command = ["/bin/sh".to_owned(), "-c".into(), script];
         let cause = TriggerCause { frame: FrameStamp::default(), text: String::new() };
-        let outcome = run(&command, "rig", &cause, Duration::from_millis(500));
+        let outcome = run_program(&command, "rig", &cause, Duration::from_millis(500));
         assert_eq!(outcome, Err("killed".to_owned()));
         let grandchild = std::fs::read_to_string(&note).unwrap();
         let state = || std::fs::read_to_string(format!("/proc/{}/stat", grandchild.trim())).unwrap_or_default();

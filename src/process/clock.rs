@@ -54,6 +54,7 @@ impl Timeout {
         Self { limit, since: now() }
     }
 
+    /// Starts the timeout again.
     pub(super) fn renew(&mut self) {
         self.since = now();
     }

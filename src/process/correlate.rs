@@ -4,12 +4,12 @@ use super::clock::{Timeout, now};
 use super::frame_stamp::FrameStamp;
 use super::launch::Launch;
 use super::reference_picture;
-use super::setup::{SUCCESSION, analysis_params, expected_format, limits};
+use super::setup::{SUCCESSION_TIMEOUT, analysis_params, expected_format, limits};
 use super::status_reporter::StatusReporter;
 use super::stop::Stop;
 use super::stream_state::StreamState;
 use super::summary::Summary;
-use crate::bus::{Bell, Bus, BusError, FieldPublisher, FrameSubscriber, Subscriber};
+use crate::bus::{Bus, BusError, FieldPublisher, FrameSubscriber, Subscriber, TopicNotifier};
 use crate::camera::StreamFormat;
 use crate::config::Config;
 use crate::failure::Failure;
@@ -18,6 +18,7 @@ use crate::measure::{Measured, Measurer, Share};
 use crate::message::{FieldHeader, Progress, Role};
 use std::time::Duration;
 
+/// Maximum wait for frames before the loop does its other work.
 const WAIT: Duration = Duration::from_millis(2);
 /// Time that results stay readable for a tracker or recorder that is still at work.
 const LINGER_TIMEOUT: Duration = Duration::from_secs(30);
@@ -32,7 +33,7 @@ pub fn run(config: &Config, index: u32, launch: &Launch, stop: &Stop) -> Result<
     config.check_calibration(format.width_px, format.height_px)?;
     let limits = limits(config, &format);
     let role = format!("{}-{index}", Role::Correlate.as_str());
-    let bus = Bus::join_as(&config.rig.name, &role, SUCCESSION, launch.domain.as_ref())?;
+    let bus = Bus::join_as(&config.rig.name, &role, SUCCESSION_TIMEOUT, launch.domain.as_ref())?;
     let mut reporter = StatusReporter::new(&bus, &limits, Role::Correlate, index)?;
     reporter.set_queue(0, limits.ring_frames as u64);
     let mut worker = Worker {
@@ -40,9 +41,9 @@ pub fn run(config: &Config, index: u32, launch: &Launch, stop: &Stop) -> Result<
         bus: &bus,
         frames: bus.frame_subscriber(&limits)?,
         fields: bus.field_publisher(&limits)?,
-        bell: bus.bell("field")?,
+        notifier: bus.notifier("field")?,
         reporter,
-        measurer: plan(config, index, &format)?,
+        measurer: plan_measurer(config, index, &format)?,
         summary: Summary::default(),
         measured: Vec::new(),
         index,
@@ -61,7 +62,7 @@ pub fn run(config: &Config, index: u32, launch: &Launch, stop: &Stop) -> Result<
     worker.needs_reference = worker.measurer.needs_reference();
     let mut recorder =
         RecorderProgress { progress: bus.subscriber(&limits)?, completed: None, expected: config.record.is_some() };
-    let ear = bus.ear("frames")?;
+    let listener = bus.listener("frames")?;
     let mut stream = StreamState::new(&bus, &limits)?;
     while !stop.requested() {
         if stream.update()? {
@@ -75,36 +76,42 @@ pub fn run(config: &Config, index: u32, launch: &Launch, stop: &Stop) -> Result<
             linger(&mut recorder, &mut stream, &mut worker, stop)?;
             break;
         }
-        worker.publish_status()?;
+        worker.publish_status_if_due()?;
         recorder.is_done(stream.run_id)?;
-        ear.wait(WAIT);
+        listener.wait(WAIT);
     }
-    worker.publish_status_now()?;
+    worker.publish_status()?;
     Ok(worker.summary)
 }
 
-fn plan(config: &Config, index: u32, format: &StreamFormat) -> Result<Measurer, Failure> {
+/// Plans the measurement of the worker's share of the blocks.
+fn plan_measurer(config: &Config, index: u32, format: &StreamFormat) -> Result<Measurer, Failure> {
     let (params, _) = analysis_params(config, format);
     let share = Share { index, of: config.workers.count };
     Ok(Measurer::new(&params, share, format.width_px as usize, format.height_px as usize)?)
 }
 
+/// A correlation worker.
 struct Worker<'a> {
     config: &'a Config,
     bus: &'a Bus,
     frames: FrameSubscriber,
     fields: FieldPublisher,
-    bell: Bell,
+    notifier: TopicNotifier,
     reporter: StatusReporter,
     measurer: Measurer,
     summary: Summary,
+    /// Steps and fields that are not published yet.
     measured: Vec<Measured>,
+    /// Index among the workers.
     index: u32,
     /// Whether the reference picture of patches is still missing.
     needs_reference: bool,
+    /// One past the newest frame, once one was received.
     next: Option<u64>,
-    /// The hardware-triggered shot of the newest frame, and whether it has ended.
+    /// The hardware-triggered shot of the newest frame.
     shot: u32,
+    /// Whether that shot has ended.
     is_ended: bool,
     /// Number of frames per block.
     block_frames: u64,
@@ -115,6 +122,7 @@ struct Worker<'a> {
     /// First frame of the first complete block.
     first_complete: u64,
     newest: FrameStamp,
+    /// Exposure time of the newest frame, ns; 0 if unknown.
     exposure_ns: u32,
 }
 
@@ -137,9 +145,10 @@ impl Worker<'_> {
         self.reporter.set_run(stream.run_id.unwrap_or(0));
         // A dead worker left no record of its progress. Nobody must wait for frames that it will never measure.
         let reached = if self.is_late { u64::MAX } else { 0 };
-        Ok(self.reporter.progress(reached)?)
+        Ok(self.reporter.publish_progress(reached)?)
     }
 
+    /// Measures all frames in the queue and publishes the results.
     fn drain(&mut self, stop: &Stop) -> Result<(), Failure> {
         let mut published = now();
         while !stop.requested() {
@@ -178,13 +187,13 @@ impl Worker<'_> {
             drop(sample);
             self.publish()?;
             if published.elapsed() >= Duration::from_millis(1) {
-                self.reporter.progress(meta.sequence + 1)?;
-                self.publish_status()?;
+                self.reporter.publish_progress(meta.sequence + 1)?;
+                self.publish_status_if_due()?;
                 published = now();
             }
         }
         if let Some(next) = self.next {
-            self.reporter.progress(next)?;
+            self.reporter.publish_progress(next)?;
         }
         Ok(())
     }
@@ -215,6 +224,8 @@ impl Worker<'_> {
         Ok(())
     }
 
+    /// Publishes the steps and fields that were measured. Those that do not fit into shared memory are counted as
+    /// dropped.
     fn publish(&mut self) -> Result<(), BusError> {
         for measured in self.measured.drain(..) {
             let mut header =
@@ -222,7 +233,7 @@ impl Worker<'_> {
             header.exposure_ns = self.exposure_ns;
             if self.fields.send(&header, measured.field.as_ref())? {
                 self.summary.given += 1;
-                self.bell.ring();
+                self.notifier.notify();
             } else {
                 self.summary.dropped += 1;
             }
@@ -230,21 +241,22 @@ impl Worker<'_> {
         Ok(())
     }
 
+    /// Measures the last block, counts the frames that never came, and reports that the worker is done.
     fn finish(&mut self, stream: &StreamState) -> Result<(), BusError> {
         self.measurer.finish(&mut self.measured);
         self.publish()?;
         if let (Some(next), Some(end)) = (self.next, stream.end) {
             self.summary.lost += end.saturating_sub(next);
         }
-        self.reporter.done(stream.end.unwrap_or(0))
+        self.reporter.publish_done(stream.end.unwrap_or(0))
+    }
+
+    fn publish_status_if_due(&mut self) -> Result<(), BusError> {
+        self.reporter.publish_status_if_due(&self.summary, self.newest)
     }
 
     fn publish_status(&mut self) -> Result<(), BusError> {
-        self.reporter.status(&self.summary, self.newest)
-    }
-
-    fn publish_status_now(&mut self) -> Result<(), BusError> {
-        self.reporter.status_now(&self.summary, self.newest)
+        self.reporter.publish_status(&self.summary, self.newest)
     }
 }
 
@@ -253,10 +265,12 @@ struct RecorderProgress {
     progress: Subscriber<Progress>,
     /// The latest run that it has completed.
     completed: Option<u64>,
+    /// Whether the rig has a recorder.
     expected: bool,
 }
 
 impl RecorderProgress {
+    /// Reads new progress and returns whether the recorder has read everything of this run, or there is none.
     fn is_done(&mut self, run_id: Option<u64>) -> Result<bool, BusError> {
         while let Some(progress) = self.progress.take()? {
             if progress.role == Role::Record as u32 && progress.done == 1 {
@@ -267,7 +281,7 @@ impl RecorderProgress {
     }
 }
 
-/// Waits until tracker and recorder have read everything.
+/// Waits until tracker and recorder have read everything, at most [`LINGER_TIMEOUT`].
 fn linger(
     recorder: &mut RecorderProgress,
     stream: &mut StreamState,
@@ -280,7 +294,7 @@ fn linger(
         if recorder.is_done(stream.run_id)? && stream.tracked {
             break;
         }
-        worker.publish_status()?;
+        worker.publish_status_if_due()?;
         std::thread::sleep(WAIT);
     }
     Ok(())

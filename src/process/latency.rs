@@ -22,6 +22,7 @@ impl Default for LatencyHistogram {
 }
 
 impl LatencyHistogram {
+    /// Adds a latency, rounded down to whole microseconds.
     pub(super) fn add(&mut self, latency: Duration) {
         let us = usize::try_from(latency.as_micros()).unwrap_or(MAX_US).min(MAX_US);
         self.counts[us] += 1;
@@ -29,9 +30,10 @@ impl LatencyHistogram {
         self.max = self.max.max(latency);
     }
 
-    /// Returns the quantile of this probability, whole microseconds rounded up.
-    pub(super) fn quantile_us(&self, share: f64) -> Option<u64> {
-        let wanted = (share * self.total as f64).ceil() as u64;
+    /// Returns the quantile of this probability (0 to 1), in whole microseconds, rounded up; `None` if nothing was
+    /// added.
+    pub(super) fn quantile_us(&self, probability: f64) -> Option<u64> {
+        let wanted = (probability * self.total as f64).ceil() as u64;
         let mut seen = 0;
         let found = self.counts.iter().position(|count| {
             seen += u64::from(*count);

@@ -30,7 +30,7 @@ impl StandaloneTrigger {
         if !self.quiet.passes(cause.frame.stamp_ns) {
             return Ok(());
         }
-        reporter.event(EventKind::Triggered, cause.frame, &cause.text)?;
+        reporter.publish_event(EventKind::Triggered, cause.frame, &cause.text)?;
         self.actions.start(cause);
         Ok(())
     }
@@ -38,14 +38,14 @@ impl StandaloneTrigger {
     /// Publishes the outcomes of actions that have ended.
     pub(super) fn publish(&mut self, reporter: &StatusReporter) -> Result<(), BusError> {
         while let Some(outcome) = self.actions.next_outcome() {
-            reporter.action(&outcome)?;
+            reporter.publish_outcome(&outcome)?;
         }
         Ok(())
     }
 
     /// Waits for the actions that still run, and publishes their outcomes.
     pub(super) fn finish(&mut self, reporter: &StatusReporter) -> Result<(), BusError> {
-        self.actions.wait_for_all().iter().try_for_each(|outcome| reporter.action(outcome))
+        self.actions.wait_for_all().iter().try_for_each(|outcome| reporter.publish_outcome(outcome))
     }
 }
 
@@ -59,6 +59,7 @@ pub(super) struct LiveTrigger {
     is_pulsed: bool,
     /// Whether stamps are of the present.
     is_live: bool,
+    /// The exposure time, ns; 0 if unknown.
     exposure_ns: u64,
     /// Decisions that are not published yet, and when the step behind each arrived.
     decided: Vec<(Decision, Instant)>,
@@ -97,24 +98,24 @@ impl LiveTrigger {
 
     /// Adds rows that became final.
     pub(super) fn add_rows(&mut self, rows: &[VelocitySample]) {
-        rows.iter().for_each(|row| self.states.measured(row));
+        rows.iter().for_each(|row| self.states.add_velocity(row));
     }
 
-    /// Follows the events of other processes.
+    /// Updates the rig's state by the events of other processes, and publishes each change.
     pub(super) fn handle_events(&mut self, events: &[Event], reporter: &StatusReporter) -> Result<(), BusError> {
         for event in events {
             match event.kind() {
-                Some(EventKind::Prepared) => self.states.prepared(),
-                Some(EventKind::Started) => self.states.started(),
-                Some(EventKind::Armed) => self.states.armed(),
-                Some(EventKind::Disarmed) => self.states.disarmed(),
-                Some(EventKind::Triggered) if self.standalone.is_none() => self.states.triggered(),
+                Some(EventKind::Prepared) => self.states.note_prepared(),
+                Some(EventKind::Started) => self.states.note_started(),
+                Some(EventKind::Armed) => self.states.note_armed(),
+                Some(EventKind::Disarmed) => self.states.note_disarmed(),
+                Some(EventKind::Triggered) if self.standalone.is_none() => self.states.note_triggered(),
                 // The rows of a shot and its recording may become complete in either order.
                 Some(EventKind::Recorded) if self.is_pulsed => {
-                    self.states.silent();
-                    self.states.recorded();
+                    self.states.note_silence();
+                    self.states.note_recorded();
                 }
-                Some(EventKind::Recorded) => self.states.recorded(),
+                Some(EventKind::Recorded) => self.states.note_recorded(),
                 _ => continue,
             }
             self.publish_state(event.into(), reporter)?;
@@ -124,7 +125,7 @@ impl LiveTrigger {
 
     /// Ends the stream, once all its rows are published.
     pub(super) fn end(&mut self, newest: FrameStamp, reporter: &StatusReporter) -> Result<(), BusError> {
-        self.states.ended();
+        self.states.note_ended();
         self.publish(newest, reporter)?;
         self.standalone.as_mut().map_or(Ok(()), |standalone| standalone.finish(reporter))
     }
@@ -143,7 +144,7 @@ impl LiveTrigger {
             let Decision { frame, stamp_ns, newest_frame, what, .. } = decision;
             let frame = FrameStamp { sequence: frame, stamp_ns };
             let text = format!("{what}; decided {took_us} us after frame {newest_frame} was measured{since}");
-            reporter.event(EventKind::Decided, frame, &text)?;
+            reporter.publish_event(EventKind::Decided, frame, &text)?;
             if let Some(standalone) = &mut self.standalone {
                 standalone.trigger(&TriggerCause { frame, text: what }, reporter)?;
             }
@@ -154,9 +155,10 @@ impl LiveTrigger {
         self.publish_state(newest, reporter)
     }
 
+    /// Publishes the rig's state if it has changed.
     fn publish_state(&mut self, frame: FrameStamp, reporter: &StatusReporter) -> Result<(), BusError> {
-        match self.states.changed() {
-            Some(state) => reporter.event(EventKind::State, frame, state.as_str()),
+        match self.states.take_change() {
+            Some(state) => reporter.publish_event(EventKind::State, frame, state.as_str()),
             None => Ok(()),
         }
     }

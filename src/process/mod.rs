@@ -1,4 +1,4 @@
-//! The main loops, one file a role.
+//! The main loops, one file for each role.
 //!
 //! Each `run` knows nothing of command lines, signals or exit codes: it gets a checked configuration and a [`Stop`],
 //! works until its stream ends or it is asked to stop, and returns a [`Summary`] of what it took, gave and lost.

@@ -18,7 +18,9 @@ pub(super) struct Readers {
     expected: Vec<Reader>,
     /// Readers that take frames all the time; an armed recorder does so only after a trigger.
     paced_by: Vec<Reader>,
+    /// The latest progress of each reader.
     latest: BTreeMap<Reader, Progress>,
+    /// Maximum number of frames that an on-demand source is ahead of its slowest reader.
     window: u64,
 }
 
@@ -43,6 +45,7 @@ impl Readers {
         Ok(Self { progress: bus.subscriber(limits)?, expected, paced_by, latest: BTreeMap::new(), window })
     }
 
+    /// Reads new progress messages; returns whether there were any.
     fn update(&mut self) -> Result<bool, BusError> {
         let mut news = false;
         while let Some(progress) = self.progress.take()? {
@@ -52,11 +55,13 @@ impl Readers {
         Ok(news)
     }
 
+    /// Whether every reader has attached to this run.
     pub(super) fn all_attached(&mut self, run_id: u64) -> Result<bool, BusError> {
         self.update()?;
         Ok(self.expected.iter().all(|reader| self.latest.get(reader).is_some_and(|progress| progress.run_id == run_id)))
     }
 
+    /// Returns the names of the readers that have not attached to this run, separated by commas.
     pub(super) fn missing(&self, run_id: u64) -> String {
         let is_absent = |reader: &&Reader| self.latest.get(reader).is_none_or(|progress| progress.run_id != run_id);
         let names = self.expected.iter().filter(is_absent).map(|reader| {
@@ -66,6 +71,7 @@ impl Readers {
         names.collect::<Vec<_>>().join(", ")
     }
 
+    /// Whether every reader is done with this run.
     pub(super) fn all_done(&mut self, run_id: u64) -> Result<bool, BusError> {
         self.update()?;
         let is_done = |progress: &Progress| progress.run_id == run_id && progress.done == 1;
@@ -74,7 +80,7 @@ impl Readers {
 
     /// Waits until the slowest reader has room for one more frame than `published`, or for a stop.
     ///
-    /// A reader without progress for long is dead or stuck: the stream then continues without it.
+    /// A reader without progress for [`STALL_TIMEOUT`] is dead or hangs, and the stream continues without it.
     pub(super) fn wait_for_room(&mut self, run_id: u64, published: Range<u64>, stop: &Stop) -> Result<(), BusError> {
         let mut timeout = Timeout::new(STALL_TIMEOUT);
         while !stop.requested() && !timeout.has_expired() {

@@ -20,7 +20,7 @@ use super::shot::{Shot, free_path, recording_info};
 use super::stop::Stop;
 use super::storage::{Storage, prepare_directory};
 use super::summary::Summary;
-use crate::bus::{ControlServer, Ear};
+use crate::bus::{ControlServer, TopicListener};
 use crate::config::{Config, Record, TriggerMode};
 use crate::failure::Failure;
 use crate::image::Frame;
@@ -34,13 +34,14 @@ use retention::Retention;
 use std::collections::VecDeque;
 use std::time::Duration;
 
+/// Maximum wait for frames before the loop does its other work.
 const WAIT: Duration = Duration::from_millis(2);
-/// Interval at which an armed recorder maps new writers; this consumes nothing.
-const GREET: Duration = Duration::from_millis(100);
+/// Interval at which an armed recorder connects to new writers; this consumes nothing.
+const CONNECT_PERIOD: Duration = Duration::from_millis(100);
 /// Time without results after which the rows of a worker's frames count as lost.
 const SILENCE: Duration = Duration::from_secs(5);
 /// Time for the first frame of every camera at the start of a recorded stream.
-const GATHER: Duration = Duration::from_secs(2);
+const GATHER_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// Records shots (or the whole stream) until the stream ends.
 ///
@@ -64,7 +65,7 @@ pub fn run(config: &Config, launch: &Launch, stop: &Stop) -> Result<Summary, Fai
     for view in &config.views {
         feeds.push(CameraFeed::open(&view.name, &view.config, launch)?);
     }
-    let ear = feeds[0].bus.ear("frames")?;
+    let listener = feeds[0].bus.listener("frames")?;
     feeds.iter().try_for_each(|feed| feed.bus.reserve())?;
     let mut recorder = Recorder {
         control: feeds[0].bus.control_server()?,
@@ -77,7 +78,7 @@ pub fn run(config: &Config, launch: &Launch, stop: &Stop) -> Result<Summary, Fai
         armed: config.trigger.mode != TriggerMode::Off,
         requested_arming: None,
         waiting: VecDeque::new(),
-        greet: PeriodicTimer::new(GREET),
+        connect_timer: PeriodicTimer::new(CONNECT_PERIOD),
         quiet: Quiet::new(config.trigger.quiet_s),
         actions: Actions::new(config),
         live_trigger: (!feeds[0].is_measured()).then(|| LiveTrigger::new(config)),
@@ -87,10 +88,11 @@ pub fn run(config: &Config, launch: &Launch, stop: &Stop) -> Result<Summary, Fai
         config,
         record,
     };
-    recorder.serve(&ear, stop)?;
+    recorder.serve(&listener, stop)?;
     Ok(recorder.summary)
 }
 
+/// The recorder of a rig.
 struct Recorder<'a> {
     /// One per camera, the main camera first.
     feeds: Vec<CameraFeed<'a>>,
@@ -109,7 +111,7 @@ struct Recorder<'a> {
     requested_arming: Option<Command>,
     /// Shots of the hardware trigger that began while another one was written.
     waiting: VecDeque<TriggerCause>,
-    greet: PeriodicTimer,
+    connect_timer: PeriodicTimer,
     quiet: Quiet,
     actions: Actions,
     /// The rig's state, if no tracker publishes it.
@@ -122,12 +124,13 @@ struct Recorder<'a> {
 }
 
 impl Recorder<'_> {
-    fn serve(&mut self, ear: &Ear, stop: &Stop) -> Result<(), Failure> {
+    /// Records until the streams of all cameras have ended or a stop is requested.
+    fn serve(&mut self, listener: &TopicListener, stop: &Stop) -> Result<(), Failure> {
         while !stop.requested() {
             self.attach()?;
             self.answer_requests()?;
             for camera in 0..self.feeds.len() {
-                let events = self.feeds[camera].stream.take();
+                let events = self.feeds[camera].stream.take_events();
                 if let (0, Some(live_trigger)) = (camera, &mut self.live_trigger) {
                     live_trigger.handle_events(&events, &self.feeds[0].reporter)?;
                 }
@@ -139,12 +142,12 @@ impl Recorder<'_> {
             }
             self.check_storage()?;
             while let Some(outcome) = self.actions.next_outcome() {
-                self.feeds[0].reporter.action(&outcome)?;
+                self.feeds[0].reporter.publish_outcome(&outcome)?;
             }
             self.check_retention()?;
             self.publish_status()?;
             if !busy {
-                ear.wait(WAIT);
+                listener.wait(WAIT);
             }
         }
         if let Some(open) = self.shot.take() {
@@ -152,20 +155,20 @@ impl Recorder<'_> {
         }
         for feed in &mut self.feeds {
             let end = feed.stream.end.unwrap_or(0);
-            feed.reporter.done(end)?;
+            feed.reporter.publish_done(end)?;
         }
         for outcome in self.actions.wait_for_all() {
-            self.feeds[0].reporter.action(&outcome)?;
+            self.feeds[0].reporter.publish_outcome(&outcome)?;
         }
         if let Some(mut live_trigger) = self.live_trigger.take() {
             // The recorder's own events of the last recording count too.
             let feed = &mut self.feeds[0];
             feed.stream.update()?;
-            live_trigger.handle_events(&feed.stream.take(), &feed.reporter)?;
+            live_trigger.handle_events(&feed.stream.take_events(), &feed.reporter)?;
             live_trigger.end(feed.newest, &feed.reporter)?;
         }
         let summary = &self.summary;
-        self.feeds.iter_mut().try_for_each(|feed| feed.reporter.status_now(summary, feed.newest))?;
+        self.feeds.iter_mut().try_for_each(|feed| feed.reporter.publish_status(summary, feed.newest))?;
         Ok(())
     }
 
@@ -196,18 +199,18 @@ impl Recorder<'_> {
         Ok(())
     }
 
-    /// Arms or disarms.
+    /// Arms or disarms, as the command requests, and publishes it.
     fn arm(&mut self, command: Command) -> Result<(), Failure> {
         self.armed = command == Command::Arm;
         let kind = if self.armed { EventKind::Armed } else { EventKind::Disarmed };
         let during = if self.shot.is_some() { "; a shot is being written" } else { "" };
-        self.event(kind, &format!("{}{during}", kind.as_str()))
+        self.publish_event(kind, &format!("{}{during}", kind.as_str()))
     }
 
-    /// Publishes an event of the whole rig.
-    fn event(&self, kind: EventKind, text: &str) -> Result<(), Failure> {
+    /// Publishes an event of the whole rig at the newest frame.
+    fn publish_event(&self, kind: EventKind, text: &str) -> Result<(), Failure> {
         let feed = &self.feeds[0];
-        Ok(feed.reporter.event(kind, feed.newest, text)?)
+        Ok(feed.reporter.publish_event(kind, feed.newest, text)?)
     }
 
     /// Executes triggers of other processes, and records a shot's events.
@@ -239,12 +242,12 @@ impl Recorder<'_> {
         let streams = self.config.trigger.mode == TriggerMode::Off;
         if streams && self.shot.is_none() && self.feeds.iter().any(|feed| feed.stream.first.is_some()) {
             if self.is_paused()? {
-                return self.pass_by();
+                return self.discard_frames();
             }
             self.begin_stream()?;
         }
         if self.shot.is_none() {
-            if self.greet.due() {
+            if self.connect_timer.due() {
                 for feed in &self.feeds {
                     feed.frames.greet();
                     feed.fields.greet();
@@ -270,6 +273,7 @@ impl Recorder<'_> {
         Ok(goes_on)
     }
 
+    /// Writes the oldest held frame of a camera if it belongs to the shot; returns whether a frame was taken.
     fn write_one(&mut self, camera: usize) -> Result<bool, Failure> {
         let Some(open) = &mut self.shot else { return Ok(false) };
         let feed = &mut self.feeds[camera];
@@ -292,12 +296,13 @@ impl Recorder<'_> {
             self.summary.taken += 1;
             feed.newest = FrameStamp::from(&header);
             if self.config.trigger.mode == TriggerMode::Off {
-                feed.reporter.progress(header.sequence + 1)?;
+                feed.reporter.publish_progress(header.sequence + 1)?;
             }
         }
         Ok(true)
     }
 
+    /// Writes the steps of a camera that have come, and keeps those of the next shot.
     fn take_steps(&mut self, camera: usize) -> Result<(), Failure> {
         let Some(open) = &mut self.shot else { return Ok(()) };
         let follows = self.config.trigger.mode == TriggerMode::Hardware;
@@ -320,7 +325,7 @@ impl Recorder<'_> {
                 feed.early.push((step, field));
                 continue;
             }
-            match open.step(camera, feed.period_ns(), step, field) {
+            match open.add_step(camera, feed.period_ns(), step, field) {
                 Ok(true) => {
                     open.progress[camera].silence.renew();
                     self.summary.given += 1;
@@ -333,7 +338,7 @@ impl Recorder<'_> {
         Ok(())
     }
 
-    /// Arms or disarms after a shot.
+    /// Arms or disarms after a shot: as requested during it, else as configured.
     fn rearm(&mut self) -> Result<(), Failure> {
         let default = if self.config.trigger.rearm { Command::Arm } else { Command::Disarm };
         match (self.config.trigger.mode, self.requested_arming.take()) {
@@ -342,19 +347,20 @@ impl Recorder<'_> {
         }
     }
 
+    /// Completes the file of a shot, publishes its losses and its path, and removes recordings beyond the limits.
     fn close(&mut self, mut open: OpenShot) -> Result<(), Failure> {
-        let cut = (0..self.feeds.len()).try_for_each(|camera| open.cut(camera));
+        let shortened = (0..self.feeds.len()).try_for_each(|camera| open.shorten(camera));
         let ends = open.ends();
         let unsafe_frames = open.shot.missing_before(ends[0]).max(1);
         let lost: Vec<u64> = (ends.iter().enumerate())
             .map(|(camera, end)| open.lost(camera) + end.saturating_sub(open.shot.next_frame(camera)))
             .collect();
         let (mut shot, stamp_ns) = (open.shot, self.feeds[0].newest.stamp_ns);
-        let mut written = cut;
+        let mut written = shortened;
         for (feed, matcher) in self.feeds[1..].iter().zip(open.matchers) {
             let text = format!("{}: {}", feed.name, matcher.finish());
-            feed.reporter.event(EventKind::Matched, feed.newest, &text)?;
-            self.event(EventKind::Matched, &text)?;
+            feed.reporter.publish_event(EventKind::Matched, feed.newest, &text)?;
+            self.publish_event(EventKind::Matched, &text)?;
             let kind = EventKind::Matched.as_str().into();
             written = written.and_then(|()| shot.event(&EventRow { stamp_ns, kind, text }));
         }
@@ -368,31 +374,37 @@ impl Recorder<'_> {
         self.summary.dropped += missing;
         if all + missing > 0 {
             let text =
-                format!("{} and {missing} rows are missing in {}", self.describe(&lost), finished.path.display());
-            self.event_at(EventKind::Lost, ends[0], &text)?;
+                format!("{} and {missing} rows are missing in {}", self.describe_lost(&lost), finished.path.display());
+            self.publish_event_at(EventKind::Lost, ends[0], &text)?;
         }
-        self.event_at(EventKind::Recorded, ends[0], &finished.path.display().to_string())?;
+        self.publish_event_at(EventKind::Recorded, ends[0], &finished.path.display().to_string())?;
         self.retention.add(&finished.path);
         self.summary.recordings.push(finished.path);
         let removed = self.retention.enforce(None);
         self.publish_removed(removed)
     }
 
-    /// Describes the lost frames of each camera.
-    fn describe(&self, lost: &[u64]) -> String {
-        let of = |(feed, lost): (&CameraFeed<'_>, &u64)| match feed.name.as_str() {
+    /// Returns the number of lost frames of each camera in words.
+    fn describe_lost(&self, lost: &[u64]) -> String {
+        let description = |(feed, lost): (&CameraFeed<'_>, &u64)| match feed.name.as_str() {
             "" => format!("{lost} frames"),
             name => format!("{lost} of {name}"),
         };
         let cameras = self.feeds.iter().zip(lost);
-        cameras.filter(|(feed, lost)| feed.name.is_empty() || **lost > 0).map(of).collect::<Vec<_>>().join(", ")
+        cameras
+            .filter(|(feed, lost)| feed.name.is_empty() || **lost > 0)
+            .map(description)
+            .collect::<Vec<_>>()
+            .join(", ")
     }
 
-    fn event_at(&self, kind: EventKind, frame: u64, text: &str) -> Result<(), Failure> {
+    /// Publishes an event of the whole rig at this frame.
+    fn publish_event_at(&self, kind: EventKind, frame: u64, text: &str) -> Result<(), Failure> {
         let feed = &self.feeds[0];
-        Ok(feed.reporter.event(kind, FrameStamp { sequence: frame, ..feed.newest }, text)?)
+        Ok(feed.reporter.publish_event(kind, FrameStamp { sequence: frame, ..feed.newest }, text)?)
     }
 
+    /// Publishes the status of every camera's recorder, if it is due.
     fn publish_status(&mut self) -> Result<(), Failure> {
         let has_problem = self.pause.is_some() || self.storage.has_problem();
         let summary = self.counts();
@@ -403,8 +415,8 @@ impl Recorder<'_> {
             feed.reporter.set_state(u32::from(self.armed) | u32::from(has_problem) << 1);
             feed.reporter.set_queue(feed.held.len() as u64, feed.limits.ring_frames as u64);
             match has_lost {
-                true => feed.reporter.status_now(&summary, feed.newest)?,
-                false => feed.reporter.status(&summary, feed.newest)?,
+                true => feed.reporter.publish_status_now(&summary, feed.newest)?,
+                false => feed.reporter.publish_status_if_due(&summary, feed.newest)?,
             }
         }
         Ok(())

@@ -1,7 +1,8 @@
 //! The reference picture of patches: the stream's first frame.
 //!
-//! Every process of a rig needs it, including one that is restarted much later. So the process that sees the first frame
-//! keeps it in a private file of the rig. A recording carries it as an attachment, since its own first frame differs.
+//! Every process of a rig needs it, including one that is restarted much later. So the process that sees the first
+//! frame keeps it in a private file of the rig. A recording carries it as an attachment, since its own first frame
+//! differs.
 
 use crate::bus::Bus;
 use crate::camera::CameraError;
@@ -19,12 +20,12 @@ fn is_needed(config: &Config) -> bool {
     config.bodies.iter().any(|body| body.kind == BodyKind::Patch)
 }
 
-/// Starts a new stream: removes the previous picture, and restores that of a recording.
+/// Starts a new stream: removes the previous picture, and stores that of a recording which is replayed.
 ///
 /// # Errors
 ///
 /// If the recording cannot be read.
-pub(super) fn begin(config: &Config, bus: &Bus) -> Result<(), CameraError> {
+pub(super) fn begin_stream(config: &Config, bus: &Bus) -> Result<(), CameraError> {
     let path = bus.private_file(NAME);
     let _ = std::fs::remove_file(&path);
     if !is_needed(config) || config.camera.source != Some(config::Source::Recording) {
@@ -34,13 +35,13 @@ pub(super) fn begin(config: &Config, bus: &Bus) -> Result<(), CameraError> {
     let recording = Recording::open(Path::new(camera.id.as_deref().unwrap_or_default()))?;
     let recording = recording.of_camera(camera.view.as_deref())?;
     if let Some(picture) = of_recording(&recording, config)? {
-        keep(&path, &picture);
+        store(&path, &picture);
     }
     Ok(())
 }
 
-/// Stores the picture for this rig, unless another process already did.
-fn keep(path: &Path, picture: &Image) {
+/// Stores the picture for this rig, unless another process already did. A failure is logged.
+fn store(path: &Path, picture: &Image) {
     let Some(png) = to_png(picture) else { return };
     let part = path.with_extension(format!("{}.part", std::process::id()));
     let written = std::fs::File::create(&part).and_then(|mut file| file.write_all(&png));
@@ -52,38 +53,39 @@ fn keep(path: &Path, picture: &Image) {
     }
 }
 
-/// Returns the stored picture as a PNG.
-pub(super) fn kept(config: &Config, bus: &Bus) -> Option<Vec<u8>> {
+/// Returns the stored picture as a PNG file; `None` if none is stored or needed.
+pub(super) fn stored_png(config: &Config, bus: &Bus) -> Option<Vec<u8>> {
     if is_needed(config) { std::fs::read(bus.private_file(NAME)).ok() } else { None }
 }
 
-/// Returns the stored picture; without one, the stream's first frame.
+/// Returns the stored picture; without one, the stream's first frame, which is then stored. `None` without either.
 pub(super) fn obtain(config: &Config, bus: &Bus, first: Option<&Frame<'_>>) -> Option<Image> {
-    if let Some(picture) = kept(config, bus).and_then(|png| from_png(&png)) {
+    if let Some(picture) = stored_png(config, bus).and_then(|png| from_png(&png)) {
         return Some(picture);
     }
-    let picture = first.and_then(unpacked)?;
-    keep(&bus.private_file(NAME), &picture);
+    let picture = first.and_then(unpack)?;
+    store(&bus.private_file(NAME), &picture);
     // Another process may have been faster.
-    kept(config, bus).and_then(|png| from_png(&png)).or(Some(picture))
+    stored_png(config, bus).and_then(|png| from_png(&png)).or(Some(picture))
 }
 
-/// Returns the picture as an attachment of a recording.
+/// Returns the picture as an attachment of a recording: name, media type and content. `None` if it cannot be encoded.
 pub fn attachment(picture: &Image) -> Option<(String, String, Vec<u8>)> {
-    to_png(picture).map(attached)
+    to_png(picture).map(png_attachment)
 }
 
-/// Returns a PNG as an attachment of a recording.
-pub(super) fn attached(png: Vec<u8>) -> (String, String, Vec<u8>) {
+/// Returns a PNG file as an attachment of a recording: name, media type and content.
+pub(super) fn png_attachment(png: Vec<u8>) -> (String, String, Vec<u8>) {
     (NAME.to_owned(), "image/png".to_owned(), png)
 }
 
 /// Returns the picture from a film's first frame; `None` if no patches are measured.
 pub fn of_first_frame(frame: &Frame<'_>, config: &Config) -> Option<Image> {
-    if is_needed(config) { unpacked(frame) } else { None }
+    if is_needed(config) { unpack(frame) } else { None }
 }
 
-fn unpacked(frame: &Frame<'_>) -> Option<Image> {
+/// Returns the grey levels of a frame; `None` if its bytes are incomplete.
+fn unpack(frame: &Frame<'_>) -> Option<Image> {
     let mut picture = Image::new(frame.meta.width_px as usize, frame.meta.height_px as usize);
     frame.unpack(&mut picture).ok().map(|()| picture)
 }
@@ -112,5 +114,5 @@ pub fn of_recording(recording: &Recording, config: &Config) -> Result<Option<Ima
     }
     let Some(first) = recording.frames()?.next() else { return Ok(None) };
     let (meta, bytes) = first?;
-    Ok(unpacked(&Frame { meta, bytes: &bytes }))
+    Ok(unpack(&Frame { meta, bytes: &bytes }))
 }

@@ -28,7 +28,8 @@ impl Resume {
         Self { sequence, stamp_ns, ..self }
     }
 
-    /// Returns the sequence number of the first frame after the restart, which has this stamp.
+    /// Returns the sequence number of the first frame after the restart, which has this stamp, ns. `frame_rate_hz` is 0
+    /// for a camera without a rate of its own.
     ///
     /// Numbers count the frames that were missed meanwhile. The result begins a block, so that its measurement does
     /// not depend on the loss.
@@ -49,10 +50,10 @@ impl From<&Resume> for FrameStamp {
 ///
 /// The system keeps what was written when the process is killed, so its successor knows the very last frame.
 #[derive(Debug)]
-pub(super) struct Reached(File);
+pub(super) struct NewestFrameFile(File);
 
-impl Reached {
-    /// Opens the file, and returns what a predecessor left and the age of that, s.
+impl NewestFrameFile {
+    /// Opens the file, or creates it. Also returns the state that a predecessor left in it, and its age, s.
     pub(super) fn open(path: &Path) -> std::io::Result<(Self, Option<(Resume, f64)>)> {
         let file = OpenOptions::new().read(true).write(true).create(true).truncate(false).mode(0o600).open(path)?;
         let mut bytes = [0; 32];
@@ -69,7 +70,7 @@ impl Reached {
         Ok((Self(file), left))
     }
 
-    /// Notes the newest frame.
+    /// Writes the newest frame. Errors are ignored.
     pub(super) fn note(&self, frame: FrameStamp, epoch: u32) {
         let numbers = [frame.sequence, frame.stamp_ns, u64::from(epoch), monotonic_ns()];
         let mut bytes = [0; 32];
@@ -91,18 +92,18 @@ mod tests {
     #[test]
     fn the_newest_frame_outlives_its_process() {
         let path = std::env::temp_dir().join(format!("ricochet-reached-{}", std::process::id()));
-        let (first, none) = Reached::open(&path).unwrap();
+        let (first, none) = NewestFrameFile::open(&path).unwrap();
         assert_eq!(none, None);
         first.note(FrameStamp { sequence: 7, stamp_ns: 9 }, 1);
         let frame = FrameStamp { sequence: 1234, stamp_ns: 1_767_225_600_000_000_007 };
         first.note(frame, 3);
         drop(first);
-        let (second, left) = Reached::open(&path).unwrap();
+        let (second, left) = NewestFrameFile::open(&path).unwrap();
         let (resume, age_s) = left.unwrap();
         assert_eq!(resume, Resume { sequence: frame.sequence, stamp_ns: frame.stamp_ns, epoch: 3 });
         assert!((0.0..60.0).contains(&age_s), "{age_s}");
         second.clear();
-        assert_eq!(Reached::open(&path).unwrap().1, None);
+        assert_eq!(NewestFrameFile::open(&path).unwrap().1, None);
         std::fs::remove_file(&path).unwrap();
     }
 

@@ -19,10 +19,10 @@ use std::time::Duration;
 /// Minimum size of the ring, frames: a burst that may arrive before the workers catch up.
 const BURST_FRAMES: usize = 512;
 /// Maximum time from a trigger condition to the recorder, s; the ring is larger than `pre_s` by this.
-const DECISION_S: f64 = 0.25;
+const MAX_DECISION_S: f64 = 0.25;
 
 /// Time for the predecessor in the same role to end.
-pub(super) const SUCCESSION: Duration = Duration::from_secs(5);
+pub(super) const SUCCESSION_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// The camera of a rig, which can be closed and reopened.
 pub struct Source {
@@ -55,7 +55,7 @@ impl Source {
         &self.identity
     }
 
-    /// Returns whether the camera runs on its own clock or on demand.
+    /// Returns who sets the pace: the camera's own clock or its consumer.
     pub fn pace(&self) -> Pace {
         self.pace
     }
@@ -91,7 +91,7 @@ impl Source {
     }
 }
 
-/// A closed camera.
+/// A closed camera, whose stream has ended.
 struct Closed(StreamFormat);
 
 impl Camera for Closed {
@@ -128,7 +128,8 @@ pub fn open_camera(config: &Config) -> Result<Box<dyn Camera>, CameraError> {
         .ok_or_else(|| CameraError::NotFound { id: config.origin.clone(), reason: "it has no camera.source".into() })?;
     Ok(match source {
         config::Source::Simulated => {
-            let world = SimulatedFilm::new(&scenario(config)?).map_err(|error| refused(config, &error))?;
+            let world = SimulatedFilm::new(&load_configured_scenario(config)?)
+                .map_err(|error| scenario_error(config, &error))?;
             let pace = if camera.paced { Pace::Live } else { Pace::OnDemand };
             Box::new(SimulatedCamera::film(world, pace)?.pulsed(camera.pulse)?)
         }
@@ -157,7 +158,7 @@ pub fn open_camera(config: &Config) -> Result<Box<dyn Camera>, CameraError> {
     })
 }
 
-/// Returns the simulated world behind the camera, if there is one.
+/// Returns the simulated film behind the camera, which has the ground truth; `None` for other cameras.
 ///
 /// # Errors
 ///
@@ -166,15 +167,20 @@ pub fn truth_world(config: &Config) -> Result<Option<SimulatedFilm>, CameraError
     if config.camera.source != Some(config::Source::Simulated) {
         return Ok(None);
     }
-    let world = SimulatedFilm::new(&scenario(config)?).map_err(|error| refused(config, &error))?;
+    let world =
+        SimulatedFilm::new(&load_configured_scenario(config)?).map_err(|error| scenario_error(config, &error))?;
     Ok(Some(world))
 }
 
 /// Returns the configured scenario with the camera settings of the rig.
-fn scenario(config: &Config) -> Result<Scenario, CameraError> {
+///
+/// # Errors
+///
+/// [`CameraError::Scenario`] if the scenario is unknown or invalid.
+fn load_configured_scenario(config: &Config) -> Result<Scenario, CameraError> {
     let camera = &config.camera;
     let name = camera.scenario.clone().unwrap_or_else(|| "lacrosse".into());
-    let mut scenario = load_scenario(&name).map_err(|error| refused(config, &error))?;
+    let mut scenario = load_scenario(&name).map_err(|error| scenario_error(config, &error))?;
     let setup = &mut scenario.camera;
     setup.width_px = camera.width_px.unwrap_or(setup.width_px);
     setup.height_px = camera.height_px.unwrap_or(setup.height_px);
@@ -184,7 +190,8 @@ fn scenario(config: &Config) -> Result<Scenario, CameraError> {
     Ok(scenario)
 }
 
-fn refused(config: &Config, error: &dyn std::fmt::Display) -> CameraError {
+/// Returns the error for a scenario that cannot be simulated.
+fn scenario_error(config: &Config, error: &dyn std::fmt::Display) -> CameraError {
     let name = config.camera.scenario.clone().unwrap_or_default();
     CameraError::Scenario { origin: config.origin.clone(), name, reason: error.to_string() }
 }
@@ -194,16 +201,18 @@ pub(super) fn limits(config: &Config, format: &StreamFormat) -> Limits {
     let rate_hz = format.frame_rate_hz;
     let pre = config.pre_trigger_frames(rate_hz) as usize;
     let block = config.workers.block_frames as usize;
-    let waits = pre > 0;
-    let ring_frames = if waits { pre + block + (DECISION_S * rate_hz).ceil() as usize } else { 0 }.max(BURST_FRAMES);
+    let has_pre_trigger = pre > 0;
+    let ring_frames =
+        if has_pre_trigger { pre + block + (MAX_DECISION_S * rate_hz).ceil() as usize } else { 0 }.max(BURST_FRAMES);
     // A trigger takes the whole queue at once, and the ring continues behind it however slow the writing is.
-    let held_frames = if waits { ring_frames } else { 64 };
+    let held_frames = if has_pre_trigger { ring_frames } else { 64 };
     let points = (0..config.bodies.len()).map(|body| {
+        // The number of subsets along a side.
         let along = |extent_px: f64| (extent_px / f64::from(config.correlation.step_px)).ceil() as usize + 1;
         match config.bodies[body].kind {
             config::BodyKind::Ball => {
-                let most_px = 2.0 * config.ball(body, format.width_px, format.height_px).max_radius_px;
-                along(most_px) * along(most_px)
+                let diameter_px = 2.0 * config.ball(body, format.width_px, format.height_px).max_radius_px;
+                along(diameter_px) * along(diameter_px)
             }
             config::BodyKind::Rod | config::BodyKind::Patch => {
                 along(f64::from(format.width_px)) * along(f64::from(format.height_px))
@@ -238,11 +247,11 @@ pub(super) fn expected_format(config: &Config) -> Result<StreamFormat, CameraErr
 
 /// Takes the exposure from a frame's header if neither rig file nor camera gave it; returns whether it did.
 pub(super) fn update_exposure(config: &Config, format: &mut StreamFormat, exposure_ns: u32) -> bool {
-    let learns = config.camera.exposure_us.is_none() && format.exposure_us <= 0.0 && exposure_ns > 0;
-    if learns {
+    let is_new = config.camera.exposure_us.is_none() && format.exposure_us <= 0.0 && exposure_ns > 0;
+    if is_new {
         format.exposure_us = f64::from(exposure_ns) * 1e-3;
     }
-    learns
+    is_new
 }
 
 /// Returns the parameters of measurement and tracking for frames of this format.

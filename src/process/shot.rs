@@ -154,8 +154,8 @@ impl Shot {
         self.parts.iter().flatten().map(|part| part.frames).sum()
     }
 
-    /// Returns how many frames may be missing in the file if nothing more can be written: the main camera's before
-    /// `end`, and the others' so far.
+    /// Returns the number of frames that may be missing in the file if nothing more can be written: the main camera's
+    /// before `end`, and the others' so far.
     pub fn missing_before(&self, end: u64) -> u64 {
         let due = |(camera, part): (usize, &Option<CameraPart>)| match part {
             Some(part) if camera == 0 => end.saturating_sub(part.range.first),
@@ -173,7 +173,7 @@ impl Shot {
     /// If the file cannot be written.
     pub fn step(&mut self, camera: usize, step: BodyStep, field: Option<PairField>) -> Result<bool, RecordingError> {
         let Some(part) = &mut self.parts[camera] else { return Ok(false) };
-        let Some((step, field)) = part.within(step, field) else { return Ok(false) };
+        let Some((step, field)) = part.clip(step, field) else { return Ok(false) };
         self.writer.select_camera(camera);
         if let Some(field) = &field {
             self.writer.field(field)?;
@@ -182,7 +182,7 @@ impl Shot {
             self.writer.annotations(step.stamp_ns, &annotations(&step, field.as_ref()))?;
         }
         let rows = part.ordered.as_mut().map(|ordered| std::mem::take(ordered.push(step))).unwrap_or_default();
-        self.write(camera, &rows)?;
+        self.write_rows(camera, &rows)?;
         Ok(true)
     }
 
@@ -215,12 +215,13 @@ impl Shot {
             let rows = std::mem::take(ordered.finish(*end));
             let losses = ordered.losses();
             missing += losses.lost + losses.late;
-            self.write(camera, &rows)?;
+            self.write_rows(camera, &rows)?;
         }
         Ok((self.writer.finish()?, missing))
     }
 
-    fn write(&mut self, camera: usize, rows: &TrackerRows) -> Result<(), RecordingError> {
+    /// Writes the rows of a camera that became final.
+    fn write_rows(&mut self, camera: usize, rows: &TrackerRows) -> Result<(), RecordingError> {
         self.writer.select_camera(camera);
         for sample in &rows.tracks {
             self.writer.track(sample)?;
@@ -235,7 +236,7 @@ impl Shot {
     }
 }
 
-/// Draws the outline, and ten times the measured motion.
+/// Returns the outline of a body and ten times the displacement of each subset, as lines over the image, px.
 fn annotations(step: &BodyStep, field: Option<&PairField>) -> Annotations {
     const MAGNIFICATION: f64 = 10.0;
     let vector = |point: &crate::results::FieldPoint| {
@@ -281,9 +282,10 @@ pub fn recording_info(config: &Config, format: &StreamFormat, camera: &CameraIde
     }
 }
 
-/// Returns an unused file name in `directory`: the rig, then the first frame's time in UTC.
+/// Returns an unused path in `directory`. The name is the rig, then the first frame's time in UTC, then a number from 2
+/// on if that is taken.
 pub(super) fn free_path(directory: &Path, rig: &str, stamp_ns: u64) -> PathBuf {
-    let name = format!("{rig}-{}", utc(stamp_ns));
+    let name = format!("{rig}-{}", format_utc(stamp_ns));
     let taken = |path: &Path| path.exists() || recording::part_path(path).exists();
     let numbered = |number: u32| match number {
         1 => directory.join(format!("{name}.mcap")),
@@ -292,11 +294,12 @@ pub(super) fn free_path(directory: &Path, rig: &str, stamp_ns: u64) -> PathBuf {
     (1..u32::MAX).map(numbered).find(|path| !taken(path)).unwrap_or_else(|| numbered(u32::MAX))
 }
 
-/// Formats a time to the millisecond: `20261121-083000-123`.
-fn utc(stamp_ns: u64) -> String {
+/// Formats a time, ns since the Unix epoch, as UTC to the millisecond: `20261121-083000-123`.
+fn format_utc(stamp_ns: u64) -> String {
     let (seconds, millis) = (stamp_ns / 1_000_000_000, stamp_ns / 1_000_000 % 1000);
     let (days, time) = (seconds / 86400, seconds % 86400);
-    // Years that begin in March put the leap day last (H. Hinnant, chrono-compatible date algorithms).
+    // Years that begin in March put the leap day last (H. Hinnant, "chrono-Compatible Low-Level Date Algorithms",
+    // https://howardhinnant.github.io/date_algorithms.html).
     let shifted = days + 719_468;
     let (era, day_of_era) = (shifted / 146_097, shifted % 146_097);
     let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
@@ -314,7 +317,7 @@ mod tests {
 
     #[test]
     fn stamps_become_dates_also_at_leap_days_and_year_ends() {
-        let name = |seconds: u64| utc(seconds * 1_000_000_000 + 7_000_000);
+        let name = |seconds: u64| format_utc(seconds * 1_000_000_000 + 7_000_000);
         assert_eq!(name(0), "19700101-000000-007");
         assert_eq!(name(951_782_400), "20000229-000000-007");
         assert_eq!(name(1_798_761_599), "20261231-235959-007");

@@ -8,6 +8,7 @@ use crate::bus::{Bus, BusError, Limits, Publisher};
 use crate::message::{Event, EventKind, Progress, Role, StatusMessage};
 use std::time::{Duration, Instant};
 
+/// Interval of the status messages.
 const STATUS_PERIOD: Duration = Duration::from_millis(200);
 
 /// Publishes the status, progress and events of a process.
@@ -20,6 +21,7 @@ pub(super) struct StatusReporter {
     events: Publisher<Event>,
     timer: PeriodicTimer,
     progress_message: Progress,
+    /// The time of the last status and the number of frames received until then.
     rate: (Instant, u64),
     status_message: StatusMessage,
     is_live: bool,
@@ -56,6 +58,7 @@ impl StatusReporter {
         self.progress_message.run_id = run_id;
     }
 
+    /// Returns the run of the messages; 0 before one is set.
     pub(super) fn run_id(&self) -> u64 {
         self.progress_message.run_id
     }
@@ -77,21 +80,21 @@ impl StatusReporter {
     }
 
     /// Publishes the next frame that this reader will take.
-    pub(super) fn progress(&mut self, next_sequence: u64) -> Result<(), BusError> {
+    pub(super) fn publish_progress(&mut self, next_sequence: u64) -> Result<(), BusError> {
         self.progress_message.next_sequence = next_sequence;
         self.progress_message.done = 0;
         self.progress.send(&self.progress_message)
     }
 
     /// Publishes that this reader is done with all frames before `end`.
-    pub(super) fn done(&mut self, end: u64) -> Result<(), BusError> {
+    pub(super) fn publish_done(&mut self, end: u64) -> Result<(), BusError> {
         self.progress_message.next_sequence = end;
         self.progress_message.done = 1;
         self.progress.send(&self.progress_message)
     }
 
     /// Publishes an event of the current run.
-    pub(super) fn event(&self, kind: EventKind, frame: FrameStamp, text: &str) -> Result<(), BusError> {
+    pub(super) fn publish_event(&self, kind: EventKind, frame: FrameStamp, text: &str) -> Result<(), BusError> {
         log::info!("{}: {text} (frame {})", kind.as_str(), frame.sequence);
         let milestone =
             matches!(kind, EventKind::Prepared | EventKind::Started | EventKind::Ended | EventKind::Tracked);
@@ -100,23 +103,23 @@ impl StatusReporter {
     }
 
     /// Publishes the outcome of an action.
-    pub(super) fn action(&self, outcome: &ActionOutcome) -> Result<(), BusError> {
+    pub(super) fn publish_outcome(&self, outcome: &ActionOutcome) -> Result<(), BusError> {
         if outcome.failed {
             log::warn!("{}", outcome.text);
         }
-        self.event(EventKind::Action, outcome.cause.frame, &outcome.text)
+        self.publish_event(EventKind::Action, outcome.cause.frame, &outcome.text)
     }
 
-    /// Publishes the status if its period has passed.
-    pub(super) fn status(&mut self, summary: &Summary, newest: FrameStamp) -> Result<(), BusError> {
+    /// Publishes the status if its period has passed, and connects to readers that joined in the meantime.
+    pub(super) fn publish_status_if_due(&mut self, summary: &Summary, newest: FrameStamp) -> Result<(), BusError> {
         self.milestones.greet();
         self.events.greet();
         self.progress.greet();
-        if self.timer.due() { self.status_now(summary, newest) } else { Ok(()) }
+        if self.timer.due() { self.publish_status(summary, newest) } else { Ok(()) }
     }
 
-    /// Publishes the status.
-    pub(super) fn status_now(&mut self, summary: &Summary, newest: FrameStamp) -> Result<(), BusError> {
+    /// Publishes the status: the counts, the newest frame, the frame rate since the last status, and the latency.
+    pub(super) fn publish_status(&mut self, summary: &Summary, newest: FrameStamp) -> Result<(), BusError> {
         let elapsed_s = self.rate.0.elapsed().as_secs_f64();
         if elapsed_s > 0.0 {
             self.status_message.rate_hz = (summary.taken - self.rate.1.min(summary.taken)) as f64 / elapsed_s;

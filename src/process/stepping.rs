@@ -23,6 +23,7 @@ impl StepControl {
         self.line.step() && self.read_answer()
     }
 
+    /// Waits for the next line of the camera's process; returns `false` if the process has ended.
     fn read_answer(&mut self) -> bool {
         let mut line = String::new();
         self.answers.read_line(&mut line).is_ok_and(|bytes| bytes > 0)
@@ -36,13 +37,14 @@ impl Drop for StepControl {
 }
 
 /// Prints an answer to the controlling program.
-pub(super) fn print(line: &str) {
+pub(super) fn print_answer(line: &str) {
     let mut out = std::io::stdout().lock();
     // The controlling program may have closed the pipe.
     let _ = writeln!(out, "{line}").and_then(|()| out.flush());
 }
 
-/// Connects the control of a process to the program that requested it, or else to the terminal.
+/// Connects the control of a process to the program that requested it; without one, each line on standard input plays a
+/// frame.
 pub(super) fn connect(line: &Line, answers: Option<ChildStdout>, leader: Option<&Sender<StepControl>>) {
     let line = line.clone();
     match leader.zip(answers) {

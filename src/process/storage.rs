@@ -9,6 +9,7 @@ use rustix::fs::{Access, access, statvfs};
 use std::path::PathBuf;
 use std::time::Duration;
 
+/// Interval of checking the folder.
 const PERIOD: Duration = Duration::from_secs(1);
 /// Required free space for a stream without an end, s of recording.
 const STREAM_S: f64 = 10.0;
@@ -18,6 +19,10 @@ const FRAME_BYTES: u64 = 1024;
 const POINT_BYTES: u64 = 64;
 
 /// Creates the folder of the recordings and checks that it is writable.
+///
+/// # Errors
+///
+/// [`RecordingError::Io`] if it cannot be created or written into.
 pub(super) fn prepare_directory(record: &Record) -> Result<(), RecordingError> {
     let path = &record.directory;
     let fail = |action, source| RecordingError::Io { action, path: path.clone(), source };
@@ -28,8 +33,11 @@ pub(super) fn prepare_directory(record: &Record) -> Result<(), RecordingError> {
 /// The state of the folder at the last check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum State {
+    /// The next recording fits.
     Enough,
+    /// It may not fit.
     Scarce,
+    /// The folder cannot be written into.
     Unusable,
 }
 
@@ -41,7 +49,7 @@ pub(super) struct Storage {
     frame_bytes: u64,
     /// Frames of a whole shot including its pre-trigger time; for a stream, of the next seconds.
     shot_frames: u64,
-    frames_a_second: u64,
+    frames_per_second: u64,
     timer: PeriodicTimer,
     state: State,
 }
@@ -53,14 +61,14 @@ impl Storage {
         record: &Record,
         cameras: impl Iterator<Item = (&'a StreamFormat, &'a Limits)>,
     ) -> Self {
-        let (mut rate_hz, mut bytes_a_second) = (0.0, 0.0);
+        let (mut rate_hz, mut bytes_per_second) = (0.0, 0.0);
         for (format, limits) in cameras {
             let pixels = if record.raw_frames { format.slot_bytes() as u64 } else { 0 };
             let points = u64::from(limits.fields) * limits.field_points as u64;
             if rate_hz <= 0.0 {
                 rate_hz = format.frame_rate_hz;
             }
-            bytes_a_second += (pixels + FRAME_BYTES + POINT_BYTES * points) as f64 * format.frame_rate_hz;
+            bytes_per_second += (pixels + FRAME_BYTES + POINT_BYTES * points) as f64 * format.frame_rate_hz;
         }
         let shot_frames = match config.trigger.mode {
             // The duration of a hardware-triggered burst is unknown.
@@ -73,9 +81,9 @@ impl Storage {
         };
         Self {
             directory: record.directory.clone(),
-            frame_bytes: (bytes_a_second / rate_hz).ceil() as u64,
+            frame_bytes: (bytes_per_second / rate_hz).ceil() as u64,
             shot_frames,
-            frames_a_second: rate_hz.ceil() as u64,
+            frames_per_second: rate_hz.ceil() as u64,
             timer: PeriodicTimer::new(PERIOD),
             state: State::Enough,
         }
@@ -89,13 +97,14 @@ impl Storage {
             return None;
         }
         let needed_bytes = left_frames.unwrap_or(self.shot_frames).saturating_mul(self.frame_bytes);
-        let (state, text) = self.find(needed_bytes);
+        let (state, text) = self.examine(needed_bytes);
         let is_news = state != self.state;
         self.state = state;
         is_news.then_some(text)
     }
 
-    fn find(&self, needed_bytes: u64) -> (State, String) {
+    /// Returns the state of the folder if this number of bytes is needed, and its description for the operator.
+    fn examine(&self, needed_bytes: u64) -> (State, String) {
         let name = self.directory.display();
         match self.free_bytes() {
             Err(error) => (State::Unusable, format!("{name} cannot be written into: {error}")),
@@ -107,6 +116,10 @@ impl Storage {
     }
 
     /// Returns the space available to an ordinary user, bytes.
+    ///
+    /// # Errors
+    ///
+    /// If the folder is gone or cannot be written into.
     fn free_bytes(&self) -> std::io::Result<u64> {
         access(&self.directory, Access::WRITE_OK | Access::EXEC_OK)?;
         let stat = statvfs(&self.directory)?;
@@ -120,7 +133,7 @@ impl Storage {
 
     /// Whether there is room for a second of a stream, so that it is worth starting.
     pub(super) fn has_room_to_begin(&self) -> bool {
-        let needed_bytes = self.frames_a_second.saturating_mul(self.frame_bytes);
+        let needed_bytes = self.frames_per_second.saturating_mul(self.frame_bytes);
         self.free_bytes().is_ok_and(|free_bytes| free_bytes >= needed_bytes)
     }
 }

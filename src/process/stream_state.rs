@@ -23,7 +23,7 @@ pub(super) struct StreamState {
     pub(super) tracked: bool,
     /// One past the last frame of each shot that ended with silence, the newest last; only with a hardware trigger.
     pub(super) silences: VecDeque<u64>,
-    /// Events not returned by [`take`](Self::take) yet.
+    /// Events not returned by [`take_events`](Self::take_events) yet.
     pending: Vec<Event>,
 }
 
@@ -79,7 +79,7 @@ impl StreamState {
     }
 
     /// Returns the events since the last call.
-    pub(super) fn take(&mut self) -> Vec<Event> {
+    pub(super) fn take_events(&mut self) -> Vec<Event> {
         std::mem::take(&mut self.pending)
     }
 }

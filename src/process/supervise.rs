@@ -19,10 +19,10 @@ use super::storage::prepare_directory;
 use super::summary::Summary;
 use crate::bus::{self, Bus, Subscriber};
 use crate::config::{Config, TriggerMode};
-use crate::failure::{ExitCode, Failure, Fatal};
+use crate::failure::{ExitCode, Failure};
 use crate::message::{Event, EventKind, Role, StatusMessage};
 pub use child::{Child, Page};
-use child::{Running, Start};
+use child::{ChildFailure, Running, Start};
 use heartbeat::{Heartbeat, process_state};
 use service_manager::ServiceManager;
 use shot_lines::ShotLines;
@@ -58,6 +58,7 @@ struct CameraGroup<'a> {
 }
 
 impl<'a> CameraGroup<'a> {
+    /// Creates the shared memory of a camera, except its frames.
     fn open(name: &'a str, config: &'a Config, bus: Bus) -> Result<Self, Failure> {
         let format = expected_format(config)?;
         config.check_calibration(format.width_px, format.height_px)?;
@@ -123,32 +124,11 @@ pub fn run(
     mut watch: impl FnMut(&BTreeMap<Child, StatusMessage>),
 ) -> Result<Summary, Failure> {
     let mut supervisor = Supervisor::start(config, extras)?;
-    let outcome = supervisor.watch(stop, &mut watch);
+    let outcome = supervisor.run_until_end(stop, &mut watch);
     supervisor.stop_all();
     supervisor.receive()?;
     outcome?;
     Ok(supervisor.summary)
-}
-
-/// A process of the rig failed, and the rig cannot continue.
-#[derive(Debug, thiserror::Error)]
-#[error("`ricochet {role}` ended with exit code {code}")]
-struct ChildFailure {
-    /// Its subcommand.
-    role: &'static str,
-    code: i32,
-    /// Whether the process itself has printed the reason.
-    is_reported: bool,
-}
-
-impl Fatal for ChildFailure {
-    fn exit_code(&self) -> ExitCode {
-        ExitCode::from_number(self.code)
-    }
-
-    fn is_reported(&self) -> bool {
-        self.is_reported
-    }
 }
 
 impl<'a> Supervisor<'a> {
@@ -239,7 +219,12 @@ impl<'a> Supervisor<'a> {
         Ok(())
     }
 
-    fn watch(&mut self, stop: &Stop, watch: &mut dyn FnMut(&BTreeMap<Child, StatusMessage>)) -> Result<(), Failure> {
+    /// Monitors the processes until the stream ends, or until they have finished after a requested stop.
+    fn run_until_end(
+        &mut self,
+        stop: &Stop,
+        watch: &mut dyn FnMut(&BTreeMap<Child, StatusMessage>),
+    ) -> Result<(), Failure> {
         while self.is_filming() {
             self.receive()?;
             watch(&self.statuses);
@@ -249,7 +234,7 @@ impl<'a> Supervisor<'a> {
             if stop.requested() && self.draining.is_none() {
                 self.end(|child| child.role == Role::Acquire);
                 self.draining = Some(Timeout::new(STOP_DRAIN_TIMEOUT));
-                self.manager.stopping();
+                self.manager.report_stopping();
             }
             if self.draining.is_none() && self.ended_by_itself() {
                 self.draining = Some(Timeout::new(DRAIN_TIMEOUT));
@@ -267,6 +252,7 @@ impl<'a> Supervisor<'a> {
         Ok(())
     }
 
+    /// Returns the number of processes that are alive.
     fn running_count(&self) -> usize {
         self.children.values().filter(|running| running.is_alive()).count()
     }
@@ -276,7 +262,7 @@ impl<'a> Supervisor<'a> {
         self.children.iter().any(|(child, running)| child.role != Role::Serve && running.is_alive())
     }
 
-    /// Counts what the processes that have not finished by now leave undone.
+    /// Counts the frames that the processes which have not finished by now leave undone.
     fn count_unfinished(&mut self) {
         let is_unfinished = |(child, running): &(&Child, &Running)| child.role != Role::Serve && running.is_alive();
         let unfinished = || self.children.iter().filter(is_unfinished).map(|(child, _)| *child);
@@ -302,7 +288,7 @@ impl<'a> Supervisor<'a> {
         let mut hung = Vec::new();
         for (child, running) in &mut self.children {
             let Some(process) = &mut running.process else { continue };
-            if running.heartbeat.is_hung(process_state(process.id())) {
+            if running.heartbeat.count_poll(process_state(process.id())) {
                 running.heartbeat = Heartbeat::default();
                 // An error means that it has just ended.
                 let _ = process.kill();
@@ -313,22 +299,24 @@ impl<'a> Supervisor<'a> {
             let text = format!("{} shows no sign of life and is killed", self.name(child));
             log::warn!("{text}");
             let frame = self.statuses.get(&child).map(frame_of).unwrap_or_default();
-            self.reporter.event(EventKind::Hung, frame, &text)?;
+            self.reporter.publish_event(EventKind::Hung, frame, &text)?;
         }
         Ok(())
     }
 
+    /// Whether the processes of all cameras have ended.
     fn ended_by_itself(&self) -> bool {
         let mut cameras = self.children.iter().filter(|(child, _)| child.role == Role::Acquire);
         cameras.all(|(_, running)| running.code.is_some())
     }
 
+    /// Takes new status messages, collisions and events.
     fn receive(&mut self) -> Result<(), Failure> {
         for (camera, group) in (0..).zip(&self.groups) {
             while let Some(status) = group.status.take()? {
                 if let Some(role) = Role::from_number(status.role) {
                     let child = Child { camera, role, index: status.index };
-                    // The last words of a predecessor are no sign of life.
+                    // The last status of a predecessor is no sign of life.
                     if let Some(running) = self.children.get_mut(&child).filter(|it| it.is_process(status.pid)) {
                         running.heartbeat.note();
                     }
@@ -359,7 +347,7 @@ impl<'a> Supervisor<'a> {
             let Some(status) = process.try_wait()? else { continue };
             running.process = None;
             match status.code() {
-                Some(code @ (0 | 6)) => {
+                Some(code) if code == 0 || ExitCode::from_number(code) == ExitCode::DataLost => {
                     running.code = Some(code);
                     self.count_losses(child, code);
                 }
@@ -370,14 +358,16 @@ impl<'a> Supervisor<'a> {
         Ok(())
     }
 
+    /// Counts the losses of a process that has ended with this exit code.
     fn count_losses(&mut self, child: Child, code: i32) {
         let losses = self.statuses.get(&child).map_or(0, |status| status.lost + status.dropped).max(1);
-        if code == 6 {
+        if ExitCode::from_number(code) == ExitCode::DataLost {
             self.summary.lost += losses;
             self.summary.causes.push(format!("{} lost {losses}", self.name(child)));
         }
     }
 
+    /// Counts a death and restarts the process, unless a restart cannot help or it has died too often.
     fn handle_death(&mut self, child: Child, code: Option<i32>, status: ExitStatus) -> Result<(), Failure> {
         let role = child.role.as_str();
         // Its last words may have come since.
@@ -385,7 +375,7 @@ impl<'a> Supervisor<'a> {
         let last = self.statuses.remove(&child).unwrap_or_default();
         let Some(running) = self.children.get_mut(&child) else { return Ok(()) };
         let is_memory = running.lacked_memory(status);
-        let memory = match is_memory {
+        let memory_text = match is_memory {
             true => format!(" for want of shared memory ({} bytes are free in /dev/shm)", bus::free_bytes()),
             false => String::new(),
         };
@@ -394,11 +384,15 @@ impl<'a> Supervisor<'a> {
         let losses = if counted > 0 { format!(" after it had lost {counted}") } else { String::new() };
         self.summary.faults += 1;
         self.summary.lost += counted;
-        self.summary.causes.push(format!("{name} ended with {status}{memory}{losses}"));
+        self.summary.causes.push(format!("{name} ended with {status}{memory_text}{losses}"));
         self.bus().clean_up_dead();
         let Some(running) = self.children.get_mut(&child) else { return Ok(()) };
         // A refused configuration, a missing camera or an unreadable film will not get better by a restart.
-        let is_reported = matches!(code, Some(2..=3)) || (child.role == Role::Acquire && code == Some(5));
+        let is_reported = match code.map(ExitCode::from_number) {
+            Some(ExitCode::Usage | ExitCode::Camera) => true,
+            Some(ExitCode::Recording) => child.role == Role::Acquire,
+            _ => false,
+        };
         if is_reported || !(is_memory || running.deaths.allow_another()) {
             return Err(ChildFailure { role, code: code.unwrap_or(1), is_reported }.into());
         }
@@ -407,11 +401,11 @@ impl<'a> Supervisor<'a> {
             self.end(|_| true);
             return Ok(());
         }
-        let text = format!("{name} ended with {status}{memory} and was restarted");
+        let text = format!("{name} ended with {status}{memory_text} and was restarted");
         log::warn!("{text}");
         running.waits_for_memory = true;
         self.restarts += 1;
-        self.reporter.event(EventKind::Restarted, frame_of(&last), &text)?;
+        self.reporter.publish_event(EventKind::Restarted, frame_of(&last), &text)?;
         self.restart_waiting()
     }
 
@@ -431,6 +425,7 @@ impl<'a> Supervisor<'a> {
         }
     }
 
+    /// Reports the state of the rig to the service manager and on the bus.
     fn publish_status(&mut self) -> Result<(), Failure> {
         let newest = self.statuses.values().map(frame_of).max().unwrap_or_default();
         let has_reported =
@@ -449,13 +444,13 @@ impl<'a> Supervisor<'a> {
         });
         self.reporter.set_state(self.running_count() as u32);
         self.reporter.set_restarts(self.restarts);
-        Ok(self.reporter.status(&self.summary, newest)?)
+        Ok(self.reporter.publish_status_if_due(&self.summary, newest)?)
     }
 
-    /// Ends processes regularly.
-    fn end(&self, is_meant: impl Fn(&Child) -> bool) {
-        let meant = self.children.iter().filter(|(child, _)| is_meant(child));
-        meant.filter_map(|(_, running)| running.line.as_ref()).for_each(Line::end);
+    /// Asks the selected processes to end regularly.
+    fn end(&self, is_selected: impl Fn(&Child) -> bool) {
+        let selected = self.children.iter().filter(|(child, _)| is_selected(child));
+        selected.filter_map(|(_, running)| running.line.as_ref()).for_each(Line::end);
     }
 
     /// Ends every process that still runs. The page stays until the others have ended.
@@ -466,14 +461,14 @@ impl<'a> Supervisor<'a> {
         self.bus().clean_up_dead();
     }
 
-    /// Ends processes: first as they wish, then by force.
-    fn stop(&mut self, is_meant: impl Fn(&Child) -> bool) {
-        self.end(&is_meant);
-        let patience = Timeout::new(STOP_TIMEOUT);
-        let is_left = |(child, running): (&Child, &Running)| is_meant(child) && running.is_alive();
-        while self.children.iter().any(is_left) && !patience.has_expired() {
+    /// Asks the selected processes to end, and kills those that still run after [`STOP_TIMEOUT`].
+    fn stop(&mut self, is_selected: impl Fn(&Child) -> bool) {
+        self.end(&is_selected);
+        let timeout = Timeout::new(STOP_TIMEOUT);
+        let is_left = |(child, running): (&Child, &Running)| is_selected(child) && running.is_alive();
+        while self.children.iter().any(is_left) && !timeout.has_expired() {
             let mut ended = Vec::new();
-            for (child, running) in self.children.iter_mut().filter(|(child, _)| is_meant(child)) {
+            for (child, running) in self.children.iter_mut().filter(|(child, _)| is_selected(child)) {
                 let Some(process) = &mut running.process else { continue };
                 match process.try_wait() {
                     Ok(None) => continue,
@@ -485,15 +480,15 @@ impl<'a> Supervisor<'a> {
             ended.iter().for_each(|(child, code)| self.count_losses(*child, *code));
             std::thread::sleep(POLL_PERIOD);
         }
-        let meant = self.children.iter_mut().filter(|(child, _)| is_meant(child));
-        for process in meant.filter_map(|(_, running)| running.process.as_mut()) {
+        let selected = self.children.iter_mut().filter(|(child, _)| is_selected(child));
+        for process in selected.filter_map(|(_, running)| running.process.as_mut()) {
             let _ = process.kill();
             let _ = process.wait();
         }
     }
 }
 
-/// Returns the newest frame of a process.
+/// Returns the newest frame that a process has reported.
 fn frame_of(status: &StatusMessage) -> FrameStamp {
     FrameStamp { sequence: status.sequence, stamp_ns: status.stamp_ns }
 }

@@ -4,13 +4,13 @@ use super::clock::{Timeout, now};
 use super::frame_stamp::FrameStamp;
 use super::launch::Launch;
 use super::live_trigger::LiveTrigger;
-use super::resume::Reached;
-use super::setup::{SUCCESSION, analysis_params, expected_format, limits, update_exposure};
+use super::resume::NewestFrameFile;
+use super::setup::{SUCCESSION_TIMEOUT, analysis_params, expected_format, limits, update_exposure};
 use super::status_reporter::StatusReporter;
 use super::stop::Stop;
 use super::stream_state::StreamState;
 use super::summary::Summary;
-use crate::bus::{Bell, Bus, BusError, FieldSubscriber, Limits, Publisher};
+use crate::bus::{Bus, BusError, FieldSubscriber, Limits, Publisher, TopicNotifier};
 use crate::camera::StreamFormat;
 use crate::config::{Config, TriggerMode};
 use crate::failure::Failure;
@@ -20,6 +20,7 @@ use crate::track::{Losses, OrderedTracker, TrackerRows};
 use std::collections::VecDeque;
 use std::time::Duration;
 
+/// Maximum wait for fields before the loop does its other work.
 const WAIT: Duration = Duration::from_millis(2);
 /// Time without results at the end of the stream after which frames count as lost.
 const SILENCE: Duration = Duration::from_secs(5);
@@ -33,8 +34,8 @@ pub fn run(config: &Config, launch: &Launch, stop: &Stop) -> Result<Summary, Fai
     let format = expected_format(config)?;
     config.check_calibration(format.width_px, format.height_px)?;
     let limits = limits(config, &format);
-    let bus = Bus::join_as(&config.rig.name, Role::Track.as_str(), SUCCESSION, launch.domain.as_ref())?;
-    let (reached, left) = Reached::open(&bus.private_file(Role::Track.as_str()))?;
+    let bus = Bus::join_as(&config.rig.name, Role::Track.as_str(), SUCCESSION_TIMEOUT, launch.domain.as_ref())?;
+    let (reached, left) = NewestFrameFile::open(&bus.private_file(Role::Track.as_str()))?;
     let left = left.filter(|_| launch.is_restart);
     let mut reporter = StatusReporter::new(&bus, &limits, Role::Track, 0)?;
     reporter.set_queue(0, limits.field_depth() as u64);
@@ -43,7 +44,7 @@ pub fn run(config: &Config, launch: &Launch, stop: &Stop) -> Result<Summary, Fai
         tracks: bus.publisher(&limits)?,
         velocities: bus.publisher(&limits)?,
         impacts: bus.publisher(&limits)?,
-        bell: bus.bell("velocity")?,
+        notifier: bus.notifier("velocity")?,
         live_trigger: LiveTrigger::new(config),
         ordered: None,
         config,
@@ -59,12 +60,12 @@ pub fn run(config: &Config, launch: &Launch, stop: &Stop) -> Result<Summary, Fai
         limits,
         newest: FrameStamp::default(),
     };
-    let ear = bus.ear("field")?;
+    let listener = bus.listener("field")?;
     let mut stream = StreamState::new(&bus, &limits)?;
     bus.reserve()?;
     while !stop.requested() {
         let begins = stream.update()?;
-        let events = stream.take();
+        let events = stream.take_events();
         loop_.live_trigger.handle_events(&events, &loop_.reporter)?;
         if begins {
             loop_.attach(&stream)?;
@@ -77,43 +78,48 @@ pub fn run(config: &Config, launch: &Launch, stop: &Stop) -> Result<Summary, Fai
             break;
         }
         loop_.live_trigger.publish(loop_.newest, &loop_.reporter)?;
-        loop_.reporter.status(&loop_.summary, loop_.newest)?;
+        loop_.reporter.publish_status_if_due(&loop_.summary, loop_.newest)?;
         if !progressed {
-            ear.wait(WAIT);
+            listener.wait(WAIT);
         }
     }
-    loop_.reporter.status_now(&loop_.summary, loop_.newest)?;
+    loop_.reporter.publish_status(&loop_.summary, loop_.newest)?;
     Ok(loop_.summary)
 }
 
+/// The main loop of tracking.
 struct Loop<'a> {
     fields: FieldSubscriber,
     tracks: Publisher<TrackMessage>,
     velocities: Publisher<VelocityMessage>,
     impacts: Publisher<ImpactMessage>,
-    bell: Bell,
+    notifier: TopicNotifier,
     live_trigger: LiveTrigger,
     config: &'a Config,
     format: StreamFormat,
+    /// The tracker of the current run or shot, once its first step has come.
     ordered: Option<OrderedTracker>,
     reporter: StatusReporter,
     summary: Summary,
     /// The newest frame of a dead predecessor.
     resumed: Option<u64>,
     /// The newest published frame, for a successor.
-    reached: Reached,
-    /// First frames of the coming hardware-triggered shots, and that of the current one.
+    reached: NewestFrameFile,
+    /// First frames of the coming hardware-triggered shots.
     shots: VecDeque<u64>,
+    /// First frame of the current hardware-triggered shot.
     shot: Option<u64>,
     /// One past the last frame of a shot that was published.
     published_end: u64,
     /// One past the newest measured frame of this run.
     measured: u64,
     limits: Limits,
+    /// The newest frame whose rows were published.
     newest: FrameStamp,
 }
 
 impl Loop<'_> {
+    /// Publishes the rest of the previous run, and starts with a newly announced one.
     fn attach(&mut self, stream: &StreamState) -> Result<(), BusError> {
         // A dead camera process announced no end: its run is published as far as known before the next
         // begins.
@@ -125,10 +131,10 @@ impl Loop<'_> {
         self.fields.greet();
         self.ordered = None;
         self.reporter.set_run(stream.run_id.unwrap_or(0));
-        self.reporter.progress(u64::MAX)
+        self.reporter.publish_progress(u64::MAX)
     }
 
-    /// Takes the available fields; returns whether there were any.
+    /// Takes the available steps and publishes the rows that become final; returns whether there were any steps.
     fn drain(&mut self, stream: &StreamState) -> Result<bool, BusError> {
         let mut progressed = false;
         // The order starts at the first frame, so its number must be known.
@@ -147,7 +153,7 @@ impl Loop<'_> {
             }
             if self.ordered.is_none() {
                 update_exposure(self.config, &mut self.format, header.exposure_ns);
-                self.begin(self.shot.unwrap_or(first), step.frame);
+                self.begin_tracking(self.shot.unwrap_or(first), step.frame);
             }
             self.measured = self.measured.max(step.frame + 1);
             if let Some(ordered) = &mut self.ordered {
@@ -182,8 +188,9 @@ impl Loop<'_> {
         Ok(())
     }
 
-    /// Starts the order at the stream's first frame, or where a dead predecessor stopped.
-    fn begin(&mut self, first: u64, seen: u64) {
+    /// Starts a tracker at frame `first`. After the death of a predecessor it starts at `seen`, the first frame whose
+    /// step has come, and the frames between are counted as lost.
+    fn begin_tracking(&mut self, first: u64, seen: u64) {
         let start = match self.resumed.take() {
             None => first,
             Some(reached) => {
@@ -198,7 +205,7 @@ impl Loop<'_> {
         self.live_trigger.begin(self.config, self.format.frame_rate_hz, self.format.exposure_us);
     }
 
-    /// Publishes the state of a collision while it lasts.
+    /// Publishes a change of a collision while it lasts: contact, deepest position, or its withdrawal.
     fn publish_alarm(&self, alarm: &Alarm) -> Result<(), BusError> {
         let name = self.config.bodies.get(alarm.body as usize).map_or("", |body| body.name.as_str());
         let ms = 1e3 * alarm.at_s.value;
@@ -207,9 +214,10 @@ impl Loop<'_> {
             AlarmKind::Turned => (EventKind::Deepest, format!("{name}: deepest at {ms:.3} ms")),
             AlarmKind::Withdrawn => (EventKind::Withdrawn, format!("{name}: contact withdrawn")),
         };
-        self.reporter.event(kind, FrameStamp { sequence: alarm.frame, stamp_ns: alarm.stamp_ns }, &text)
+        self.reporter.publish_event(kind, FrameStamp { sequence: alarm.frame, stamp_ns: alarm.stamp_ns }, &text)
     }
 
+    /// Publishes rows that became final, and updates the rig's state.
     fn publish(&mut self, rows: &TrackerRows) -> Result<(), BusError> {
         self.live_trigger.add_rows(&rows.velocities);
         let run_id = self.reporter.run_id();
@@ -228,7 +236,7 @@ impl Loop<'_> {
         }
         if !rows.velocities.is_empty() {
             self.reached.note(self.newest, 0);
-            self.bell.ring();
+            self.notifier.notify();
         }
         self.summary.given += rows.velocities.len() as u64;
         if let Some(ordered) = &self.ordered {
@@ -251,30 +259,30 @@ impl Loop<'_> {
 
     /// Waits for the last workers, then publishes everything that was held back.
     fn end(&mut self, stream: &StreamState, end: u64, stop: &Stop) -> Result<(), BusError> {
-        let mut patience = Timeout::new(SILENCE);
+        let mut silence = Timeout::new(SILENCE);
         let first = stream.first.unwrap_or(end);
-        while !stop.requested() && !patience.has_expired() {
+        while !stop.requested() && !silence.has_expired() {
             if self.drain(stream)? {
-                patience.renew();
+                silence.renew();
             }
             let is_published = end <= first || self.published_end >= end;
             if is_published || self.ordered.as_ref().is_some_and(|ordered| ordered.has_all_before(end)) {
                 break;
             }
-            self.reporter.status(&self.summary, self.newest)?;
+            self.reporter.publish_status_if_due(&self.summary, self.newest)?;
             std::thread::sleep(WAIT);
         }
         if self.ordered.is_none() && end > first.max(self.published_end) {
             let first = self.shots.pop_front().or(self.shot).unwrap_or(first);
-            self.begin(first, first);
+            self.begin_tracking(first, first);
         }
         self.flush(end)?;
         self.live_trigger.end(self.newest, &self.reporter)?;
-        self.reporter.event(
+        self.reporter.publish_event(
             EventKind::Tracked,
             FrameStamp { sequence: end, ..self.newest },
             "every result was published",
         )?;
-        self.reporter.done(end)
+        self.reporter.publish_done(end)
     }
 }

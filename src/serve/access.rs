@@ -48,23 +48,23 @@ impl Token {
     }
 
     /// Whether a text is the token. The time does not depend on the position of the first difference.
-    pub(super) fn is(&self, text: &str) -> bool {
+    pub(super) fn matches(&self, text: &str) -> bool {
         let difference = self.0.bytes().zip(text.bytes()).fold(0, |all, (a, b)| all | (a ^ b));
         text.len() == self.0.len() && black_box(difference) == 0
     }
 
-    /// Returns the cookie that carries the token from now on.
+    /// Returns the value of a `Set-Cookie` header, by which a browser sends the token with each later request.
     pub(super) fn cookie(&self) -> String {
         format!("{COOKIE}={}; Path=/; HttpOnly; SameSite=Strict; Max-Age=31536000", self.0)
     }
 
-    /// Whether a request carries the token, as a header or as the cookie that the page was given.
-    fn is_carried(&self, headers: &HeaderMap) -> bool {
+    /// Whether a request carries the token, as a bearer token or as the cookie that the page was given.
+    fn is_in(&self, headers: &HeaderMap) -> bool {
         let text = |name: HeaderName| headers.get_all(name).into_iter().filter_map(|value| value.to_str().ok());
         let bearer = text(header::AUTHORIZATION).filter_map(|text| text.strip_prefix("Bearer "));
         let cookies = text(header::COOKIE).flat_map(|text| text.split(';'));
         let cookie = cookies.filter_map(|cookie| cookie.trim().strip_prefix(COOKIE)?.strip_prefix('='));
-        bearer.chain(cookie).any(|text| self.is(text))
+        bearer.chain(cookie).any(|text| self.matches(text))
     }
 }
 
@@ -78,15 +78,16 @@ impl IntoResponse for Refusal {
     }
 }
 
-/// The origin of a request, as far as it matters: its method, its address and its headers.
-pub(super) struct Asked<'a> {
+/// The head of a request, by which it is accepted or refused.
+pub(super) struct RequestHead<'a> {
     pub(super) method: &'a Method,
     pub(super) uri: &'a Uri,
     pub(super) headers: &'a HeaderMap,
 }
 
-impl Asked<'_> {
-    fn text(&self, name: HeaderName) -> Option<&str> {
+impl RequestHead<'_> {
+    /// Returns the first value of a header; `None` if it is missing or no text.
+    fn header(&self, name: HeaderName) -> Option<&str> {
         self.headers.get(name).and_then(|value| value.to_str().ok())
     }
 
@@ -96,7 +97,7 @@ impl Asked<'_> {
         !is_reading || self.headers.contains_key(header::UPGRADE)
     }
 
-    /// Checks that a request of a browser comes from our own page.
+    /// Checks that a request of a browser comes from our own page at this host.
     fn check_origin(&self, host: &str) -> Result<(), Refusal> {
         let refusal = Err(Refusal(StatusCode::FORBIDDEN, "refused: the request comes from the page of another site"));
         let Some(origin) = self.headers.get(header::ORIGIN) else { return Ok(()) };
@@ -104,9 +105,9 @@ impl Asked<'_> {
         if authority == Some(host) { Ok(()) } else { refusal }
     }
 
-    /// Returns the address that the client believes to talk to.
+    /// Returns the host and port that the client has addressed, as named in its request.
     fn host(&self) -> Result<&str, Refusal> {
-        let host = self.text(header::HOST).or(self.uri.authority().map(axum::http::uri::Authority::as_str));
+        let host = self.header(header::HOST).or(self.uri.authority().map(axum::http::uri::Authority::as_str));
         host.ok_or(Refusal(StatusCode::BAD_REQUEST, "refused: the request has no Host header"))
     }
 }
@@ -120,20 +121,24 @@ fn is_own_address(host: &str) -> bool {
     name == "localhost" || name.trim_matches(['[', ']']).parse::<IpAddr>().is_ok()
 }
 
-/// Checks a request.
-pub(super) fn check(token: Option<&Token>, asked: &Asked<'_>) -> Result<(), Refusal> {
-    let host = asked.host()?;
+/// Checks that a request carries the token, if there is one, and does not come from the page of another site.
+///
+/// # Errors
+///
+/// The status and the reason of a refusal.
+pub(super) fn check(token: Option<&Token>, head: &RequestHead<'_>) -> Result<(), Refusal> {
+    let host = head.host()?;
     match token {
         None if !is_own_address(host) => {
             return Err(Refusal(StatusCode::FORBIDDEN, "refused: use the number of the address, or localhost"));
         }
-        Some(token) if !token.is_carried(asked.headers) => {
+        Some(token) if !token.is_in(head.headers) => {
             let cure = "refused: send the token as `Authorization: Bearer TOKEN`, or open /?token=TOKEN in a browser";
             return Err(Refusal(StatusCode::UNAUTHORIZED, cure));
         }
         _ => {}
     }
-    if asked.is_sensitive() { asked.check_origin(host) } else { Ok(()) }
+    if head.is_sensitive() { head.check_origin(host) } else { Ok(()) }
 }
 
 #[cfg(test)]
@@ -148,7 +153,7 @@ mod tests {
         for (name, value) in headers {
             map.append(*name, HeaderValue::from_str(value).unwrap());
         }
-        let asked = Asked { method, uri: &Uri::from_static("/api/status"), headers: &map };
+        let asked = RequestHead { method, uri: &Uri::from_static("/api/status"), headers: &map };
         check(token, &asked).map_or_else(|refusal| refusal.0.as_u16(), |()| 200)
     }
 

@@ -1,7 +1,7 @@
 //! Answers to single requests: the state, commands to the rig, the list of shots.
 
 use super::app::App;
-use super::control::{ask, page_name};
+use super::control::{ask, parse_page_name};
 use super::page::page_html;
 use super::shots::ShotError;
 use crate::bus::BusError;
@@ -21,68 +21,82 @@ const BODY_TIMEOUT: Duration = Duration::from_secs(5);
 /// The header with the name of the page that makes a request.
 const PAGE: &str = "x-ricochet-page";
 
+/// Returns an answer with a JSON text as its body.
 pub(super) fn json_answer(status: StatusCode, text: impl Into<Body>) -> Response {
     (status, [(header::CONTENT_TYPE, "application/json")], text.into()).into_response()
 }
 
+/// Returns the answer to a request that is not carried out, with the reason as a sentence.
 fn refuse(status: StatusCode, answer: &str) -> Response {
     json_answer(status, json!({ "accepted": false, "answer": answer }).to_string())
 }
 
+/// Returns a file of the page, which is part of the program.
 fn asset(media_type: &'static str, text: &'static str) -> Response {
     ([(header::CONTENT_TYPE, media_type)], text).into_response()
 }
 
+/// Answers with the operator's page.
 pub(super) async fn page(State(app): State<Arc<App>>) -> Response {
     ([(header::CONTENT_TYPE, "text/html; charset=utf-8")], page_html(&app.config.rig.name)).into_response()
 }
 
+/// Answers with the style of the page.
 pub(super) async fn style() -> Response {
     asset("text/css; charset=utf-8", include_str!("page.css"))
 }
 
+/// Answers with the script of the page.
 pub(super) async fn script() -> Response {
     asset("text/javascript; charset=utf-8", include_str!("page.js"))
 }
 
+/// Answers with the script of the live picture.
 pub(super) async fn overlay_script() -> Response {
     asset("text/javascript; charset=utf-8", include_str!("picture.js"))
 }
 
+/// Answers with the state of the rig.
 pub(super) async fn status(State(app): State<Arc<App>>) -> Response {
     json_answer(StatusCode::OK, app.state.borrow().to_string())
 }
 
+/// Answers with the shots, their mean and their spread.
 pub(super) async fn shots(State(app): State<Arc<App>>) -> Response {
     json_answer(StatusCode::OK, app.shots.as_json().to_string())
 }
 
-/// Reads the body of a request, which must be small and come soon.
-async fn body(body: Body) -> Result<Bytes, Box<Response>> {
-    let text = |status, reason: &str| Box::new(refuse(status, reason));
+/// Reads the body of a request: at most [`MAX_BODY_BYTES`], within [`BODY_TIMEOUT`].
+///
+/// # Errors
+///
+/// The answer to the client.
+async fn read_body(body: Body) -> Result<Bytes, Box<Response>> {
+    let refusal = |status, reason: &str| Box::new(refuse(status, reason));
     let announced = HttpBody::size_hint(&body).lower();
     if announced > MAX_BODY_BYTES as u64 {
-        return Err(text(StatusCode::PAYLOAD_TOO_LARGE, "the body has more than 4096 bytes"));
+        return Err(refusal(StatusCode::PAYLOAD_TOO_LARGE, "the body has more than 4096 bytes"));
     }
     match tokio::time::timeout(BODY_TIMEOUT, to_bytes(body, MAX_BODY_BYTES)).await {
         Ok(Ok(bytes)) => Ok(bytes),
-        Ok(Err(_)) => Err(text(StatusCode::PAYLOAD_TOO_LARGE, "the body has more than 4096 bytes, or was cut off")),
-        Err(_) => Err(text(StatusCode::REQUEST_TIMEOUT, "the body did not come in time")),
+        Ok(Err(_)) => Err(refusal(StatusCode::PAYLOAD_TOO_LARGE, "the body has more than 4096 bytes, or was cut off")),
+        Err(_) => Err(refusal(StatusCode::REQUEST_TIMEOUT, "the body did not come in time")),
     }
 }
 
 /// Refuses the request of a page that does not hold control.
 fn check_control(app: &App, headers: &HeaderMap) -> Result<(), Box<Response>> {
     let Some(page) = headers.get(PAGE) else { return Ok(()) };
-    match page.to_str().ok().and_then(page_name) {
+    match page.to_str().ok().and_then(parse_page_name) {
         Some(page) if app.control.may_act(page) => Ok(()),
         _ => Err(Box::new(refuse(StatusCode::CONFLICT, "another page holds control; take control first"))),
     }
 }
 
-async fn command(app: Arc<App>, request: Request, command: Command) -> Response {
-    let (parts, rest) = request.into_parts();
-    let checked = body(rest).await.and_then(|_| check_control(&app, &parts.headers));
+/// Sends a command to the rig, if the request may command it, and answers with the reply of the recorder.
+async fn send_command(app: Arc<App>, request: Request, command: Command) -> Response {
+    let (parts, body) = request.into_parts();
+    let checked = read_body(body).await.and_then(|_| check_control(&app, &parts.headers));
     if let Err(refusal) = checked {
         return *refusal;
     }
@@ -99,6 +113,7 @@ async fn command(app: Arc<App>, request: Request, command: Command) -> Response 
     }
 }
 
+/// Returns the recorder's reply as an answer.
 fn reply_answer(reply: &Reply) -> Response {
     let code = ReplyCode::from_number(reply.code).unwrap_or(ReplyCode::Unknown);
     let is_accepted = code == ReplyCode::Accepted;
@@ -109,21 +124,24 @@ fn reply_answer(reply: &Reply) -> Response {
     json_answer(if is_accepted { StatusCode::OK } else { StatusCode::CONFLICT }, answer.to_string())
 }
 
+/// Arms the rig.
 pub(super) async fn arm(State(app): State<Arc<App>>, request: Request) -> Response {
-    command(app, request, Command::Arm).await
+    send_command(app, request, Command::Arm).await
 }
 
+/// Disarms the rig.
 pub(super) async fn disarm(State(app): State<Arc<App>>, request: Request) -> Response {
-    command(app, request, Command::Disarm).await
+    send_command(app, request, Command::Disarm).await
 }
 
+/// Records a shot around this moment.
 pub(super) async fn trigger(State(app): State<Arc<App>>, request: Request) -> Response {
-    command(app, request, Command::Trigger).await
+    send_command(app, request, Command::Trigger).await
 }
 
 /// Gives control to the page of the request.
 pub(super) async fn take_control(State(app): State<Arc<App>>, headers: HeaderMap) -> Response {
-    match headers.get(PAGE).and_then(|page| page.to_str().ok()).and_then(page_name) {
+    match headers.get(PAGE).and_then(|page| page.to_str().ok()).and_then(parse_page_name) {
         Some(page) => {
             app.control.take(page);
             json_answer(StatusCode::OK, json!({ "accepted": true, "answer": "this page holds control" }).to_string())
@@ -132,6 +150,7 @@ pub(super) async fn take_control(State(app): State<Arc<App>>, headers: HeaderMap
     }
 }
 
+/// Returns the outcome of a request about a shot as an answer.
 fn shot_answer(done: Result<(), ShotError>) -> Response {
     let status = match &done {
         Ok(()) => return json_answer(StatusCode::OK, json!({ "accepted": true, "answer": "done" }).to_string()),
@@ -144,8 +163,8 @@ fn shot_answer(done: Result<(), ShotError>) -> Response {
 
 /// Rejects a shot; the body is `{"reason": "..."}`.
 pub(super) async fn reject(State(app): State<Arc<App>>, Path(name): Path<String>, request: Request) -> Response {
-    let (parts, rest) = request.into_parts();
-    let bytes = match body(rest).await.and_then(|bytes| check_control(&app, &parts.headers).map(|()| bytes)) {
+    let (parts, body) = request.into_parts();
+    let bytes = match read_body(body).await.and_then(|bytes| check_control(&app, &parts.headers).map(|()| bytes)) {
         Ok(bytes) => bytes,
         Err(refusal) => return *refusal,
     };
@@ -156,8 +175,8 @@ pub(super) async fn reject(State(app): State<Arc<App>>, Path(name): Path<String>
 
 /// Accepts a rejected shot again.
 pub(super) async fn accept(State(app): State<Arc<App>>, Path(name): Path<String>, request: Request) -> Response {
-    let (parts, rest) = request.into_parts();
-    match body(rest).await.and_then(|_| check_control(&app, &parts.headers)) {
+    let (parts, body) = request.into_parts();
+    match read_body(body).await.and_then(|_| check_control(&app, &parts.headers)) {
         Ok(()) => shot_answer(app.shots.accept(&name)),
         Err(refusal) => *refusal,
     }

@@ -15,11 +15,13 @@ const JOBS: usize = 1;
 /// The state that all requests share.
 pub(super) struct App {
     pub(super) config: Arc<Config>,
+    /// The token that requests must carry; `None` if none is configured.
     pub(super) token: Option<Token>,
     pub(super) control: Control,
     pub(super) velocity: Feed,
     pub(super) impact: Feed,
     pub(super) events: Feed,
+    /// The state of the rig as JSON.
     pub(super) state: watch::Sender<Arc<str>>,
     pub(super) pictures: Pictures,
     pub(super) shots: Arc<Shots>,

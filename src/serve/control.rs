@@ -7,10 +7,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 /// Time for the rig to answer.
-const PATIENCE: Duration = Duration::from_secs(2);
+const REPLY_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// Checks the name that a page has given itself: 1 to 32 of `a-z 0-9`.
-pub(super) fn page_name(name: &str) -> Option<&str> {
+/// Returns the name that a page has given itself; `None` unless it has 1 to 32 of `a-z 0-9`.
+pub(super) fn parse_page_name(name: &str) -> Option<&str> {
     let is_plain = name.bytes().all(|byte| byte.is_ascii_lowercase() || byte.is_ascii_digit());
     (is_plain && (1..=32).contains(&name.len())).then_some(name)
 }
@@ -18,6 +18,7 @@ pub(super) fn page_name(name: &str) -> Option<&str> {
 /// The pages that are open, and the one that holds control.
 #[derive(Debug, Default)]
 struct Pages {
+    /// The page that holds control.
     holder: Option<String>,
     /// The number of connections of each page.
     open: BTreeMap<String, u32>,
@@ -37,18 +38,19 @@ pub(super) struct OpenPage {
 }
 
 impl Control {
-    fn pages(&self) -> MutexGuard<'_, Pages> {
+    /// Locks the list of pages.
+    fn lock_pages(&self) -> MutexGuard<'_, Pages> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Returns the page that holds control.
+    /// Returns the name of the page that holds control, if any does.
     pub(super) fn holder(&self) -> Option<String> {
-        self.pages().holder.clone()
+        self.lock_pages().holder.clone()
     }
 
     /// Notes a connection of a page, which takes control if no page has it.
     pub(super) fn open(&self, page: &str) -> OpenPage {
-        let mut pages = self.pages();
+        let mut pages = self.lock_pages();
         *pages.open.entry(page.to_owned()).or_insert(0) += 1;
         pages.holder.get_or_insert_with(|| page.to_owned());
         OpenPage { control: self.clone(), page: page.to_owned() }
@@ -56,18 +58,18 @@ impl Control {
 
     /// Gives control to a page.
     pub(super) fn take(&self, page: &str) {
-        self.pages().holder = Some(page.to_owned());
+        self.lock_pages().holder = Some(page.to_owned());
     }
 
     /// Whether a page holds control; it takes control that nobody has.
     pub(super) fn may_act(&self, page: &str) -> bool {
-        self.pages().holder.get_or_insert_with(|| page.to_owned()) == page
+        self.lock_pages().holder.get_or_insert_with(|| page.to_owned()) == page
     }
 }
 
 impl Drop for OpenPage {
     fn drop(&mut self) {
-        let mut pages = self.control.pages();
+        let mut pages = self.control.lock_pages();
         let left = pages.open.get_mut(&self.page).map(|count| {
             *count -= 1;
             *count
@@ -85,7 +87,7 @@ impl Drop for OpenPage {
 ///
 /// [`BusError::NoRig`] when the rig does not run.
 pub(super) fn ask(rig: &str, command: Command) -> Result<Option<Reply>, BusError> {
-    Bus::join(rig, "serve")?.control_client()?.ask(command, PATIENCE)
+    Bus::join(rig, "serve")?.control_client()?.ask(command, REPLY_TIMEOUT)
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! The hand-over of a topic from the thread that reads the bus to the clients that follow it.
 //!
-//! Rows travel in batches, so that a client is woken once for all rows of a millisecond. A client that is too slow loses
-//! the oldest rows and learns their number. It never slows the reader of the bus or another client.
+//! Rows travel in batches, so that a client is woken once for all rows of a millisecond. A client that is too slow
+//! loses the oldest rows and learns their number. It never slows the reader of the bus or another client.
 
 use axum::body::Bytes;
 use axum::extract::ws::Utf8Bytes;
@@ -29,6 +29,7 @@ pub(super) struct Batch {
 }
 
 impl Batch {
+    /// Writes the rows in both formats; `first` is the number of the first one.
     fn new(first: u64, rows: &[Map<String, Value>]) -> Self {
         let texts: Vec<String> = rows.iter().map(|row| Value::Object(row.clone()).to_string()).collect();
         let mut events = String::new();
@@ -44,6 +45,7 @@ impl Batch {
 #[derive(Debug, Clone)]
 pub(super) struct Feed {
     sender: Sender<Arc<Batch>>,
+    /// The number of rows sent since the start of the server.
     sent: Arc<AtomicU64>,
 }
 
@@ -66,7 +68,7 @@ impl Feed {
         let _ = self.sender.send(Arc::new(Batch::new(first, rows)));
     }
 
-    /// Follows the topic from now on.
+    /// Returns the receiving side for a client that follows the topic from now on.
     pub(super) fn follow(&self) -> Follower {
         Follower { receiver: self.sender.subscribe(), next: None }
     }
@@ -85,6 +87,7 @@ pub(super) struct Follower {
 pub(super) struct Delivery {
     /// The number of rows that it has lost before them.
     pub(super) lost: u64,
+    /// The rows.
     pub(super) batch: Arc<Batch>,
 }
 

@@ -20,11 +20,12 @@ const PIECES: usize = 2;
 /// A report carries its own style and its pictures, and nothing that runs.
 const REPORT_POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'";
 
+/// Returns the answer for a name that no recording of the rig has.
 fn not_found() -> Response {
     (StatusCode::NOT_FOUND, "no recording of this name\n").into_response()
 }
 
-/// Sends a recording.
+/// Answers with the first file of a recording, in pieces.
 pub(super) async fn download(State(app): State<Arc<App>>, Path(name): Path<String>) -> Response {
     let Ok(path) = app.shots.path(&name) else { return not_found() };
     let opened = std::fs::File::open(&path).and_then(|file| Ok((file.metadata()?.len(), file)));
@@ -38,16 +39,17 @@ pub(super) async fn download(State(app): State<Arc<App>>, Path(name): Path<Strin
         (header::CONTENT_TYPE, "application/octet-stream".to_owned()),
         (header::CONTENT_LENGTH, bytes.to_string()),
         // A name that the recorder gave has no quotes.
-        (header::CONTENT_DISPOSITION, format!("attachment; filename=\"{}\"", plain(&name))),
+        (header::CONTENT_DISPOSITION, format!("attachment; filename=\"{}\"", sanitize(&name))),
     ];
     (headers, body).into_response()
 }
 
-/// Replaces characters that a header or a shell could misread.
-fn plain(name: &str) -> String {
+/// Replaces characters that a header or a shell could misread by `_`.
+fn sanitize(name: &str) -> String {
     name.chars().map(|c| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' }).collect()
 }
 
+/// Reads a file to its end and sends it in pieces. Stops at an error, which is sent too, or once the client is gone.
 fn send_pieces(mut file: std::fs::File, pieces: &Sender<std::io::Result<Bytes>>) {
     loop {
         let mut piece = Vec::with_capacity(PIECE_BYTES);
@@ -65,11 +67,11 @@ fn send_pieces(mut file: std::fs::File, pieces: &Sender<std::io::Result<Bytes>>)
     }
 }
 
-/// Sends the report of a recording.
+/// Answers with the report of a recording.
 pub(super) async fn report(State(app): State<Arc<App>>, Path(name): Path<String>) -> Response {
     let Ok(path) = app.shots.path(&name) else { return not_found() };
     let Ok(_turn) = app.reports.acquire().await else { return not_found() };
-    match tokio::task::spawn_blocking(move || report_of(&path)).await {
+    match tokio::task::spawn_blocking(move || build_report(&path)).await {
         Ok(Ok(page)) => {
             let headers =
                 [(header::CONTENT_TYPE, "text/html; charset=utf-8"), (header::CONTENT_SECURITY_POLICY, REPORT_POLICY)];
@@ -80,7 +82,8 @@ pub(super) async fn report(State(app): State<Arc<App>>, Path(name): Path<String>
     }
 }
 
-fn report_of(path: &std::path::Path) -> Result<String, RecordingError> {
+/// Reads a recording and returns its report as a page of HTML.
+fn build_report(path: &std::path::Path) -> Result<String, RecordingError> {
     let shot = report::Shot::read(&Recording::open(path)?.of_camera(None)?)?;
     Ok(report::page(&[shot]))
 }

@@ -23,10 +23,12 @@ const BACKLOG: usize = 64;
 const IDLE: Duration = Duration::from_millis(100);
 /// The frame of reference of pictures and annotations.
 const FRAME_ID: &str = "camera";
+/// The commands that viewers can send.
 const COMMANDS: [Command; 3] = [Command::Arm, Command::Disarm, Command::Trigger];
-const GREEN: Color = Color { r: 0.2, g: 0.9, b: 0.4, a: 1.0 };
+/// The colour of the outlines.
+const OUTLINE_COLOR: Color = Color { r: 0.2, g: 0.9, b: 0.4, a: 1.0 };
 
-/// Starts the server on the runtime that calls it.
+/// Starts the server on the runtime that calls it, and returns the address that it has taken.
 ///
 /// # Errors
 ///
@@ -36,11 +38,11 @@ pub(super) async fn start(app: &Arc<App>, address: SocketAddr) -> Result<SocketA
     let bodies = app.config.bodies.iter().map(|body| body.name.clone()).collect();
     let row = RowContext { bodies, origin_ns: None };
     let topics = [
-        ("/velocity", rows::velocity(&VelocityMessage::default(), &row), app.velocity.clone()),
-        ("/impact", rows::impact(&ImpactMessage::default(), &row), app.impact.clone()),
+        ("/velocity", rows::velocity_row(&VelocityMessage::default(), &row), app.velocity.clone()),
+        ("/impact", rows::impact_row(&ImpactMessage::default(), &row), app.impact.clone()),
         (
             "/events",
-            rows::event(&Event::new(crate::message::EventKind::Started, 0, 0, 0, ""), &row),
+            rows::event_row(&Event::new(crate::message::EventKind::Started, 0, 0, 0, ""), &row),
             app.events.clone(),
         ),
     ];
@@ -63,7 +65,7 @@ pub(super) async fn start(app: &Arc<App>, address: SocketAddr) -> Result<SocketA
         .context(&context)
         .message_backlog_size(BACKLOG)
         .supported_encodings(["json"])
-        .services(COMMANDS.map(|command| service(app, command)))
+        .services(COMMANDS.map(|command| command_service(app, command)))
         .start()
         .await?;
     Ok(SocketAddr::new(address.ip(), server.port()))
@@ -105,7 +107,7 @@ async fn send_rows(channel: Arc<RawChannel>, feed: Feed) {
     }
 }
 
-/// Returns the time of a row, ns since the Unix epoch.
+/// Returns the time of a row of any topic, ns since the Unix epoch; `None` if it has none.
 fn stamp_of(row: &str) -> Option<u64> {
     let row: Map<String, Value> = serde_json::from_str(row).ok()?;
     ["stamp_ns", "origin_ns"].iter().find_map(|key| row.get(*key)?.as_u64())
@@ -135,12 +137,14 @@ async fn send_pictures(app: Arc<App>, image: Channel<CompressedImage>, annotatio
     }
 }
 
+/// Returns the time of the picture's frame; `None` if it does not fit into Foxglove's 32-bit seconds.
 fn timestamp(picture: &Picture) -> Option<Timestamp> {
     let stamp_ns = picture.header["stamp_ns"].as_u64()?;
     let seconds = u32::try_from(stamp_ns / 1_000_000_000).ok()?;
     Some(Timestamp::new(seconds, (stamp_ns % 1_000_000_000) as u32))
 }
 
+/// Returns the picture as a Foxglove message.
 fn image_of(picture: &Picture) -> CompressedImage {
     CompressedImage {
         timestamp: timestamp(picture),
@@ -150,7 +154,7 @@ fn image_of(picture: &Picture) -> CompressedImage {
     }
 }
 
-/// Returns the outlines of the bodies, in pixels of the picture.
+/// Returns the circles of the bodies, in pixels of the picture, whose first pixel has its centre at (0.5, 0.5).
 fn annotations_of(picture: &Picture) -> ImageAnnotations {
     let scale = picture.header["scale"].as_f64().unwrap_or(1.0);
     let bodies = picture.header["bodies"].as_array().into_iter().flatten();
@@ -159,11 +163,11 @@ fn annotations_of(picture: &Picture) -> ImageAnnotations {
         let (x, y, radius) = (number("x_px")?, number("y_px")?, number("radius_px")?);
         Some(CircleAnnotation {
             timestamp: timestamp(picture),
-            // The first pixel's centre is (0, 0) here, and (0.5, 0.5) there.
+            // The first pixel's centre is (0, 0) in the header, and (0.5, 0.5) in Foxglove.
             position: Some(Point2 { x: (x + 0.5) / scale, y: (y + 0.5) / scale }),
             diameter: 2.0 * radius / scale,
             thickness: 1.0,
-            outline_color: Some(GREEN),
+            outline_color: Some(OUTLINE_COLOR),
             ..CircleAnnotation::default()
         })
     };
@@ -175,7 +179,7 @@ fn annotations_of(picture: &Picture) -> ImageAnnotations {
 }
 
 /// Returns the service of a command. It answers with `accepted` and a sentence.
-fn service(app: &Arc<App>, command: Command) -> Service {
+fn command_service(app: &Arc<App>, command: Command) -> Service {
     let empty = || Schema::new("ricochet.Request", "jsonschema", br#"{"type":"object"}"#.to_vec());
     let answer = br#"{"type":"object","properties":{"accepted":{"type":"boolean"},"answer":{"type":"string"}}}"#;
     let schema = ServiceSchema::new(format!("ricochet.{}", command.as_str()))

@@ -1,6 +1,6 @@
 //! The layer in front of every answer: checks before it, headers for browsers behind it.
 
-use super::access::{Asked, Token, check};
+use super::access::{RequestHead, Token, check};
 use super::app::App;
 use axum::body::Body;
 use axum::extract::{Request, State};
@@ -13,30 +13,30 @@ use std::sync::Arc;
 /// The part of an address that carries the token for the first visit of a browser.
 const QUERY: &str = "token=";
 
-/// Returns the token in the address of a first visit.
-fn offered<'a>(asked: &Asked<'a>) -> Option<&'a str> {
-    let query = asked.uri.query().filter(|_| asked.uri.path() == "/" && *asked.method == Method::GET)?;
+/// Returns the token in the address of a first visit, if it is one.
+fn token_in_address<'a>(head: &RequestHead<'a>) -> Option<&'a str> {
+    let query = head.uri.query().filter(|_| head.uri.path() == "/" && *head.method == Method::GET)?;
     query.split('&').find_map(|part| part.strip_prefix(QUERY))
 }
 
-/// Puts the token of a first visit into a cookie, and leads to the page without it in the address.
-fn welcome(token: &Token) -> Response {
+/// Answers a first visit: puts the token into a cookie, and redirects to the page without it in the address.
+fn redirect_with_cookie(token: &Token) -> Response {
     let headers = [(header::SET_COOKIE, token.cookie()), (header::LOCATION, "/".to_owned())];
     (StatusCode::SEE_OTHER, headers).into_response()
 }
 
 /// Checks every request before it is answered, and completes the headers of the answer.
 pub(super) async fn guard(State(app): State<Arc<App>>, request: Request<Body>, next: Next) -> Response {
-    let asked = Asked { method: request.method(), uri: request.uri(), headers: request.headers() };
+    let head = RequestHead { method: request.method(), uri: request.uri(), headers: request.headers() };
     let token = app.token.as_ref();
-    let mut response = match (token, offered(&asked)) {
-        (Some(token), Some(text)) if token.is(text) => welcome(token),
-        _ => match check(token, &asked) {
+    let mut response = match (token, token_in_address(&head)) {
+        (Some(token), Some(text)) if token.matches(text) => redirect_with_cookie(token),
+        _ => match check(token, &head) {
             Ok(()) => next.run(request).await,
             Err(refusal) => refusal.into_response(),
         },
     };
-    complete(response.headers_mut());
+    add_security_headers(response.headers_mut());
     response
 }
 
@@ -55,7 +55,8 @@ const HEADERS: [(HeaderName, &str); 7] = [
     (HeaderName::from_static("cross-origin-opener-policy"), "same-origin"),
 ];
 
-fn complete(headers: &mut HeaderMap) {
+/// Adds those of [`HEADERS`] that an answer does not set itself.
+fn add_security_headers(headers: &mut HeaderMap) {
     for (name, value) in HEADERS {
         headers.entry(name).or_insert(HeaderValue::from_static(value));
     }

@@ -1,8 +1,8 @@
 //! The operator's page, and the topics of a rig as streams for other programs.
 //!
 //! One thread per topic waits on shared memory and hands over to the server, which is a single thread. A client that is
-//! slow, stalled or gone loses its own oldest rows. It never slows the threads, and the threads never slow the rig, because
-//! they are readers of the bus like any other.
+//! slow, stalled or gone loses its own oldest rows. It never slows the threads, and the threads never slow the rig,
+//! because they are readers of the bus like any other.
 
 mod access;
 mod api;
@@ -52,10 +52,10 @@ use watcher::{Outputs, Watcher};
 
 /// The nice value of the server, so that it yields to the processes that film and measure.
 const NICE: i32 = 5;
-/// Interval of looking for recordings that other programs have changed.
-const LOOK: Duration = Duration::from_secs(2);
-/// Time for the page of the run before to end.
-const SUCCESSION: Duration = Duration::from_secs(5);
+/// Minimum time between two reads of a folder of recordings that has changed.
+const LIST_PERIOD: Duration = Duration::from_secs(2);
+/// Time for the page of the previous run to end.
+const SUCCESSION_TIMEOUT: Duration = Duration::from_secs(5);
 /// Interval of trying to take the address.
 const RETRY: Duration = Duration::from_millis(100);
 /// Time for open requests at the end.
@@ -111,6 +111,10 @@ pub struct Service<'a> {
 
 impl Service<'_> {
     /// Takes the address. The page of a run that has just died may still have it for a moment.
+    ///
+    /// # Errors
+    ///
+    /// [`AddressError`] if the address cannot be used, or is still taken after [`SUCCESSION_TIMEOUT`].
     fn listen(&self, stop: &Stop) -> Result<TcpListener, AddressError> {
         let began = now();
         loop {
@@ -123,7 +127,8 @@ impl Service<'_> {
         }
     }
 
-    /// Starts the server for Foxglove viewers, in the same way.
+    /// Starts the server for Foxglove viewers, after waiting for its address as in [`listen`](Self::listen), and
+    /// returns the address that it has taken.
     async fn start_foxglove(
         &self,
         app: &Arc<App>,
@@ -139,8 +144,9 @@ impl Service<'_> {
         bound.map_err(|error| FoxgloveAddressError { address, reason: error.to_string() })
     }
 
+    /// Whether to wait further for an address: the page belongs to a supervised run, whose predecessor may have it.
     fn may_wait(&self, began: Instant, stop: &Stop) -> bool {
-        self.launch.domain.is_some() && began.elapsed() < SUCCESSION && !stop.requested()
+        self.launch.domain.is_some() && began.elapsed() < SUCCESSION_TIMEOUT && !stop.requested()
     }
 }
 
@@ -175,12 +181,12 @@ pub fn run(service: &Service<'_>, stop: &Stop, announce: impl Fn(Offer)) -> Resu
         scope.spawn(|| {
             let bodies = app.config.bodies.iter().map(|body| body.name.clone()).collect();
             let context = RowContext { bodies, origin_ns: None };
-            topics::velocities(&app.config.rig.name, context, &app.velocity, link);
+            topics::send_velocities(&app.config.rig.name, context, &app.velocity, link);
         });
         scope.spawn(|| picture_feed::run(&app.config, &app.pictures, link));
         scope.spawn(|| Watcher::new(&app.config, link, &app.shots, &app.control, outputs).run());
         announce(Offer::Page(bound));
-        let served = serve_until(listener, app, &Server { service, stop, pulse: pulse.unwrap_or_default() }, &announce);
+        let served = run_server(listener, app, &Server { service, stop, pulse: pulse.unwrap_or_default() }, &announce);
         // The threads end too.
         stop.request();
         served
@@ -194,8 +200,8 @@ struct Server<'a> {
     pulse: Pulse,
 }
 
-/// Runs the server on the thread that calls it.
-fn serve_until(
+/// Runs the server on the thread that calls it, until a stop is requested.
+fn run_server(
     listener: TcpListener,
     app: &Arc<App>,
     server: &Server<'_>,
@@ -204,7 +210,7 @@ fn serve_until(
     let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;
     runtime.block_on(async {
         let listener = tokio::net::TcpListener::from_std(listener)?;
-        tokio::spawn(server.pulse.clone().beat());
+        tokio::spawn(server.pulse.clone().count_turns());
         if let Some(address) = app.config.serve.foxglove {
             announce(Offer::Foxglove(server.service.start_foxglove(app, address, server.stop).await?));
         }
@@ -215,15 +221,15 @@ fn serve_until(
     Ok(())
 }
 
-/// Lists and reads recordings when one was made, and when the folder has changed otherwise.
+/// Reads recordings when one was made, and lists them again when the folder has changed, until a stop is requested.
 fn read_shots(shots: &Shots, wake: &Receiver<()>, stop: &Stop) {
     let mut seen = None::<SystemTime>;
-    let mut looked = None;
+    let mut listed = None;
     while !stop.requested() {
-        let is_due = looked.is_none_or(|at: std::time::Instant| at.elapsed() >= LOOK);
+        let is_due = listed.is_none_or(|at: std::time::Instant| at.elapsed() >= LIST_PERIOD);
         let changed = shots.directory().and_then(|path| std::fs::metadata(path).ok()?.modified().ok());
         if is_due && changed != seen {
-            (seen, looked) = (changed, Some(now()));
+            (seen, listed) = (changed, Some(now()));
             shots.list();
             shots.read();
         }

@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 pub(super) struct Quantity {
     /// The column.
     pub(super) column: &'static str,
+    /// The name on the page.
     pub(super) label: &'static str,
     /// The unit on the page; empty for a plain number.
     pub(super) unit: &'static str,
@@ -16,6 +17,7 @@ pub(super) struct Quantity {
     pub(super) factor: f64,
 }
 
+/// Returns one entry of [`QUANTITIES`].
 const fn quantity(column: &'static str, label: &'static str, unit: &'static str, factor: f64) -> Quantity {
     Quantity { column, label, unit, factor }
 }
@@ -32,8 +34,8 @@ pub(super) const QUANTITIES: [Quantity; 8] = [
     quantity("omega_after_rad_s", "Spin out", "rad/s", 1.0),
 ];
 
-/// Returns a number as the page shows it; `text` is null when it was not measured.
-pub(super) fn number(quantity: &Quantity, estimate: Option<Estimate>) -> Value {
+/// Returns a number as JSON, with its texts as the page shows them; `text` is null when it was not measured.
+pub(super) fn quantity_json(quantity: &Quantity, estimate: Option<Estimate>) -> Value {
     let text = estimate.map(|estimate| format_estimate(estimate, quantity.factor));
     json!({
         "column": quantity.column, "label": quantity.label, "unit": quantity.unit,
@@ -43,13 +45,13 @@ pub(super) fn number(quantity: &Quantity, estimate: Option<Estimate>) -> Value {
     })
 }
 
-/// Returns all [`QUANTITIES`] of a collision.
-pub(super) fn numbers(impact: &Impact) -> Vec<Value> {
-    QUANTITIES.iter().map(|quantity| number(quantity, impact.get(quantity.column))).collect()
+/// Returns all [`QUANTITIES`] of a collision as JSON.
+pub(super) fn impact_json(impact: &Impact) -> Vec<Value> {
+    QUANTITIES.iter().map(|quantity| quantity_json(quantity, impact.get(quantity.column))).collect()
 }
 
-/// Explains a status to the person at the rig; `None` for a valid one.
-pub(super) fn reason(status: PointStatus) -> Option<&'static str> {
+/// Returns the reason behind a status in words for the person at the rig; `None` for a valid one.
+pub(super) fn status_reason(status: PointStatus) -> Option<&'static str> {
     match status {
         PointStatus::Valid => None,
         PointStatus::LowContrast => Some("the surface of the body has too little contrast"),
@@ -72,7 +74,7 @@ mod tests {
         impact.contact_time_s = Some(Estimate { value: 0.001_234, sigma: 0.000_012 });
         let known = impact.numbers().map(|(name, _)| name);
         assert!(QUANTITIES.iter().all(|quantity| known.contains(&quantity.column)));
-        let numbers = numbers(&impact);
+        let numbers = impact_json(&impact);
         assert_eq!((&numbers[1]["text"], &numbers[1]["sigma_text"]), (&json!("1.234"), &json!("0.012")));
         assert_eq!((&numbers[0]["text"], &numbers[0]["value"]), (&Value::Null, &Value::Null));
     }

@@ -5,7 +5,7 @@ use maud::{DOCTYPE, Markup, html};
 /// The commands, each with its key.
 const COMMANDS: [(&str, &str); 3] = [("arm", "A"), ("trigger", "T"), ("disarm", "D")];
 
-/// Returns the page of a rig.
+/// Returns the page of a rig as HTML.
 pub(super) fn page_html(rig: &str) -> String {
     let page = html! {
         (DOCTYPE)
@@ -43,6 +43,7 @@ pub(super) fn page_html(rig: &str) -> String {
     page.into_string() + "\n"
 }
 
+/// Returns the section of the live picture.
 fn live_picture() -> Markup {
     html! {
         section id="live" aria-label="Live picture" {
@@ -52,6 +53,7 @@ fn live_picture() -> Markup {
     }
 }
 
+/// Returns the section with the numbers of the last shot.
 fn last_shot() -> Markup {
     html! {
         section id="last" aria-label="Last shot" {
@@ -62,6 +64,7 @@ fn last_shot() -> Markup {
     }
 }
 
+/// Returns the column of the commands and of the reserves: ring, disk, lag, lost frames, rate.
 fn sidebar() -> Markup {
     html! {
         aside {
@@ -89,6 +92,7 @@ fn sidebar() -> Markup {
     }
 }
 
+/// Returns the table of the shots, whose rows the script fills in.
 fn shot_table() -> Markup {
     html! {
         section id="shots" aria-label="Shots" {
@@ -100,6 +104,7 @@ fn shot_table() -> Markup {
     }
 }
 
+/// Returns the dialog that asks for the reason to reject a shot.
 fn reject_dialog() -> Markup {
     html! {
         dialog id="reject" {

@@ -20,6 +20,7 @@ const UNSATURATED_MAX: f32 = 235.0;
 pub(super) struct Picture {
     /// The frame, its size, the scale of the picture, and the bodies in it.
     pub(super) header: Value,
+    /// The picture as a JPEG file.
     pub(super) jpeg: Bytes,
 }
 
@@ -39,13 +40,16 @@ impl Picture {
 /// Scales and compresses frames; reuses its memory.
 #[derive(Debug, Default)]
 pub(super) struct PictureEncoder {
+    /// The unpacked frame.
     image: Image,
+    /// The grey levels of the picture, row by row.
     grey: Vec<u8>,
 }
 
 /// A compressed frame.
 #[derive(Debug)]
 pub(super) struct Encoded {
+    /// A grey JPEG file.
     pub(super) jpeg: Vec<u8>,
     /// Pixels of the frame per pixel of the picture.
     pub(super) scale: usize,
@@ -55,6 +59,9 @@ pub(super) struct Encoded {
 
 impl PictureEncoder {
     /// Encodes a frame as a grey JPEG file; `None` for a frame that does not unpack.
+    ///
+    /// Each pixel of the picture is the mean of a block of `scale` x `scale` pixels, or [`SATURATED`] if one of them
+    /// is.
     pub(super) fn encode(&mut self, frame: &Frame<'_>) -> Option<Encoded> {
         frame.unpack(&mut self.image).ok()?;
         let view = self.image.view();

@@ -20,6 +20,7 @@ const PERIOD: Duration = Duration::from_millis(50);
 const MAX_SHARE: u32 = 16;
 /// Time that a picture waits for the positions of the bodies in it. A block of 16 frames takes 160 ms at 100 frames/s.
 const MAX_WAIT: Duration = Duration::from_millis(250);
+/// Interval of polling for frames and positions.
 const PAUSE: Duration = Duration::from_millis(5);
 /// Interval of asking whether somebody watches.
 const IDLE: Duration = Duration::from_millis(100);
@@ -38,7 +39,7 @@ pub(super) fn run(config: &Config, pictures: &Pictures, link: &Link) {
                 std::thread::sleep(IDLE);
                 continue;
             }
-            show(&View::open(&run.bus, config)?, &mut encoder, pictures, run)?;
+            publish_while_watched(&View::open(&run.bus, config)?, &mut encoder, pictures, run)?;
         }
         Ok(())
     });
@@ -52,22 +53,27 @@ struct View<'a> {
 }
 
 impl<'a> View<'a> {
+    /// Opens the topics of a running rig.
     fn open(bus: &Bus, config: &'a Config) -> Result<Self, BusError> {
         Ok(Self { config, frames: bus.listen_newest_frame()?, tracks: bus.listen()? })
     }
 }
 
 /// Publishes pictures as long as somebody watches.
-fn show(view: &View<'_>, encoder: &mut PictureEncoder, pictures: &Pictures, run: &Run<'_>) -> Result<(), BusError> {
+fn publish_while_watched(
+    view: &View<'_>,
+    encoder: &mut PictureEncoder,
+    pictures: &Pictures,
+    run: &Run<'_>,
+) -> Result<(), BusError> {
     let mut rows = VecDeque::new();
     while run.is_up() && pictures.receiver_count() > 0 {
         let begin = now();
-        let Some(picture) = take(view, encoder, &mut rows)? else {
+        let Some(Taken { picture, spent }) = take_picture(view, encoder, &mut rows)? else {
             std::thread::sleep(PAUSE);
             continue;
         };
-        let spent = picture.spent;
-        pictures.send_replace(Some(Arc::new(picture.picture)));
+        pictures.send_replace(Some(Arc::new(picture)));
         let period = PERIOD.max(spent * MAX_SHARE);
         std::thread::sleep(period.saturating_sub(begin.elapsed()));
     }
@@ -80,8 +86,9 @@ struct Taken {
     spent: Duration,
 }
 
-/// Takes a picture of the newest frame, with the positions of the bodies in it if they are measured in time.
-fn take(
+/// Takes a picture of the newest frame, with the positions of the bodies in it if they are measured in time. `None` if
+/// no new frame has come. `rows` keeps the newest positions from call to call.
+fn take_picture(
     view: &View<'_>,
     encoder: &mut PictureEncoder,
     rows: &mut VecDeque<TrackSample>,
@@ -114,12 +121,13 @@ fn take(
         "frame": meta.sequence, "stamp_ns": meta.stamp_ns, "width_px": meta.width_px, "height_px": meta.height_px,
         "scale": encoded.scale, "saturated_fraction": encoded.saturated_fraction,
         "mm_per_px": mm_per_px(view.config, &found),
-        "bodies": found.iter().map(|row| body(view.config, row)).collect::<Vec<_>>(),
+        "bodies": found.iter().map(|row| body_json(view.config, row)).collect::<Vec<_>>(),
     });
     Ok(Some(Taken { picture: Picture { header, jpeg: encoded.jpeg.into() }, spent }))
 }
 
-/// Returns the scale of the picture, as configured or from the measured radius.
+/// Returns the scale of the frame, mm/px: as configured, or from the diameter of a ball and its measured radius. `None`
+/// if it is unknown.
 fn mm_per_px(config: &Config, rows: &[TrackSample]) -> Option<f64> {
     match config.scale? {
         Scale::MmPerPx(mm_per_px) => Some(mm_per_px),
@@ -131,7 +139,7 @@ fn mm_per_px(config: &Config, rows: &[TrackSample]) -> Option<f64> {
 }
 
 /// Describes a body for the drawing: its circle, or the lines of a rod.
-fn body(config: &Config, row: &TrackSample) -> Value {
+fn body_json(config: &Config, row: &TrackSample) -> Value {
     let name = config.bodies.get(row.body as usize).map_or("", |body| body.name.as_str());
     json!({
         "name": name, "status": row.status.as_str(), "x_px": row.center_x_px, "y_px": row.center_y_px,

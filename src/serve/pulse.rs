@@ -15,8 +15,8 @@ const PERIOD: Duration = Duration::from_millis(200);
 pub(super) struct Pulse(Arc<AtomicU64>);
 
 impl Pulse {
-    /// Counts the turns of the server's thread, which stop when it hangs.
-    pub(super) async fn beat(self) {
+    /// Counts the turns of the server's thread, which stop when it hangs. It never ends.
+    pub(super) async fn count_turns(self) {
         loop {
             self.0.fetch_add(1, Ordering::Relaxed);
             tokio::time::sleep(PERIOD).await;
@@ -29,6 +29,7 @@ impl Pulse {
 pub(super) struct Heart {
     pulse: Pulse,
     status: Publisher<StatusMessage>,
+    /// The number of turns at the last heartbeat, and its time.
     last: (u64, Instant),
 }
 
@@ -38,8 +39,8 @@ impl Heart {
         Ok(Self { pulse, status: bus.guest_publisher()?, last: (0, now()) })
     }
 
-    /// Publishes a status if the server has taken a turn since the last one.
-    pub(super) fn beat(&mut self) -> Result<(), BusError> {
+    /// Publishes a status, at most once per [`PERIOD`], if the server has taken a turn since the last one.
+    pub(super) fn publish_if_due(&mut self) -> Result<(), BusError> {
         let turns = self.pulse.0.load(Ordering::Relaxed);
         if turns == self.last.0 || self.last.1.elapsed() < PERIOD {
             return Ok(());

@@ -69,7 +69,8 @@ pub(super) struct Saved {
 
 /// The state of a rig, derived from the topics `events`, `status` and `impact`.
 ///
-/// Times are those of the page's clock, in seconds. They come with each call, so that the state is a function of its input.
+/// Times are those of the page's clock, in seconds. They come with each call, so that the state is a function of its
+/// input.
 #[derive(Debug)]
 pub(super) struct RigState {
     config: Arc<Config>,
@@ -80,11 +81,15 @@ pub(super) struct RigState {
     pub(super) is_armed: bool,
     /// The oldest frame that the ring may hold for the next shot, ns since the Unix epoch.
     fills_from_ns: u64,
+    /// The last shot, triggered or saved.
     pub(super) shot: Option<ShotState>,
+    /// The text of the last storage event.
     storage: String,
     /// The camera's fault and the number of frames at that time.
     camera: Option<(String, u64)>,
+    /// The latest report of each process, by role number and index.
     pub(super) statuses: BTreeMap<(u32, u32), StatusMessage>,
+    /// The time of the last report of the camera's process, s.
     heard_s: f64,
     /// The latest revision of each collision, the newest collision last.
     impacts: Vec<Impact>,
@@ -110,13 +115,13 @@ impl RigState {
         }
     }
 
-    /// Forgets a rig that is gone.
+    /// Forgets a rig that is gone, except its collisions.
     pub(super) fn reset(&mut self) {
         *self = Self { impacts: std::mem::take(&mut self.impacts), ..Self::new(Arc::clone(&self.config)) };
     }
 
-    /// Takes an event; a recording that it completes has this number.
-    pub(super) fn event(&mut self, event: &Event, number: impl FnOnce() -> u32, now_s: f64) {
+    /// Updates the state by an event. `number` returns the number of the recording that the event completes.
+    pub(super) fn add_event(&mut self, event: &Event, number: impl FnOnce() -> u32, now_s: f64) {
         match event.kind() {
             Some(EventKind::Prepared) if event.sequence == 0 => {
                 (self.origin_ns, self.has_ended, self.shot) = (None, false, None);
@@ -145,13 +150,15 @@ impl RigState {
                 self.fills_from_ns = event.stamp_ns;
             }
             Some(EventKind::Storage) => self.storage = event.text(),
-            Some(EventKind::Camera) => self.camera = Some((event.text(), self.acquire().map_or(0, |s| s.taken))),
+            Some(EventKind::Camera) => {
+                self.camera = Some((event.text(), self.camera_status().map_or(0, |status| status.taken)))
+            }
             _ => {}
         }
     }
 
-    /// Takes the report of a process.
-    pub(super) fn status(&mut self, status: &StatusMessage, now_s: f64) {
+    /// Updates the state by the report of a process.
+    pub(super) fn add_status(&mut self, status: &StatusMessage, now_s: f64) {
         self.statuses.insert((status.role, status.index), *status);
         match Role::from_number(status.role) {
             Some(Role::Record) => self.is_armed = status.state & 1 != 0,
@@ -164,8 +171,8 @@ impl RigState {
         }
     }
 
-    /// Takes a revision of a collision.
-    pub(super) fn impact(&mut self, impact: Impact) {
+    /// Adds a collision, or replaces its previous revision.
+    pub(super) fn add_impact(&mut self, impact: Impact) {
         self.impacts.retain(|kept| (kept.body, kept.number) != (impact.body, impact.number));
         self.impacts.push(impact);
         if self.impacts.len() > MAX_IMPACTS {
@@ -173,8 +180,8 @@ impl RigState {
         }
     }
 
-    /// Returns the report of the camera's process.
-    pub(super) fn acquire(&self) -> Option<&StatusMessage> {
+    /// Returns the latest report of the camera's process, if there is one.
+    pub(super) fn camera_status(&self) -> Option<&StatusMessage> {
         self.statuses.get(&(Role::Acquire as u32, 0))
     }
 
@@ -200,7 +207,7 @@ impl RigState {
         if self.config.record.is_none() || self.config.pre_trigger_frames(1e6) == 0 {
             return 1.0;
         }
-        let newest_ns = self.acquire().map_or(0, |status| status.stamp_ns);
+        let newest_ns = self.camera_status().map_or(0, |status| status.stamp_ns);
         (newest_ns.saturating_sub(self.fills_from_ns) as f64 * 1e-9 / pre_s).clamp(0.0, 1.0)
     }
 
@@ -228,7 +235,7 @@ impl RigState {
         let is_open = self.shot.is_some() && saved.is_none();
         match (self.config.trigger.mode, &self.config.record) {
             _ if self.origin_ns.is_none() => state(Word::Starting, "waiting for the first frame".into()),
-            _ if is_open => self.open_shot(),
+            _ if is_open => self.open_shot_state(),
             _ if self.has_ended && saved.is_none() => state(Word::Ended, "the camera delivers no more frames".into()),
             _ if self.has_ended => state(Word::Saved, "the camera delivers no more frames".into()),
             (TriggerMode::Off, Some(_)) => state(Word::Measuring, "the whole stream is recorded".into()),
@@ -243,15 +250,16 @@ impl RigState {
         }
     }
 
-    fn open_shot(&self) -> State {
+    /// Returns the state during a shot: triggered until its last frame was filmed, then measuring.
+    fn open_shot_state(&self) -> State {
         let end_ns = self.shot.map_or(0, |shot| shot.trigger_ns) + (self.config.trigger.post_s * 1e9) as u64;
-        match self.acquire().is_some_and(|status| status.stamp_ns >= end_ns) {
+        match self.camera_status().is_some_and(|status| status.stamp_ns >= end_ns) {
             true => State { word: Word::Measuring, detail: "the shot is measured and written".into() },
             false => State { word: Word::Triggered, detail: "the shot is filmed".into() },
         }
     }
 
-    /// Returns the reason why the rig cannot take a shot.
+    /// Returns the reason why the rig cannot take a shot; `None` if it can.
     fn fault(&self, now_s: f64) -> Option<String> {
         if !self.is_running {
             return Some(format!("rig {} is not running", self.config.rig.name));
@@ -264,7 +272,7 @@ impl RigState {
             let unknown = "recordings do not fit or cannot be written";
             return Some(if self.storage.is_empty() { unknown.into() } else { self.storage.clone() });
         }
-        let is_silent = self.acquire().is_some() && now_s - self.heard_s > SILENCE_S;
+        let is_silent = self.camera_status().is_some() && now_s - self.heard_s > SILENCE_S;
         (is_silent && !self.has_ended).then(|| "the camera process does not report".into())
     }
 }

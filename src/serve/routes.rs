@@ -33,6 +33,7 @@ struct Route {
     handler: fn() -> MethodRouter<Arc<App>>,
 }
 
+/// Returns a route for GET, which changes nothing.
 const fn reading(
     path: &'static str,
     summary: &'static str,
@@ -42,10 +43,12 @@ const fn reading(
     Route { path, method: "get", summary, answer, handler }
 }
 
+/// Returns a route for POST, which changes something and answers with a JSON object.
 const fn writing(path: &'static str, summary: &'static str, handler: fn() -> MethodRouter<Arc<App>>) -> Route {
     Route { path, method: "post", summary, answer: Answer::Object, handler }
 }
 
+/// All addresses of the server.
 const TABLE: &[Route] = &[
     reading("/", "The operator's page.", Answer::File("text/html"), || get(api::page)),
     reading("/page.css", "The style of the page.", Answer::File("text/css"), || get(api::style)),
@@ -95,11 +98,12 @@ pub(super) fn router(app: Arc<App>) -> Router {
     router.layer(from_fn_with_state(Arc::clone(&app), guard::guard)).with_state(app)
 }
 
+/// Answers with the OpenAPI document.
 async fn openapi() -> Response {
     api::json_answer(StatusCode::OK, document().to_string())
 }
 
-/// Returns the OpenAPI document.
+/// Returns the OpenAPI document of all addresses (<https://spec.openapis.org/oas/v3.1.0>).
 fn document() -> Value {
     let mut paths: Map<String, Value> = Map::new();
     for route in TABLE {
@@ -122,6 +126,7 @@ fn document() -> Value {
     })
 }
 
+/// Returns the OpenAPI description of one route.
 fn operation(route: &Route) -> Value {
     let refer = |schema: &str| json!({ "$ref": format!("#/components/schemas/{schema}") });
     let content = match route.answer {
@@ -142,6 +147,7 @@ fn operation(route: &Route) -> Value {
     operation
 }
 
+/// Returns the JSON schema of a row: the names and types that identify it, then the columns of its table.
 fn schema<R>(place: &[(&str, &str)], columns: &[Column<R>]) -> Value {
     let kind = |kind| match kind {
         Kind::Integer | Kind::Stamp => json!({ "type": "integer" }),

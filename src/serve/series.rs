@@ -1,6 +1,6 @@
 //! The numbers of the shots so far: mean, spread, outliers.
 
-use super::numbers::{QUANTITIES, number};
+use super::numbers::{QUANTITIES, quantity_json};
 use crate::plot::format_estimate;
 use crate::report::Spread;
 use crate::results::{Estimate, Impact};
@@ -30,10 +30,10 @@ impl Series {
         Self(QUANTITIES.iter().map(|quantity| column(quantity.column)).collect())
     }
 
-    /// Returns the numbers of the shot at a place, each with whether it is an outlier.
+    /// Returns the numbers of the shot at a place as JSON, each with whether it is an outlier.
     pub(super) fn numbers(&self, place: usize, impact: Option<&Impact>) -> Vec<Value> {
         let entry = |(quantity, column): (&super::numbers::Quantity, &Column)| {
-            let mut entry = number(quantity, impact.and_then(|impact| impact.get(quantity.column)));
+            let mut entry = quantity_json(quantity, impact.and_then(|impact| impact.get(quantity.column)));
             let at = column.places.iter().position(|other| *other == place);
             let outliers = column.spread.as_ref().map(|spread| &spread.outliers);
             entry["outlier"] = json!(at.zip(outliers).is_some_and(|(at, outliers)| outliers[at]));
@@ -42,13 +42,13 @@ impl Series {
         QUANTITIES.iter().zip(&self.0).map(entry).collect()
     }
 
-    /// Returns the mean of each number, with its standard deviation where there are two shots.
+    /// Returns the mean of each number as JSON, with its standard deviation where there are at least two shots.
     pub(super) fn as_json(&self) -> Vec<Value> {
         let entry = |(quantity, column): (&super::numbers::Quantity, &Column)| {
             let spread = column.spread.as_ref();
             let mean = spread.map(|s| Estimate { value: s.mean, sigma: s.sd.unwrap_or(s.stated) });
             let deviation = mean.filter(|_| spread.is_some_and(|s| s.sd.is_some()));
-            let mut entry = number(quantity, mean);
+            let mut entry = quantity_json(quantity, mean);
             entry["count"] = json!(spread.map_or(0, |spread| spread.kept));
             entry["sd_text"] = json!(deviation.map(|mean| format_estimate(mean, quantity.factor).sigma));
             entry

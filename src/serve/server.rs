@@ -1,4 +1,4 @@
-//! Connections: a limit on their number, on the time for their headers, and an end for those that say nothing.
+//! Connections: limits of their number and of the time for their headers, and an end for those that request nothing.
 
 use crate::process::Stop;
 use axum::Router;
@@ -28,7 +28,7 @@ const PAUSE: Duration = Duration::from_millis(50);
 struct Connection {
     task: JoinHandle<()>,
     /// Whether it has made a request.
-    has_asked: Arc<AtomicBool>,
+    has_requested: Arc<AtomicBool>,
 }
 
 /// Accepts connections until a stop is requested.
@@ -45,13 +45,13 @@ pub(super) async fn serve(listener: TcpListener, router: Router, stop: &Stop) {
             log::warn!("a connection was refused: {MAX_CONNECTIONS} are in use");
             continue;
         }
-        connections.push_back(begin(stream, router.clone()));
+        connections.push_back(serve_connection(stream, router.clone()));
     }
 }
 
-/// Ends the oldest connection that has not asked for anything; returns whether there was one.
+/// Ends the oldest connection that has not made a request; returns whether there was one.
 fn end_idle(connections: &mut VecDeque<Connection>) -> bool {
-    let oldest = connections.iter().position(|connection| !connection.has_asked.load(Ordering::Relaxed));
+    let oldest = connections.iter().position(|connection| !connection.has_requested.load(Ordering::Relaxed));
     let ended = oldest.and_then(|at| connections.remove(at));
     ended.is_some_and(|connection| {
         connection.task.abort();
@@ -59,14 +59,15 @@ fn end_idle(connections: &mut VecDeque<Connection>) -> bool {
     })
 }
 
-fn begin(stream: TcpStream, router: Router) -> Connection {
+/// Starts a task that answers the requests of a connection until it ends.
+fn serve_connection(stream: TcpStream, router: Router) -> Connection {
     // Rows are small and must not wait for each other.
     let _ = stream.set_nodelay(true);
-    let has_asked = Arc::new(AtomicBool::new(false));
-    let asked = Arc::clone(&has_asked);
+    let has_requested = Arc::new(AtomicBool::new(false));
+    let requested = Arc::clone(&has_requested);
     let answer = TowerToHyperService::new(router);
     let service = service_fn(move |request| {
-        asked.store(true, Ordering::Relaxed);
+        requested.store(true, Ordering::Relaxed);
         answer.call(request)
     });
     let task = tokio::spawn(async move {
@@ -75,5 +76,5 @@ fn begin(stream: TcpStream, router: Router) -> Connection {
         // An error is the client's, who learns of it by the end of the connection.
         let _ = builder.serve_connection(TokioIo::new(stream), service).with_upgrades().await;
     });
-    Connection { task, has_asked }
+    Connection { task, has_requested }
 }

@@ -9,6 +9,7 @@ use std::path::Path;
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct ShotFacts {
     pub(super) impact: Option<Impact>,
+    /// The reason why there is no collision.
     pub(super) reason: Option<String>,
     /// The stamp of the first frame, ns since the Unix epoch; 0 when it is unknown.
     pub(super) stamp_ns: u64,
@@ -17,7 +18,7 @@ pub(super) struct ShotFacts {
 }
 
 impl ShotFacts {
-    /// Reads a recording.
+    /// Reads a recording. If it cannot be read, the error is the reason.
     pub(super) fn read(path: &Path) -> Self {
         Self::try_read(path).unwrap_or_else(|error| Self {
             impact: None,
@@ -27,6 +28,7 @@ impl ShotFacts {
         })
     }
 
+    /// Reads the first collision, in its last revision, and the time of a recording.
     fn try_read(path: &Path) -> Result<Self, RecordingError> {
         let recording = Recording::open(path)?;
         let impacts = last_revisions(recording.impacts()?.collect::<Result<Vec<_>, _>>()?);

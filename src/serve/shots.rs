@@ -1,6 +1,6 @@
 //! The recordings of a rig: their numbers, their collisions, and the shots that a person has rejected.
 
-use super::numbers::reason;
+use super::numbers::status_reason;
 use super::series::Series;
 use super::shot_facts::ShotFacts;
 use crate::config::Config;
@@ -50,13 +50,17 @@ struct Shot {
     listed: Listed,
     /// `None` until the file was read.
     facts: Option<ShotFacts>,
+    /// The reason why a person has rejected it.
     rejected: Option<String>,
 }
 
+/// The shots by their file names.
 #[derive(Debug, Default)]
-struct Book {
+struct ShotList {
     shots: BTreeMap<String, Shot>,
+    /// The number of the next new recording.
     next_number: u32,
+    /// Rises with every change.
     revision: u64,
 }
 
@@ -65,49 +69,50 @@ struct Book {
 pub(super) struct Shots {
     directory: Option<PathBuf>,
     rig: String,
-    book: Mutex<Book>,
+    list: Mutex<ShotList>,
 }
 
 impl Shots {
     pub(super) fn new(config: &Config) -> Self {
         let directory = config.record.as_ref().map(|record| record.directory.clone());
-        let book = Mutex::new(Book { next_number: 1, ..Book::default() });
-        Self { directory, rig: config.rig.name.clone(), book }
+        let list = Mutex::new(ShotList { next_number: 1, ..ShotList::default() });
+        Self { directory, rig: config.rig.name.clone(), list }
     }
 
-    fn book(&self) -> MutexGuard<'_, Book> {
-        self.book.lock().unwrap_or_else(PoisonError::into_inner)
+    /// Locks the list of the shots.
+    fn lock_list(&self) -> MutexGuard<'_, ShotList> {
+        self.list.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Returns a number that rises whenever a shot was added, removed, read or rejected.
     pub(super) fn revision(&self) -> u64 {
-        self.book().revision
+        self.lock_list().revision
     }
 
     /// Lists the folder, numbers new recordings in the order of their times, and returns the newest number.
     pub(super) fn list(&self) -> u32 {
-        let listed = self.listed();
-        let mut book = self.book();
-        let mut fresh: Vec<_> = listed.iter().filter(|(name, _)| !book.shots.contains_key(*name)).collect();
+        let listed = self.read_folder();
+        let mut list = self.lock_list();
+        let mut fresh: Vec<_> = listed.iter().filter(|(name, _)| !list.shots.contains_key(*name)).collect();
         fresh.sort_by_key(|(name, listed)| (listed.modified, (*name).clone()));
-        let before = book.shots.len();
-        book.shots.retain(|name, _| listed.contains_key(name));
-        book.revision += u64::from(before != book.shots.len() || !fresh.is_empty());
+        let before = list.shots.len();
+        list.shots.retain(|name, _| listed.contains_key(name));
+        list.revision += u64::from(before != list.shots.len() || !fresh.is_empty());
         for (name, listed) in fresh {
-            let number = book.next_number;
-            book.next_number += 1;
-            book.shots.insert(name.clone(), Shot { number, listed: *listed, facts: None, rejected: None });
+            let number = list.next_number;
+            list.next_number += 1;
+            list.shots.insert(name.clone(), Shot { number, listed: *listed, facts: None, rejected: None });
         }
-        for (name, shot) in &mut book.shots {
+        for (name, shot) in &mut list.shots {
             if listed.get(name).is_some_and(|listed| *listed != shot.listed) {
                 (shot.listed, shot.facts) = (listed[name], None);
             }
         }
-        book.next_number.saturating_sub(1)
+        list.next_number.saturating_sub(1)
     }
 
-    /// Returns the recordings of this rig in the folder. Links and files of other programs are left out.
-    fn listed(&self) -> BTreeMap<String, Listed> {
+    /// Returns the recordings of this rig in the folder by their names. Links and files of other programs are left out.
+    fn read_folder(&self) -> BTreeMap<String, Listed> {
         let Some(entries) = self.directory.as_ref().and_then(|directory| fs::read_dir(directory).ok()) else {
             return BTreeMap::new();
         };
@@ -118,7 +123,7 @@ impl Shots {
             name.ends_with(ENDING).then_some((name, listed))
         };
         let mut all: BTreeMap<_, _> = entries.flatten().filter_map(listed).collect();
-        let known = self.book().shots.keys().cloned().collect::<Vec<_>>();
+        let known = self.lock_list().shots.keys().cloned().collect::<Vec<_>>();
         all.retain(|name, _| known.contains(name) || self.is_first_file(name));
         all
     }
@@ -135,33 +140,41 @@ impl Shots {
     pub(super) fn read(&self) {
         let Some(directory) = &self.directory else { return };
         let mut newest: Vec<(u32, String)> =
-            self.book().shots.iter().map(|(name, shot)| (shot.number, name.clone())).collect();
+            self.lock_list().shots.iter().map(|(name, shot)| (shot.number, name.clone())).collect();
         newest.sort_by_key(|(number, _)| std::cmp::Reverse(*number));
         for (_, name) in newest.into_iter().take(MAX_SHOTS) {
             let rejected = fs::read_to_string(rejection_path_of(directory, &name)).ok();
             let rejected = rejected.map(|text| text.trim().to_owned());
-            let is_unread = self.book().shots.get(&name).is_some_and(|shot| shot.facts.is_none());
+            let is_unread = self.lock_list().shots.get(&name).is_some_and(|shot| shot.facts.is_none());
             // Read without the lock, because a request must not wait for a file.
             let facts = is_unread.then(|| ShotFacts::read(&directory.join(&name)));
-            let mut book = self.book();
-            let Some(shot) = book.shots.get_mut(&name) else { continue };
+            let mut list = self.lock_list();
+            let Some(shot) = list.shots.get_mut(&name) else { continue };
             let is_news = facts.is_some() || shot.rejected != rejected;
             shot.rejected = rejected;
             if facts.is_some() {
                 shot.facts = facts;
             }
-            book.revision += u64::from(is_news);
+            list.revision += u64::from(is_news);
         }
     }
 
     /// Returns the path of a recording of this rig; only names that the folder lists have one.
+    ///
+    /// # Errors
+    ///
+    /// [`ShotError::Unknown`] for any other name.
     pub(super) fn path(&self, name: &str) -> Result<PathBuf, ShotError> {
         let directory = self.directory.as_ref().ok_or(ShotError::Unknown)?;
-        let listed = self.book().shots.keys().find(|known| *known == name).cloned().ok_or(ShotError::Unknown)?;
+        let listed = self.lock_list().shots.keys().find(|known| *known == name).cloned().ok_or(ShotError::Unknown)?;
         Ok(directory.join(listed))
     }
 
     /// Rejects a shot for a reason, which a file next to it keeps.
+    ///
+    /// # Errors
+    ///
+    /// [`ShotError`] if there is no such shot, the reason is empty or too long, or the file cannot be written.
     pub(super) fn reject(&self, name: &str, text: &str) -> Result<(), ShotError> {
         let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
         if line.is_empty() || line.len() > MAX_REASON_BYTES {
@@ -172,7 +185,11 @@ impl Shots {
         Ok(())
     }
 
-    /// Accepts a rejected shot again.
+    /// Accepts a rejected shot again. A shot that is not rejected stays as it is.
+    ///
+    /// # Errors
+    ///
+    /// [`ShotError`] if there is no such shot, or the file with the reason cannot be removed.
     pub(super) fn accept(&self, name: &str) -> Result<(), ShotError> {
         match fs::remove_file(rejection_path(&self.path(name)?)) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(error.into()),
@@ -181,29 +198,30 @@ impl Shots {
         Ok(())
     }
 
+    /// Notes that a shot is rejected for a reason, or accepted if `None`.
     fn set_rejected(&self, name: &str, rejected: Option<String>) {
-        let mut book = self.book();
-        if let Some(shot) = book.shots.get_mut(name) {
+        let mut list = self.lock_list();
+        if let Some(shot) = list.shots.get_mut(name) {
             shot.rejected = rejected;
         }
-        book.revision += 1;
+        list.revision += 1;
     }
 
-    /// Returns the size of the newest recording, bytes.
+    /// Returns the size of the newest recording, bytes; `None` without recordings.
     pub(super) fn newest_bytes(&self) -> Option<u64> {
-        let book = self.book();
-        book.shots.values().max_by_key(|shot| shot.number).map(|shot| shot.listed.bytes)
+        let list = self.lock_list();
+        list.shots.values().max_by_key(|shot| shot.number).map(|shot| shot.listed.bytes)
     }
 
-    /// Returns the folder of the recordings.
+    /// Returns the folder of the recordings; `None` for a rig that records nothing.
     pub(super) fn directory(&self) -> Option<&Path> {
         self.directory.as_deref()
     }
 
-    /// Returns the shots, the newest first, and the mean and spread of their numbers.
+    /// Returns the shots as JSON, the newest first, and the mean and spread of their numbers.
     pub(super) fn as_json(&self) -> Value {
-        let book = self.book();
-        let mut shots: Vec<(&String, &Shot)> = book.shots.iter().collect();
+        let list = self.lock_list();
+        let mut shots: Vec<(&String, &Shot)> = list.shots.iter().collect();
         shots.sort_by_key(|(_, shot)| std::cmp::Reverse(shot.number));
         shots.truncate(MAX_SHOTS);
         let impacts: Vec<_> = shots.iter().map(|(_, shot)| shot.impact()).collect();
@@ -213,25 +231,27 @@ impl Shots {
         let rows: Vec<Value> = (shots.iter().zip(&impacts).enumerate())
             .map(|(at, ((name, shot), impact))| shot.as_json(name, series.numbers(at, *impact)))
             .collect();
-        json!({ "revision": book.revision, "shots": rows, "series": series.as_json() })
+        json!({ "revision": list.revision, "shots": rows, "series": series.as_json() })
     }
 }
 
 impl Shot {
+    /// Returns the first collision, if the file was read and has one.
     fn impact(&self) -> Option<&Impact> {
         self.facts.as_ref()?.impact.as_ref()
     }
 
+    /// Returns the shot as JSON, with the reason why its numbers are missing or doubtful.
     fn as_json(&self, name: &str, numbers: Vec<Value>) -> Value {
         let facts = self.facts.as_ref();
-        let why = match (facts, self.impact()) {
+        let reason = match (facts, self.impact()) {
             (None, _) => Some("not read yet".to_owned()),
             (Some(facts), None) => facts.reason.clone(),
-            (_, Some(impact)) => reason(impact.status).map(str::to_owned),
+            (_, Some(impact)) => status_reason(impact.status).map(str::to_owned),
         };
         json!({
             "number": self.number, "name": name, "bytes": self.listed.bytes, "rejected": self.rejected,
-            "time": facts.map(|facts| facts.time.as_str()), "reason": why, "numbers": numbers,
+            "time": facts.map(|facts| facts.time.as_str()), "reason": reason, "numbers": numbers,
             "stamp_ns": facts.map(|facts| facts.stamp_ns),
         })
     }
@@ -261,7 +281,7 @@ mod tests {
     }
 
     fn shots(directory: &Path) -> Shots {
-        Shots { directory: Some(directory.into()), rig: "a".into(), book: Mutex::default() }
+        Shots { directory: Some(directory.into()), rig: "a".into(), list: Mutex::default() }
     }
 
     #[test]
@@ -304,7 +324,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let at = folder.path();
         recording(at, "a-1.mcap", "a");
-        let shots = Shots { book: Mutex::new(Book { next_number: 1, ..Book::default() }), ..shots(at) };
+        let shots = Shots { list: Mutex::new(ShotList { next_number: 1, ..ShotList::default() }), ..shots(at) };
         assert_eq!(shots.list(), 1);
         recording(at, "a-2.mcap", "a");
         assert_eq!(shots.list(), 2);

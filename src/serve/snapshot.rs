@@ -1,7 +1,7 @@
 //! The state of the rig as the page and programs read it.
 
 use super::control::Control;
-use super::numbers::{numbers, reason};
+use super::numbers::{impact_json, status_reason};
 use super::rig_state::{RigState, Word};
 use super::shots::Shots;
 use crate::config::Config;
@@ -23,17 +23,18 @@ pub(super) fn snapshot(config: &Config, rig: &RigState, shots: &Shots, control: 
         "actions": rig.actions(),
         "trigger": config.trigger.mode.as_str(),
         "holder": control.holder(),
-        "bars": bars(config, rig, shots),
-        "last": last(config, rig, saved),
+        "bars": bars_json(config, rig, shots),
+        "last": last_shot_json(config, rig, saved),
         "shots_revision": shots.revision(),
-        "processes": rig.statuses.values().map(process).collect::<Vec<_>>(),
+        "processes": rig.statuses.values().map(process_json).collect::<Vec<_>>(),
     })
 }
 
-fn bars(config: &Config, rig: &RigState, shots: &Shots) -> Value {
-    let of = |role: Role| rig.statuses.values().filter(move |status| status.role == role as u32);
+/// Returns the reserves of the rig, which the page shows as bars: ring, disk, lost frames, lag and rate.
+fn bars_json(config: &Config, rig: &RigState, shots: &Shots) -> Value {
+    let statuses_of = |role: Role| rig.statuses.values().filter(move |status| status.role == role as u32);
     let lost = |status: &StatusMessage| status.lost + status.dropped;
-    let slowest = of(Role::Correlate).max_by_key(|status| status.waiting);
+    let slowest = statuses_of(Role::Correlate).max_by_key(|status| status.waiting);
     let free_bytes = shots.directory().and_then(|directory| {
         let about = rustix::fs::statvfs(directory).ok()?;
         Some(about.f_bavail.saturating_mul(about.f_frsize))
@@ -44,18 +45,18 @@ fn bars(config: &Config, rig: &RigState, shots: &Shots) -> Value {
         "ring_s": (config.pre_trigger_frames(1e6) > 0).then_some(config.trigger.pre_s),
         "disk_bytes": free_bytes,
         "disk_shots": free_bytes.zip(shot_bytes).map(|(free, shot)| free / shot),
-        "lost_camera": of(Role::Acquire).map(lost).sum::<u64>(),
-        "lost_measured": of(Role::Correlate).chain(of(Role::Track)).map(lost).sum::<u64>(),
-        "lost_recorded": of(Role::Record).map(lost).sum::<u64>(),
+        "lost_camera": statuses_of(Role::Acquire).map(lost).sum::<u64>(),
+        "lost_measured": statuses_of(Role::Correlate).chain(statuses_of(Role::Track)).map(lost).sum::<u64>(),
+        "lost_recorded": statuses_of(Role::Record).map(lost).sum::<u64>(),
         "lag_frames": slowest.map(|status| status.waiting),
         "lag_capacity_frames": slowest.map(|status| status.capacity),
-        "rate_hz": rig.acquire().map(|status| status.rate_hz),
-        "frames": rig.acquire().map(|status| status.taken),
+        "rate_hz": rig.camera_status().map(|status| status.rate_hz),
+        "frames": rig.camera_status().map(|status| status.taken),
     })
 }
 
-/// Returns the numbers of the last collision, or the reason why there are none.
-fn last(config: &Config, rig: &RigState, saved: Option<u32>) -> Value {
+/// Returns the numbers of the last collision, or the reason why there are none. `saved` is the number of the last shot.
+fn last_shot_json(config: &Config, rig: &RigState, saved: Option<u32>) -> Value {
     let Some(impact) = rig.last_impact() else {
         let reason = match rig.shot {
             Some(shot) if shot.saved.is_none() => "the shot is being measured",
@@ -68,11 +69,12 @@ fn last(config: &Config, rig: &RigState, saved: Option<u32>) -> Value {
     let body = config.bodies.get(impact.body as usize).map(|body| body.name.as_str());
     json!({
         "shot": saved, "body": body, "number": impact.number, "revision": impact.revision,
-        "status": impact.status.as_str(), "reason": reason(impact.status), "numbers": numbers(impact),
+        "status": impact.status.as_str(), "reason": status_reason(impact.status), "numbers": impact_json(impact),
     })
 }
 
-fn process(status: &StatusMessage) -> Value {
+/// Returns the report of a process as JSON.
+fn process_json(status: &StatusMessage) -> Value {
     json!({
         "process": Role::from_number(status.role).map_or("?", Role::as_str), "index": status.index,
         "pid": status.pid, "sequence": status.sequence, "stamp_ns": status.stamp_ns, "rate_hz": status.rate_hz,

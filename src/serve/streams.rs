@@ -1,7 +1,7 @@
 //! Topics and pictures as streams: server-sent events and WebSockets.
 
 use super::app::App;
-use super::control::page_name;
+use super::control::parse_page_name;
 use super::feed::{Delivery, Feed, Follower};
 use axum::body::{Body, Bytes};
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
@@ -16,18 +16,20 @@ use tokio::time::timeout;
 
 /// Interval of a sign of life on a stream without rows, so that a client that is gone is noticed.
 const SIGN_OF_LIFE: Duration = Duration::from_secs(10);
-/// The maximum size of a message from a client, bytes. Clients have nothing to say.
+/// The maximum size of a message from a client, bytes. Messages of clients are ignored.
 const MAX_MESSAGE_BYTES: usize = 1024;
 /// Time for the first picture.
 const PICTURE_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// Answers with server-sent events.
-fn events(stream: impl Stream<Item = Result<Bytes, Infallible>> + Send + 'static) -> Response {
+/// Answers with server-sent events, as a stream of their text.
+fn event_stream(stream: impl Stream<Item = Result<Bytes, Infallible>> + Send + 'static) -> Response {
     ([(header::CONTENT_TYPE, "text/event-stream")], Body::from_stream(stream)).into_response()
 }
 
+/// Answers with the rows of a topic as server-sent events. Rows that the client was too slow for are reported by an
+/// event `lost`.
 fn topic_events(feed: &Feed) -> Response {
-    events(stream::unfold(feed.follow(), |mut follower| async move {
+    event_stream(stream::unfold(feed.follow(), |mut follower| async move {
         let bytes = match timeout(SIGN_OF_LIFE, follower.next()).await {
             Err(_) => Bytes::from_static(b":\n\n"),
             Ok(None) => return None,
@@ -41,48 +43,56 @@ fn topic_events(feed: &Feed) -> Response {
     }))
 }
 
+/// Answers with the rows of `velocity` as server-sent events.
 pub(super) async fn velocity_events(State(app): State<Arc<App>>) -> Response {
     topic_events(&app.velocity)
 }
 
+/// Answers with the rows of `impact` as server-sent events.
 pub(super) async fn impact_events(State(app): State<Arc<App>>) -> Response {
     topic_events(&app.impact)
 }
 
+/// Answers with the rows of `events` as server-sent events.
 pub(super) async fn event_events(State(app): State<Arc<App>>) -> Response {
     topic_events(&app.events)
 }
 
 /// Sends the state of the rig at every change and four times per second. The connection stands for an open page.
 pub(super) async fn state_events(State(app): State<Arc<App>>, request: Request) -> Response {
-    let page = request.uri().query().and_then(|query| query.strip_prefix("page=")).and_then(page_name);
+    let page = request.uri().query().and_then(|query| query.strip_prefix("page=")).and_then(parse_page_name);
     let open = page.map(|page| app.control.open(page));
     let mut receiver = app.state.subscribe();
     receiver.mark_changed();
-    events(stream::unfold((receiver, open), |(mut receiver, open)| async move {
+    event_stream(stream::unfold((receiver, open), |(mut receiver, open)| async move {
         receiver.changed().await.ok()?;
         let bytes = Bytes::from(format!("data: {}\n\n", *receiver.borrow_and_update()));
         Some((Ok(bytes), (receiver, open)))
     }))
 }
 
+/// Answers with the rows of a topic over a WebSocket.
 fn topic_socket(feed: &Feed, upgrade: WebSocketUpgrade) -> Response {
     let follower = feed.follow();
-    limited(upgrade).on_upgrade(|socket| send_rows(socket, follower))
+    limit_messages(upgrade).on_upgrade(|socket| send_rows(socket, follower))
 }
 
-fn limited(upgrade: WebSocketUpgrade) -> WebSocketUpgrade {
+/// Limits the size of the messages that a client may send.
+fn limit_messages(upgrade: WebSocketUpgrade) -> WebSocketUpgrade {
     upgrade.max_message_size(MAX_MESSAGE_BYTES).max_frame_size(MAX_MESSAGE_BYTES)
 }
 
+/// Answers with the rows of `velocity` over a WebSocket.
 pub(super) async fn velocity_socket(State(app): State<Arc<App>>, upgrade: WebSocketUpgrade) -> Response {
     topic_socket(&app.velocity, upgrade)
 }
 
+/// Answers with the rows of `impact` over a WebSocket.
 pub(super) async fn impact_socket(State(app): State<Arc<App>>, upgrade: WebSocketUpgrade) -> Response {
     topic_socket(&app.impact, upgrade)
 }
 
+/// Answers with the rows of `events` over a WebSocket.
 pub(super) async fn event_socket(State(app): State<Arc<App>>, upgrade: WebSocketUpgrade) -> Response {
     topic_socket(&app.events, upgrade)
 }
@@ -108,6 +118,7 @@ async fn send_rows(mut socket: WebSocket, mut follower: Follower) {
     }
 }
 
+/// Sends a batch of rows, one message each, after the number of rows that were lost before it.
 async fn send_delivery(socket: &mut WebSocket, delivery: &Delivery) -> Result<(), axum::Error> {
     if delivery.lost > 0 {
         socket.feed(Message::text(format!("{{\"lost\":{}}}", delivery.lost))).await?;
@@ -121,7 +132,7 @@ async fn send_delivery(socket: &mut WebSocket, delivery: &Delivery) -> Result<()
 /// Sends the newest picture whenever there is one, as fast as the client takes them.
 pub(super) async fn picture_socket(State(app): State<Arc<App>>, upgrade: WebSocketUpgrade) -> Response {
     let mut receiver = app.pictures.subscribe();
-    limited(upgrade).on_upgrade(|mut socket| async move {
+    limit_messages(upgrade).on_upgrade(|mut socket| async move {
         loop {
             tokio::select! {
                 message = socket.recv() => match message {
@@ -140,7 +151,7 @@ pub(super) async fn picture_socket(State(app): State<Arc<App>>, upgrade: WebSock
     })
 }
 
-/// Answers with one picture of the present.
+/// Answers with one picture of the present, as a JPEG file.
 pub(super) async fn picture(State(app): State<Arc<App>>) -> Response {
     let mut receiver = app.pictures.subscribe();
     let changed = timeout(PICTURE_TIMEOUT, receiver.changed()).await;

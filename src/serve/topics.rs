@@ -48,6 +48,7 @@ impl Link {
         self.origin_ns.store(origin_ns.unwrap_or(0), Ordering::Relaxed);
     }
 
+    /// Returns the stamp of the stream's first frame, ns since the Unix epoch; `None` while it is unknown.
     pub(super) fn origin_ns(&self) -> Option<u64> {
         Some(self.origin_ns.load(Ordering::Relaxed)).filter(|origin_ns| *origin_ns > 0)
     }
@@ -84,24 +85,24 @@ pub(super) fn follow_rig(rig: &str, link: &Link, mut follow: impl FnMut(&Run<'_>
     }
 }
 
-/// Sends the rows of `velocity` to the clients that follow them.
-pub(super) fn velocities(rig: &str, mut context: RowContext, feed: &Feed, link: &Link) {
+/// Sends the rows of `velocity` to the clients that follow them, until a stop is requested.
+pub(super) fn send_velocities(rig: &str, mut context: RowContext, feed: &Feed, link: &Link) {
     follow_rig(rig, link, |run| {
         let topic = run.bus.listen::<VelocityMessage>()?;
-        let ear = run.bus.ear("velocity")?;
+        let listener = run.bus.listener("velocity")?;
         while run.is_up() {
             context.origin_ns = link.origin_ns();
             let mut batch = Vec::new();
             while let Some(message) = topic.take()? {
                 if feed.is_followed() {
-                    batch.extend(rows::velocity(&message, &context));
+                    batch.extend(rows::velocity_row(&message, &context));
                 }
                 if batch.len() >= BATCH_ROWS {
                     feed.send(&std::mem::take(&mut batch));
                 }
             }
             if batch.is_empty() {
-                ear.wait(WAIT);
+                listener.wait(WAIT);
             } else {
                 feed.send(&batch);
             }

@@ -70,6 +70,7 @@ pub(super) struct Watcher<'a> {
     outputs: Outputs,
     context: RowContext,
     rig: RigState,
+    /// The start of the watcher, from which the page's clock counts.
     began: Instant,
 }
 
@@ -86,6 +87,7 @@ impl<'a> Watcher<'a> {
         Self { link, shots, control, outputs, context, rig: RigState::new(Arc::clone(config)), began: now(), config }
     }
 
+    /// Returns the time since the start of the watcher, s.
     fn now_s(&self) -> f64 {
         self.began.elapsed().as_secs_f64()
     }
@@ -99,9 +101,9 @@ impl<'a> Watcher<'a> {
             let is_due = |at: Option<Instant>, period| at.is_none_or(|at: Instant| at.elapsed() >= period);
             if is_due(checked, ALIVE_PERIOD) {
                 checked = Some(now());
-                self.check(&mut topics);
+                self.open_or_close(&mut topics);
             }
-            let news = topics.as_mut().map_or(Ok(false), |open| self.read(open)).unwrap_or_else(|error| {
+            let news = topics.as_mut().map_or(Ok(false), |open| self.read_topics(open)).unwrap_or_else(|error| {
                 log::warn!("{error}; trying again");
                 topics = None;
                 true
@@ -109,7 +111,7 @@ impl<'a> Watcher<'a> {
             self.link.set_origin(self.rig.origin_ns);
             if news || is_due(looked, STATUS_PERIOD) {
                 looked = Some(now());
-                let text = self.snapshot();
+                let text = self.snapshot_text();
                 if text != last || is_due(published, REPEAT) {
                     published = Some(now());
                     self.outputs.state.send_replace(text.as_str().into());
@@ -123,7 +125,7 @@ impl<'a> Watcher<'a> {
     /// Opens the topics of a rig that was started, and closes those of one that is gone.
     ///
     /// Nothing of a rig that is gone is held open, so that its successor can have other limits.
-    fn check(&mut self, topics: &mut Option<Topics>) {
+    fn open_or_close(&mut self, topics: &mut Option<Topics>) {
         if topics.as_ref().is_some_and(|open| !open.bus.is_alive()) {
             *topics = None;
             self.rig.reset();
@@ -145,15 +147,15 @@ impl<'a> Watcher<'a> {
     }
 
     /// Reads all topics; returns whether there was an event or a collision.
-    fn read(&mut self, topics: &mut Topics) -> Result<bool, BusError> {
+    fn read_topics(&mut self, topics: &mut Topics) -> Result<bool, BusError> {
         if let Some(heart) = &mut topics.heart {
-            heart.beat()?;
+            heart.publish_if_due()?;
         }
         let now_s = self.now_s();
-        for status in all(&topics.statuses)? {
-            self.rig.status(&status, now_s);
+        for status in take_all(&topics.statuses)? {
+            self.rig.add_status(&status, now_s);
         }
-        let events = all(&topics.events)?;
+        let events = take_all(&topics.events)?;
         for event in &events {
             let (shots, recorded) = (self.shots, &self.outputs.recorded);
             let number = || {
@@ -161,22 +163,27 @@ impl<'a> Watcher<'a> {
                 let _ = recorded.try_send(());
                 shots.list()
             };
-            self.rig.event(event, number, now_s);
+            self.rig.add_event(event, number, now_s);
         }
-        let impacts = all(&topics.impacts)?;
-        impacts.iter().filter_map(ImpactMessage::impact).for_each(|impact| self.rig.impact(impact));
+        let impacts = take_all(&topics.impacts)?;
+        impacts.iter().filter_map(ImpactMessage::impact).for_each(|impact| self.rig.add_impact(impact));
         self.context.origin_ns = self.rig.origin_ns;
-        send(&self.outputs.events, events.iter().filter_map(|event| rows::event(event, &self.context)));
-        send(&self.outputs.impact, impacts.iter().filter_map(|impact| rows::impact(impact, &self.context)));
+        send_in_batches(&self.outputs.events, events.iter().filter_map(|event| rows::event_row(event, &self.context)));
+        send_in_batches(
+            &self.outputs.impact,
+            impacts.iter().filter_map(|impact| rows::impact_row(impact, &self.context)),
+        );
         Ok(!events.is_empty() || !impacts.is_empty())
     }
 
-    fn snapshot(&self) -> String {
+    /// Returns the present state of the rig as JSON text.
+    fn snapshot_text(&self) -> String {
         snapshot(self.config, &self.rig, self.shots, self.control, self.now_s()).to_string()
     }
 }
 
-fn all<T: Topic>(topic: &Subscriber<T>) -> Result<Vec<T>, BusError> {
+/// Returns all unread messages of a topic.
+fn take_all<T: Topic>(topic: &Subscriber<T>) -> Result<Vec<T>, BusError> {
     let mut all = Vec::new();
     while let Some(message) = topic.take()? {
         all.push(message);
@@ -184,7 +191,8 @@ fn all<T: Topic>(topic: &Subscriber<T>) -> Result<Vec<T>, BusError> {
     Ok(all)
 }
 
-fn send(feed: &Feed, rows: impl Iterator<Item = Map<String, Value>>) {
+/// Sends rows to the clients of a topic, at most [`BATCH_ROWS`] at a time.
+fn send_in_batches(feed: &Feed, rows: impl Iterator<Item = Map<String, Value>>) {
     let rows: Vec<_> = rows.collect();
     rows.chunks(BATCH_ROWS).for_each(|batch| feed.send(batch));
 }

@@ -18,9 +18,13 @@ const OUTLIER_FRAMES: usize = 3;
 #[derive(Debug, Clone, Copy)]
 struct Position {
     frame: u64,
+    /// The centre of the body, or the end of a rod.
     at_px: [f64; 2],
+    /// The standard uncertainty along each axis.
     sigma_px: f64,
+    /// The radius of a ball; 0 for other bodies.
     radius_px: f64,
+    /// The motion to a later frame, if it was measured.
     step: Option<Step>,
 }
 
@@ -50,14 +54,15 @@ pub(super) struct Fit {
     pub sigma_at_px: f64,
     /// The standard uncertainty of the motion along each axis.
     pub sigma_rate_px: f64,
-    /// The covariance of the two.
+    /// The covariance of centre and motion along each axis, px²/frame.
     covariance: f64,
     /// The mean radius; 0 where the body has none.
     pub radius_px: f64,
 }
 
 impl Fit {
-    /// Returns the standard uncertainty of the centre this many frames later.
+    /// Returns the standard uncertainty of the predicted centre along each axis, px, this many frames later (or earlier
+    /// if negative).
     pub fn sigma_after(&self, frames: f64) -> f64 {
         let variance =
             self.sigma_at_px.powi(2) + frames * (2.0 * self.covariance + frames * self.sigma_rate_px.powi(2));
@@ -79,8 +84,8 @@ pub(super) struct Flight {
 }
 
 impl Flight {
-    /// Creates an empty flight whose fits use at most `max_frames` frames. With `end_px` it is the flight of a rod's end,
-    /// which lies this far below its lowest edge.
+    /// Creates an empty flight whose fits use at most `max_frames` frames. With `end_px` it is the flight of a rod's
+    /// end, which lies this far below its lowest edge.
     pub fn new(max_frames: usize, end_px: Option<f64>) -> Self {
         Self { max_frames, end_px, positions: VecDeque::new(), outliers: 0 }
     }
@@ -91,11 +96,13 @@ impl Flight {
         self.outliers = 0;
     }
 
-    /// Takes the step of the next frame and returns whether the body is visible in it. `gravity_px` in px/frame², image
-    /// axes.
-    pub fn push(&mut self, step: &BodyStep, gravity_px: [f64; 2]) -> bool {
+    /// Adds the step of the next frame and returns whether the body is visible in it.
+    ///
+    /// A position far from the prediction counts as an outlier; [`OUTLIER_FRAMES`] of them in a row begin another
+    /// flight. `gravity_px` is the acceleration of gravity, px/frame², image axes.
+    pub fn add_step(&mut self, step: &BodyStep, gravity_px: [f64; 2]) -> bool {
         let Some(position) = position(step, self.end_px) else { return false };
-        let expected = self.fit_of(self.positions.len() - self.outliers, gravity_px);
+        let expected = self.fit_first(self.positions.len() - self.outliers, gravity_px);
         let is_outlier = expected.is_some_and(|fit| {
             let ahead = (position.frame - fit.frame) as f64;
             let distance = |axis: usize| {
@@ -117,7 +124,7 @@ impl Flight {
         true
     }
 
-    /// Returns the newest radius; `None` before the body was visible.
+    /// Returns the newest radius, 0 for bodies without one; `None` before the body was visible.
     pub fn radius_px(&self) -> Option<f64> {
         self.positions.back().map(|position| position.radius_px)
     }
@@ -127,14 +134,19 @@ impl Flight {
         self.outliers > 0
     }
 
-    /// Fits the flight to its newest frames; `None` if there are fewer than three.
+    /// Fits a free flight to all positions, including outliers at their end; `None` if there are fewer than three.
+    ///
+    /// `gravity_px` is the acceleration of gravity, px/frame², image axes.
     pub fn fit(&self, gravity_px: [f64; 2]) -> Option<Fit> {
-        self.fit_of(self.positions.len(), gravity_px)
+        self.fit_first(self.positions.len(), gravity_px)
     }
 
-    /// Fits the first `count` positions and returns the centre and the motion at the last of them. Linear least squares
-    /// with known gravity.
-    fn fit_of(&self, count: usize, gravity_px: [f64; 2]) -> Option<Fit> {
+    /// Fits the first `count` positions by weighted linear least squares with known gravity.
+    ///
+    /// Returns the centre and the motion at the last of them; `None` if there are fewer than three. The observations
+    /// are the positions and the steps between them, weighted by the inverse squares of their uncertainties. Both axes
+    /// have the same normal equations.
+    fn fit_first(&self, count: usize, gravity_px: [f64; 2]) -> Option<Fit> {
         if count < 3 {
             return None;
         }
@@ -164,17 +176,17 @@ impl Flight {
             return None;
         }
         let solve = |right: [f64; 2]| {
-            let at = (normal[2] * right[0] - normal[1] * right[1]) / determinant;
-            let rate = (normal[0] * right[1] - normal[1] * right[0]) / determinant;
-            (at, rate)
+            let at_px = (normal[2] * right[0] - normal[1] * right[1]) / determinant;
+            let rate_px = (normal[0] * right[1] - normal[1] * right[0]) / determinant;
+            (at_px, rate_px)
         };
-        let [(x, dx), (y, dy)] = right.map(solve);
+        let [(x_px, rate_x_px), (y_px, rate_y_px)] = right.map(solve);
         let radii = self.positions.iter().take(count).map(|position| position.radius_px);
         Some(Fit {
             frame: last.frame,
             frames: count,
-            at_px: [x, y],
-            rate_px: [dx, dy],
+            at_px: [x_px, y_px],
+            rate_px: [rate_x_px, rate_y_px],
             sigma_at_px: (normal[2] / determinant).sqrt(),
             sigma_rate_px: (normal[0] / determinant).sqrt(),
             covariance: -normal[1] / determinant,
@@ -183,11 +195,13 @@ impl Flight {
     }
 }
 
-/// Returns the position of a body in a frame, px.
+/// Returns the centre of a body in a frame, px; `None` if it is not visible.
 pub(super) fn center_px(step: &BodyStep) -> Option<[f64; 2]> {
     position(step, None).map(|position| position.at_px)
 }
 
+/// Returns the position of a body in a frame, or of a rod's end `end_px` below its lowest edge, with the motion from
+/// it. `None` if the body, or that edge, is not visible.
 fn position(step: &BodyStep, end_px: Option<f64>) -> Option<Position> {
     let is_gone = matches!(step.status, PointStatus::Lost | PointStatus::Occluded | PointStatus::OutOfFrame);
     let motion = step.motion.map(|motion| Step {
@@ -199,7 +213,7 @@ fn position(step: &BodyStep, end_px: Option<f64>) -> Option<Position> {
         (OutlineShape::Circle(circle), _) => ([circle.x_px, circle.y_px], circle.sigma_center_px, circle.radius_px),
         (OutlineShape::Rod(rod), None) => ([rod.x_px.value, rod.y_px.value], rod.x_px.sigma.max(rod.y_px.sigma), 0.0),
         (OutlineShape::Rod(rod), Some(end_px)) => {
-            let (at_px, sigma_px) = end(&rod, end_px)?;
+            let (at_px, sigma_px) = rod_end(&rod, end_px)?;
             (at_px, sigma_px, 0.0)
         }
     };
@@ -213,8 +227,9 @@ fn position(step: &BodyStep, end_px: Option<f64>) -> Option<Position> {
     })
 }
 
-/// Returns the end of a rod, `below_px` below its lowest edge, and its uncertainty; `None` while that edge is not visible.
-fn end(rod: &Rod, below_px: f64) -> Option<([f64; 2], f64)> {
+/// Returns the end of a rod, px, and its standard uncertainty along each axis, px. The end lies `below_px` along the
+/// axis below the lowest edge; `None` while that edge is not visible.
+fn rod_end(rod: &Rod, below_px: f64) -> Option<([f64; 2], f64)> {
     let edge = rod.edges.iter().flatten().last()?.y_px?;
     let (sin, cos) = rod.tilt_deg.value.to_radians().sin_cos();
     let x_px = rod.x_px.value + (edge.value - rod.y_px.value) * sin / cos;

@@ -26,8 +26,8 @@ const LIMIT_SIGMAS: f64 = 3.0;
 const MIN_APPROACH_SIGMAS: f64 = 5.0;
 /// ... and its minimum distance during the fit, px.
 const MIN_APPROACH_PX: f64 = 0.5;
-/// The hysteresis: the share of its threshold that a speed must fall below before it can cross it again, and the inverse
-/// share for a gap.
+/// The hysteresis: the share of its threshold that a speed must fall below before it can cross it again, and the
+/// inverse share for a gap.
 const REARM_SHARE: f64 = 0.9;
 
 /// The condition that starts a shot.
@@ -87,8 +87,8 @@ pub struct Decision {
 
 /// A trigger on measured motion. It takes steps in frame order and returns decisions.
 ///
-/// Every condition fires once. Before it can fire again, a body that entered must leave, one that was fast must slow down,
-/// one that was near must move away, and one that touched must leave the surface or disappear.
+/// Every condition fires once. Before it can fire again, a body that entered must leave, one that was fast must slow
+/// down, one that was near must move away, and one that touched must leave the surface or disappear.
 #[derive(Debug, Clone)]
 pub struct MeasuredTrigger {
     condition: Condition,
@@ -96,11 +96,13 @@ pub struct MeasuredTrigger {
     bodies: Vec<Body>,
 }
 
+/// One body and the state of its trigger.
 #[derive(Debug, Clone)]
 struct Body {
     watch: BodyWatch,
     flight: Flight,
     rolling: RollingShutter,
+    /// The number of consecutive frames in which it was not visible.
     absent_frames: u32,
     /// Whether it is inside the region, once that is confirmed.
     inside: Option<bool>,
@@ -118,8 +120,8 @@ impl MeasuredTrigger {
         let max_frames = if matches!(condition, Condition::Speed { .. }) { SPEED_FRAMES } else { FLIGHT_FRAMES };
         let angle_deg = bodies.first().map_or(0.0, |body| body.motion.surface_angle_deg);
         let rectifier = bodies.first().and_then(|body| body.motion.rectifier.clone());
-        let place = |end: [f64; 2]| rectifier.as_ref().and_then(|rectifier| rectifier.place(end)).unwrap_or(end);
-        let edge = edge_px.map(|ends| Edge::new(ends.map(place), angle_deg));
+        let rectified = |end: [f64; 2]| rectifier.as_ref().and_then(|rectifier| rectifier.place(end)).unwrap_or(end);
+        let edge = edge_px.map(|ends| Edge::new(ends.map(rectified), angle_deg));
         // A body that is near the surface when it first appears has not approached it.
         let is_ready = !matches!(condition, Condition::Gap { .. });
         let body = |watch: BodyWatch| Body {
@@ -136,7 +138,8 @@ impl MeasuredTrigger {
         Self { condition, edge, bodies }
     }
 
-    /// Takes the next step, in frame order. If several intervals are measured, only the shortest counts.
+    /// Takes the next step, in frame order, and returns a decision if the condition is met by it. If several intervals
+    /// are measured, only the shortest counts.
     pub fn push(&mut self, step: &BodyStep) -> Option<Decision> {
         let (condition, edge) = (self.condition, self.edge);
         let body = self.bodies.get_mut(step.body as usize)?;
@@ -144,13 +147,13 @@ impl MeasuredTrigger {
             return None;
         }
         if let Condition::Enter { roi_px } = condition {
-            return body.enter(step, roi_px);
+            return body.check_enter(step, roi_px);
         }
         body.rolling.push(step);
         let step = &body.watch.motion.rectified(&body.rolling.straightened(step));
         let scale = body.metres_per_px(step);
         let gravity = scale.map_or([0.0; 2], |scale| gravity_px(&body.watch.motion, scale));
-        if !body.flight.push(step, gravity) {
+        if !body.flight.add_step(step, gravity) {
             body.absent_frames += 1;
             if body.absent_frames == GONE_FRAMES {
                 body.flight.reset();
@@ -163,11 +166,13 @@ impl MeasuredTrigger {
             body.flight.fit(gravity).filter(|fit| fit.frames >= MIN_FRAMES && !body.flight.ends_with_outlier())?;
         match condition {
             Condition::Enter { .. } => None,
-            Condition::Speed { speed_m_s } => body.speed(step, &fit, scale?, speed_m_s),
-            Condition::Gap { gap_mm } => body.gap(step, &Approach::new(&fit, edge?), 1e-3 * gap_mm / scale?, gap_mm),
+            Condition::Speed { speed_m_s } => body.check_speed(step, &fit, scale?, speed_m_s),
+            Condition::Gap { gap_mm } => {
+                body.check_gap(step, &Approach::new(&fit, edge?), 1e-3 * gap_mm / scale?, gap_mm)
+            }
             Condition::Contact { lead_s } => {
-                let lead = lead_s * 1e9 / body.watch.motion.frame_period_ns;
-                body.contact(step, &fit, &Approach::new(&fit, edge?), gravity, lead)
+                let lead_frames = lead_s * 1e9 / body.watch.motion.frame_period_ns;
+                body.check_contact(step, &fit, &Approach::new(&fit, edge?), gravity, lead_frames)
             }
         }
     }
@@ -176,12 +181,15 @@ impl MeasuredTrigger {
 /// The surface's edge, image axes, px.
 #[derive(Debug, Clone, Copy)]
 struct Edge {
+    /// Two points of the edge.
     ends: [[f64; 2]; 2],
     /// The unit vector across the edge, to the side that the surface's normal points to.
     normal: [f64; 2],
 }
 
 impl Edge {
+    /// Creates the edge between two points; `angle_deg` is the configured angle of the surface, whose normal decides
+    /// the side.
     fn new(ends: [[f64; 2]; 2], angle_deg: f64) -> Self {
         let along = [ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]];
         let length = along[0].hypot(along[1]);
@@ -193,53 +201,63 @@ impl Edge {
 
 /// The position of a body relative to the surface's edge; px, frames.
 struct Approach {
-    /// The distance from the surface to the body's rim.
-    gap: f64,
-    /// Its rate; negative during an approach.
-    rate: f64,
+    /// The distance from the surface to the body's rim, px.
+    gap_px: f64,
+    /// Its rate, px/frame; negative during an approach.
+    gap_rate_px: f64,
+    /// The normal of the edge, towards the side of the body.
     normal: [f64; 2],
-    /// The position along the edge from its first end, as a share of its length, and its rate.
-    along: [f64; 2],
+    /// The position along the edge from its first end, as a share of its length.
+    along: f64,
+    /// Its rate, per frame.
+    along_rate: f64,
 }
 
 impl Approach {
-    /// Computes the position and speed of a fitted flight relative to the edge.
+    /// Computes the position and the velocity of a fitted flight relative to the edge.
     fn new(fit: &Fit, Edge { ends, normal }: Edge) -> Self {
         let dot = |a: [f64; 2], b: [f64; 2]| a[0] * b[0] + a[1] * b[1];
         let edge = [ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]];
-        let from = [fit.at_px[0] - ends[0][0], fit.at_px[1] - ends[0][1]];
-        let length2 = dot(edge, edge);
+        let from_end = [fit.at_px[0] - ends[0][0], fit.at_px[1] - ends[0][1]];
+        let squared_length = dot(edge, edge);
         Self {
-            gap: dot(from, normal) - fit.radius_px,
-            rate: dot(fit.rate_px, normal),
+            gap_px: dot(from_end, normal) - fit.radius_px,
+            gap_rate_px: dot(fit.rate_px, normal),
             normal,
-            along: [dot(from, edge) / length2, dot(fit.rate_px, edge) / length2],
+            along: dot(from_end, edge) / squared_length,
+            along_rate: dot(fit.rate_px, edge) / squared_length,
         }
     }
 
     /// Whether the body is above the edge, not past one of its ends, this many frames later.
     fn is_over_after(&self, frames: f64) -> bool {
-        (0.0..=1.0).contains(&(self.along[0] + frames * self.along[1]))
+        (0.0..=1.0).contains(&(self.along + frames * self.along_rate))
     }
 
-    /// Returns the number of frames to the first touch and the speed then; `None` when there will be none.
-    fn touch(&self, gravity_px: [f64; 2]) -> Option<(f64, f64)> {
-        let pull = self.normal[0] * gravity_px[0] + self.normal[1] * gravity_px[1];
-        if self.gap <= 0.0 {
-            return (self.rate < 0.0).then(|| (self.gap / -self.rate, -self.rate));
+    /// Predicts the contact: the number of frames until it (negative for the past), and the normal speed then,
+    /// px/frame. `None` when there will be none.
+    ///
+    /// It is the first root of `gap + rate t + g t² / 2`, where g is the normal component of gravity, px/frame². The
+    /// form `2 gap / (sqrt(rate² - 2 g gap) - rate)` also holds for g = 0.
+    fn predict_contact(&self, gravity_px: [f64; 2]) -> Option<(f64, f64)> {
+        let (gap, rate) = (self.gap_px, self.gap_rate_px);
+        let normal_gravity = self.normal[0] * gravity_px[0] + self.normal[1] * gravity_px[1];
+        if gap <= 0.0 {
+            return (rate < 0.0).then(|| (gap / -rate, -rate));
         }
-        let square = self.rate * self.rate - 2.0 * pull * self.gap;
-        if square < 0.0 {
+        let discriminant = rate * rate - 2.0 * normal_gravity * gap;
+        if discriminant < 0.0 {
             return None;
         }
-        let frames = 2.0 * self.gap / (square.sqrt() - self.rate);
-        let speed = -(self.rate + pull * frames);
+        let frames = 2.0 * gap / (discriminant.sqrt() - rate);
+        let speed = -(rate + normal_gravity * frames);
         (frames.is_finite() && frames >= 0.0 && speed > 0.0).then_some((frames, speed))
     }
 }
 
 impl Body {
-    /// Returns the configured scale, or the scale from the outline if the ball's diameter is configured.
+    /// Returns the scale, m/px: as configured, or from the outline if the ball's diameter is configured. `None` without
+    /// either.
     fn metres_per_px(&self, step: &BodyStep) -> Option<f64> {
         match self.watch.motion.scale {
             Scale::MmPerPx(mm) => Some(1e-3 * mm),
@@ -270,7 +288,7 @@ impl Body {
     }
 
     /// Decides that the body entered the region, after [`CONFIRMED_FRAMES`] frames inside.
-    fn enter(&mut self, step: &BodyStep, roi_px: Option<[u32; 4]>) -> Option<Decision> {
+    fn check_enter(&mut self, step: &BodyStep, roi_px: Option<[u32; 4]>) -> Option<Decision> {
         let is_in = |at_px: [f64; 2]| {
             roi_px.is_none_or(|[x, y, width, height]| {
                 let within =
@@ -289,8 +307,8 @@ impl Body {
         entered.then(|| self.decision(step, -f64::from(CONFIRMED_FRAMES - 1), "entered"))
     }
 
-    /// Decides that the speed is above the limit, by more than [`LIMIT_SIGMAS`].
-    fn speed(&mut self, step: &BodyStep, fit: &Fit, metres_per_px: f64, speed_m_s: f64) -> Option<Decision> {
+    /// Decides that the speed is above the limit `speed_m_s`, by more than [`LIMIT_SIGMAS`].
+    fn check_speed(&mut self, step: &BodyStep, fit: &Fit, metres_per_px: f64, speed_m_s: f64) -> Option<Decision> {
         let per_frame = metres_per_px * 1e9 / self.watch.motion.frame_period_ns / self.rolling.periods();
         let speed = fit.rate_px[0].hypot(fit.rate_px[1]) * per_frame;
         let sigma = fit.sigma_rate_px * per_frame;
@@ -304,39 +322,43 @@ impl Body {
         Some(self.decision(step, 0.0, &format!("{speed:.3} +- {sigma:.3} m/s, above {speed_m_s} m/s")))
     }
 
-    /// Decides that the gap is below the limit and the body is above the edge.
-    fn gap(&mut self, step: &BodyStep, approach: &Approach, gap_px: f64, gap_mm: f64) -> Option<Decision> {
-        if approach.gap > gap_px / REARM_SHARE + MIN_APPROACH_PX {
+    /// Decides that the gap is below the limit, which is `limit_px` or `gap_mm`, and the body is above the edge.
+    fn check_gap(&mut self, step: &BodyStep, approach: &Approach, limit_px: f64, gap_mm: f64) -> Option<Decision> {
+        if approach.gap_px > limit_px / REARM_SHARE + MIN_APPROACH_PX {
             self.is_ready = true;
         }
-        if !self.is_ready || approach.gap >= gap_px || !approach.is_over_after(0.0) {
+        if !self.is_ready || approach.gap_px >= limit_px || !approach.is_over_after(0.0) {
             return None;
         }
         self.is_ready = false;
-        let found_mm = gap_mm * approach.gap / gap_px;
+        let found_mm = gap_mm * approach.gap_px / limit_px;
         Some(self.decision(step, 0.0, &format!("gap of {found_mm:.3} mm, below {gap_mm} mm")))
     }
 
-    /// Decides that the contact comes within `lead` frames, or that it has happened.
-    fn contact(
+    /// Decides that the contact comes within `lead_frames`, or that it has happened. `gravity_px` is in px/frame²,
+    /// image axes.
+    fn check_contact(
         &mut self,
         step: &BodyStep,
         fit: &Fit,
         approach: &Approach,
-        gravity: [f64; 2],
-        lead: f64,
+        gravity_px: [f64; 2],
+        lead_frames: f64,
     ) -> Option<Decision> {
-        let is_significant = approach.rate.abs() > MIN_APPROACH_SIGMAS * fit.sigma_rate_px
-            && approach.rate.abs() * fit.frames as f64 > MIN_APPROACH_PX;
-        if approach.rate > 0.0 && is_significant {
+        let rate = approach.gap_rate_px;
+        let is_significant =
+            rate.abs() > MIN_APPROACH_SIGMAS * fit.sigma_rate_px && rate.abs() * fit.frames as f64 > MIN_APPROACH_PX;
+        if rate > 0.0 && is_significant {
             self.is_ready = true;
         }
-        if !self.is_ready || approach.rate > 0.0 || !is_significant {
+        if !self.is_ready || rate > 0.0 || !is_significant {
             return None;
         }
-        let (ahead, speed) = approach.touch(gravity).filter(|(ahead, _)| *ahead >= -MAX_LATE_FRAMES)?;
+        let contact = approach.predict_contact(gravity_px);
+        let (ahead, speed) = contact.filter(|(ahead, _)| *ahead >= -MAX_LATE_FRAMES)?;
         let sigma = fit.sigma_after(ahead) / speed;
-        let is_certain = fit.frames >= MIN_PREDICTION_FRAMES && sigma <= MAX_CONTACT_SIGMA_FRAMES && ahead <= lead;
+        let is_certain =
+            fit.frames >= MIN_PREDICTION_FRAMES && sigma <= MAX_CONTACT_SIGMA_FRAMES && ahead <= lead_frames;
         // A contact that could not be predicted is reported when it happens.
         if !(is_certain || ahead <= 0.5) || !approach.is_over_after(ahead) {
             return None;

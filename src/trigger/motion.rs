@@ -10,14 +10,17 @@ use crate::image::FrameMeta;
 pub struct MotionTrigger {
     threshold_dn: f64,
     roi_px: Option<[u32; 4]>,
-    /// The rows of the previous frame, byte by byte.
+    /// The pixels that are read of the previous frame, row by row without padding.
     previous: Vec<u8>,
+    /// Width and height (px) and bytes per pixel of the previous frame.
     shape: (u32, u32, usize),
+    /// Whether the change to the previous frame was above the threshold.
     is_above: bool,
 }
 
 impl MotionTrigger {
-    /// Creates a trigger for changes above `threshold_dn` grey levels within `roi_px` (x, y, width, height; `None` = all).
+    /// Creates a trigger for changes above `threshold_dn` grey levels within `roi_px` (x, y, width, height; `None` =
+    /// all).
     pub fn new(threshold_dn: f64, roi_px: Option<[u32; 4]>) -> Self {
         Self { threshold_dn, roi_px, previous: Vec::new(), shape: (0, 0, 0), is_above: false }
     }
@@ -27,27 +30,32 @@ impl MotionTrigger {
     /// The trigger fires once each time the change rises above the threshold. The first frame, and the first frame of
     /// another shape, are only the reference of the next one.
     pub fn push(&mut self, meta: &FrameMeta, bytes: &[u8]) -> bool {
-        let size = meta.format.bytes_per_pixel();
-        let shape = (meta.width_px, meta.height_px, size);
+        let shape = (meta.width_px, meta.height_px, meta.format.bytes_per_pixel());
         if std::mem::replace(&mut self.shape, shape) != shape {
             self.previous.clear();
         }
-        let is_above = self.change(meta, bytes, size) > self.threshold_dn;
+        let is_above = self.mean_change_dn(meta, bytes) > self.threshold_dn;
         let was_above = std::mem::replace(&mut self.is_above, is_above);
         is_above && !was_above
     }
 
-    /// Returns the mean absolute change since the previous frame, DN; 0 where the two cannot be compared.
-    fn change(&mut self, meta: &FrameMeta, bytes: &[u8], size: usize) -> f64 {
+    /// Returns the mean absolute change since the previous frame, DN, and keeps this frame for the next call. The
+    /// change is 0 where the two cannot be compared.
+    fn mean_change_dn(&mut self, meta: &FrameMeta, bytes: &[u8]) -> f64 {
+        let pixel_bytes = meta.format.bytes_per_pixel();
         let [x, y, width, height] = self.roi_px.unwrap_or([0, 0, meta.width_px, meta.height_px]);
-        let columns = x.min(meta.width_px) as usize * size..(x + width).min(meta.width_px) as usize * size;
+        let (begin, end) = (x.min(meta.width_px) as usize, (x + width).min(meta.width_px) as usize);
+        let columns = begin * pixel_bytes..end * pixel_bytes;
         let (mut sum, mut at) = (0_u64, 0);
         for row in (y..(y + height).min(meta.height_px)).step_by(2) {
             let start = row as usize * meta.stride_bytes as usize;
             let Some(line) = bytes.get(start + columns.start..start + columns.end) else { break };
             match self.previous.get_mut(at..at + line.len()) {
                 Some(previous) => {
-                    sum += if size == 1 { change_of_bytes(previous, line) } else { change_of_pairs(previous, line) };
+                    sum += match pixel_bytes {
+                        1 => sum_of_changes_8(previous, line),
+                        _ => sum_of_changes_16(previous, line),
+                    };
                     previous.copy_from_slice(line);
                 }
                 None => self.previous.extend_from_slice(line),
@@ -56,16 +64,18 @@ impl MotionTrigger {
         }
         let is_complete = at == self.previous.len();
         self.previous.truncate(at);
-        if is_complete { sum as f64 / (at / size).max(1) as f64 } else { 0.0 }
+        if is_complete { sum as f64 / (at / pixel_bytes).max(1) as f64 } else { 0.0 }
     }
 }
 
-fn change_of_bytes(before: &[u8], now: &[u8]) -> u64 {
+/// Returns the sum of the absolute changes between two rows of 8-bit pixels, DN.
+fn sum_of_changes_8(before: &[u8], now: &[u8]) -> u64 {
     // A row has at most 65535 pixels, whose differences fit 32 bits.
     u64::from(before.iter().zip(now).map(|(before, now)| u32::from(before.abs_diff(*now))).sum::<u32>())
 }
 
-fn change_of_pairs(before: &[u8], now: &[u8]) -> u64 {
+/// Returns the sum of the absolute changes between two rows of 16-bit pixels (little-endian), DN.
+fn sum_of_changes_16(before: &[u8], now: &[u8]) -> u64 {
     let level = |pair: &[u8]| u16::from_le_bytes([pair[0], pair[1]]);
     let pairs = before.chunks_exact(2).zip(now.chunks_exact(2));
     pairs.map(|(before, now)| u64::from(level(before).abs_diff(level(now)))).sum()

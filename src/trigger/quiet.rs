@@ -6,6 +6,7 @@
 #[derive(Debug, Clone, Copy)]
 pub struct Quiet {
     min_ns: u64,
+    /// The stamp of the last trigger that passed.
     last_ns: Option<u64>,
 }
 

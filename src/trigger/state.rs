@@ -83,49 +83,49 @@ impl States {
     }
 
     /// Notes that a camera was opened and has not delivered a frame yet.
-    pub fn prepared(&mut self) {
+    pub fn note_prepared(&mut self) {
         (self.prepared, self.started, self.ended, self.recorded) = (true, false, false, false);
         self.bodies.fill(BodyState::Idle);
     }
 
     /// Notes the first frame.
-    pub fn started(&mut self) {
+    pub fn note_started(&mut self) {
         self.started = true;
     }
 
     /// Notes the last frame.
-    pub fn ended(&mut self) {
+    pub fn note_ended(&mut self) {
         self.ended = true;
         self.bodies.fill(BodyState::Idle);
     }
 
     /// Notes that the recorder waits for a trigger.
-    pub fn armed(&mut self) {
+    pub fn note_armed(&mut self) {
         (self.armed, self.recorded) = (true, false);
     }
 
     /// Notes that the recorder waits for no trigger.
-    pub fn disarmed(&mut self) {
+    pub fn note_disarmed(&mut self) {
         (self.armed, self.recorded) = (false, false);
     }
 
-    /// Notes the begin of a shot.
-    pub fn triggered(&mut self) {
+    /// Notes the start of a shot.
+    pub fn note_triggered(&mut self) {
         self.writing = true;
     }
 
     /// Notes that a camera with a hardware trigger is silent, so no body is visible.
-    pub fn silent(&mut self) {
+    pub fn note_silence(&mut self) {
         self.bodies.fill(BodyState::Idle);
     }
 
     /// Notes that a shot is complete or was given up.
-    pub fn recorded(&mut self) {
+    pub fn note_recorded(&mut self) {
         (self.writing, self.recorded) = (false, true);
     }
 
-    /// Takes the measured velocity of a body in a frame.
-    pub fn measured(&mut self, row: &VelocitySample) {
+    /// Updates the state of a body by its measured velocity in the next frame.
+    pub fn add_velocity(&mut self, row: &VelocitySample) {
         let was_falling = self.bodies.get(row.body as usize) == Some(&BodyState::Falling);
         let sigmas = if was_falling { FALL_END_SIGMAS } else { FALL_START_SIGMAS };
         let is_falling = row.velocity.is_some_and(|velocity| velocity.vn_m_s < -sigmas * velocity.sigma_v_m_s);
@@ -139,12 +139,13 @@ impl States {
     }
 
     /// Returns the present state if it differs from the one reported last, and counts it as reported.
-    pub fn changed(&mut self) -> Option<RigState> {
-        let now = self.now();
-        (std::mem::replace(&mut self.reported, now) != now).then_some(now)
+    pub fn take_change(&mut self) -> Option<RigState> {
+        let present = self.present_state();
+        (std::mem::replace(&mut self.reported, present) != present).then_some(present)
     }
 
-    fn now(&self) -> RigState {
+    /// Combines all notes into the present state.
+    fn present_state(&self) -> RigState {
         let any = |state| self.bodies.contains(&state);
         match () {
             () if !self.prepared => RigState::Idle,
@@ -198,18 +199,18 @@ mod tests {
         let mut reported = vec![states.state()];
         let mut step = |act: &dyn Fn(&mut States)| {
             act(&mut states);
-            reported.extend(states.changed());
+            reported.extend(states.take_change());
         };
-        step(&|states| states.prepared());
-        step(&|states| states.started());
-        step(&|states| states.measured(&row(0.0, Phase::Flight)));
-        step(&|states| states.measured(&row(-1.7, Phase::Flight)));
-        step(&|states| states.triggered());
-        step(&|states| states.measured(&row(-1.2, Phase::Contact)));
-        step(&|states| states.measured(&row(1.1, Phase::Rebound)));
-        step(&|states| states.recorded());
-        step(&|states| states.armed());
-        step(&|states| states.ended());
+        step(&|states| states.note_prepared());
+        step(&|states| states.note_started());
+        step(&|states| states.add_velocity(&row(0.0, Phase::Flight)));
+        step(&|states| states.add_velocity(&row(-1.7, Phase::Flight)));
+        step(&|states| states.note_triggered());
+        step(&|states| states.add_velocity(&row(-1.2, Phase::Contact)));
+        step(&|states| states.add_velocity(&row(1.1, Phase::Rebound)));
+        step(&|states| states.note_recorded());
+        step(&|states| states.note_armed());
+        step(&|states| states.note_ended());
         let names: Vec<&str> = reported.iter().map(|state| state.as_str()).collect();
         assert_eq!(names, ["idle", "preparing", "armed", "falling", "impact", "writing", "done", "armed", "done"]);
     }
@@ -217,22 +218,22 @@ mod tests {
     #[test]
     fn a_slow_body_does_not_fall_and_a_stream_without_a_trigger_is_written_throughout() {
         let mut states = States::new(1, Recorder::Writing);
-        states.prepared();
-        states.started();
-        assert_eq!(states.changed(), Some(RigState::Writing));
-        states.measured(&row(-0.04, Phase::Unknown));
-        assert_eq!(states.changed(), None, "four sigmas are no fall");
-        states.measured(&row(-0.06, Phase::Unknown));
-        assert_eq!(states.changed(), Some(RigState::Falling));
+        states.note_prepared();
+        states.note_started();
+        assert_eq!(states.take_change(), Some(RigState::Writing));
+        states.add_velocity(&row(-0.04, Phase::Unknown));
+        assert_eq!(states.take_change(), None, "four sigmas are no fall");
+        states.add_velocity(&row(-0.06, Phase::Unknown));
+        assert_eq!(states.take_change(), Some(RigState::Falling));
     }
 
     #[test]
     fn a_disarmed_rig_is_idle_while_frames_come() {
         let mut states = States::new(1, Recorder::Armed);
-        states.prepared();
-        states.started();
-        assert_eq!(states.changed(), Some(RigState::Armed));
-        states.disarmed();
-        assert_eq!(states.changed(), Some(RigState::Idle));
+        states.note_prepared();
+        states.note_started();
+        assert_eq!(states.take_change(), Some(RigState::Armed));
+        states.note_disarmed();
+        assert_eq!(states.take_change(), Some(RigState::Idle));
     }
 }

@@ -26,6 +26,11 @@ const MAX_CHUNK_BYTES: usize = 64 << 10;
 /// The order is: features by name; then region, format, exposure, rate and trigger by their own keys; then the trigger
 /// features and those that the camera refused the first time (one may unlock another). At the end every feature is read
 /// again.
+///
+/// # Errors
+///
+/// [`CameraError::Setting`] if the camera refuses a setting, does not keep it, or delivers an unsupported pixel format
+/// or image size.
 pub fn apply(device: &Device, settings: &config::Camera) -> Result<StreamFormat, CameraError> {
     // A camera that still streams for a crashed program locks most features. An idle camera refuses this call.
     let _ = device.call(device.aravis.arv_camera_stop_acquisition);
@@ -55,7 +60,7 @@ pub fn apply(device: &Device, settings: &config::Camera) -> Result<StreamFormat,
     };
     let exposure_us = match settings.exposure_us {
         Some(exposure_us) => exposure_us,
-        None => exposure(device),
+        None => fixed_exposure_us(device),
     };
     let stream =
         StreamFormat { width_px: size("Width")?, height_px: size("Height")?, format, frame_rate_hz, exposure_us };
@@ -77,23 +82,24 @@ fn is_trigger(key: &str) -> bool {
 
 /// Sets the region of interest. Offsets are set to 0 first because they limit the size.
 fn set_region(device: &Device, settings: &config::Camera) -> Result<(), CameraError> {
-    let whole = |name: &str, value: Option<u32>| match value {
+    let set_if_some = |name: &str, value: Option<u32>| match value {
         Some(value) => device.set_feature(name, &FeatureValue::Integer(i64::from(value))),
         None => Ok(()),
     };
     if settings.width_px.is_some() || settings.height_px.is_some() {
         for name in ["OffsetX", "OffsetY"] {
             if device.has(name) {
-                whole(name, Some(0))?;
+                set_if_some(name, Some(0))?;
             }
         }
     }
-    whole("Width", settings.width_px)?;
-    whole("Height", settings.height_px)?;
-    whole("OffsetX", settings.offset_x_px)?;
-    whole("OffsetY", settings.offset_y_px)
+    set_if_some("Width", settings.width_px)?;
+    set_if_some("Height", settings.height_px)?;
+    set_if_some("OffsetX", settings.offset_x_px)?;
+    set_if_some("OffsetY", settings.offset_y_px)
 }
 
+/// Checks that the image still has the requested size, which a later setting (such as binning) may change.
 fn check_region(settings: &config::Camera, stream: &StreamFormat) -> Result<(), CameraError> {
     for (name, wanted, kept) in
         [("Width", settings.width_px, stream.width_px), ("Height", settings.height_px, stream.height_px)]
@@ -105,6 +111,11 @@ fn check_region(settings: &config::Camera, stream: &StreamFormat) -> Result<(), 
     Ok(())
 }
 
+/// Sets the requested pixel format, if there is one, and returns the resulting format.
+///
+/// # Errors
+///
+/// [`CameraError::Setting`] if the camera refuses the format, or its own is not supported.
 fn set_format(device: &Device, settings: &config::Camera) -> Result<PixelFormat, CameraError> {
     if let Some(format) = settings.pixel_format {
         device.set_feature("PixelFormat", &FeatureValue::Text(format.as_str().into()))?;
@@ -119,7 +130,7 @@ fn set_format(device: &Device, settings: &config::Camera) -> Result<PixelFormat,
 }
 
 /// Returns the present exposure time, us; 0 if the camera does not report it or adjusts it automatically.
-fn exposure(device: &Device) -> f64 {
+fn fixed_exposure_us(device: &Device) -> f64 {
     let is_automatic = ["ExposureAuto", "ExposureMode"]
         .into_iter()
         .any(|name| device.text(name).is_ok_and(|word| !matches!(word.as_str(), "Off" | "Timed")));
@@ -127,6 +138,7 @@ fn exposure(device: &Device) -> f64 {
     exposure_us.filter(|exposure_us| !is_automatic && exposure_us.is_finite() && *exposure_us > 0.0).unwrap_or(0.0)
 }
 
+/// Disables automatic exposure, and sets and reads back the requested exposure time, if there is one.
 fn set_exposure(device: &Device, settings: &config::Camera) -> Result<(), CameraError> {
     let Some(wanted) = settings.exposure_us else { return Ok(()) };
     let refused = |reason: String| setting_error("exposure_us", wanted, reason);
@@ -144,7 +156,9 @@ fn set_exposure(device: &Device, settings: &config::Camera) -> Result<(), Camera
     if is_near(wanted, kept) { Ok(()) } else { Err(refused(format!("the camera keeps {kept}"))) }
 }
 
-/// Sets the rate, then the trigger. Setting a rate disables triggers, so the order matters.
+/// Sets the rate, then the trigger, and returns the resulting rate, Hz; 0 if neither camera nor settings have one.
+///
+/// Setting a rate disables triggers, so the order matters.
 fn set_rate_and_trigger(device: &Device, settings: &config::Camera) -> Result<f64, CameraError> {
     let aravis = device.aravis;
     let has_rate = device.call(aravis.arv_camera_is_frame_rate_available).is_ok_and(|available| available != 0);
@@ -171,14 +185,19 @@ fn set_rate_and_trigger(device: &Device, settings: &config::Camera) -> Result<f6
     Ok(settings.frame_rate_hz.unwrap_or(0.0))
 }
 
-fn set_rate(device: &Device, wanted: f64) -> Result<(), String> {
+/// Sets the frame rate and reads it back.
+///
+/// # Errors
+///
+/// The allowed range, the library's message, or the rate that the camera keeps instead.
+fn set_rate(device: &Device, wanted_hz: f64) -> Result<(), String> {
     let aravis = device.aravis;
     let pointer = device.camera.as_ptr();
-    device.rate_range_hz()?.check(wanted)?;
+    device.rate_range_hz()?.check(wanted_hz)?;
     // SAFETY: an open camera.
-    checked(aravis, |error| unsafe { aravis.arv_camera_set_frame_rate(pointer, wanted, error) })?;
+    checked(aravis, |error| unsafe { aravis.arv_camera_set_frame_rate(pointer, wanted_hz, error) })?;
     let kept = device.call(aravis.arv_camera_get_frame_rate)?;
-    if is_near(wanted, kept) { Ok(()) } else { Err(format!("the camera keeps {kept}")) }
+    if is_near(wanted_hz, kept) { Ok(()) } else { Err(format!("the camera keeps {kept}")) }
 }
 
 impl Device {
@@ -211,7 +230,8 @@ fn set_trigger(device: &Device, source: &str) -> Result<(), String> {
     Ok(())
 }
 
-/// Returns the payload size of each frame: its pixels, followed by nothing but chunk data.
+/// Returns the payload size of each frame, bytes. The payload is the pixels and, with `chunks`, the chunk data behind
+/// them.
 ///
 /// # Errors
 ///

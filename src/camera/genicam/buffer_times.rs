@@ -29,7 +29,7 @@ impl BufferTimes {
         }
     }
 
-    /// Returns when the buffer that comes out now was completed; `None` if just now.
+    /// Returns when the buffer that is taken now was completed; `None` if that is not recorded yet, thus only just.
     pub fn take(&self) -> Option<Instant> {
         let mut queue = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let time = queue.times.pop_front();

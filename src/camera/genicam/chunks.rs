@@ -46,7 +46,7 @@ impl Chunks {
     /// # Errors
     ///
     /// The camera's message.
-    pub fn of_device(device: &Device) -> Result<Option<Self>, String> {
+    pub fn from_device(device: &Device) -> Result<Option<Self>, String> {
         if !device.has("ChunkModeActive") || !device.boolean("ChunkModeActive")? {
             return Ok(None);
         }
@@ -76,7 +76,7 @@ impl Chunks {
         Ok(Some(chunks))
     }
 
-    /// Describes their use in one phrase.
+    /// Returns a phrase that describes their use, to follow "the camera".
     pub fn description(&self) -> &'static str {
         match (self.has_stamp, self.has_frame_id) {
             (true, true) => "times frames by their ChunkTimestamp and counts them by their ChunkFrameID",
@@ -111,13 +111,13 @@ impl Chunks {
             None => return Err("inconsistent chunk sizes".into()),
         }
         // SAFETY: the caller's promise.
-        let value = |name: &CStr| unsafe { self.value(buffer, name) };
+        let integer = |name: &CStr| unsafe { self.integer(buffer, name) };
         let mut values = ChunkValues::default();
         if self.has_frame_id {
-            values.frame_id = Some(value(c"ChunkFrameID")?);
+            values.frame_id = Some(integer(c"ChunkFrameID")?);
         }
         if self.has_stamp {
-            let stamp_ns = nanoseconds(value(c"ChunkTimestamp")?, self.ticks_hz);
+            let stamp_ns = ticks_to_ns(integer(c"ChunkTimestamp")?, self.ticks_hz);
             if self.has_header_stamp && stamp_ns.abs_diff(header_ns) > MAX_STAMP_DIFFERENCE_NS {
                 return Err(format!("ChunkTimestamp is {stamp_ns} ns, but the header has {header_ns} ns"));
             }
@@ -126,10 +126,12 @@ impl Chunks {
         Ok(values)
     }
 
+    /// Returns the value of one integer chunk, such as `ChunkFrameID`.
+    ///
     /// # Safety
     ///
     /// See [`read`](Self::read).
-    unsafe fn value(&self, buffer: *mut ArvBuffer, name: &CStr) -> Result<u64, String> {
+    unsafe fn integer(&self, buffer: *mut ArvBuffer, name: &CStr) -> Result<u64, String> {
         let aravis = self.aravis;
         // SAFETY: a live parser, the caller's buffer, a terminated name.
         let value = checked(aravis, |error| unsafe {
@@ -155,7 +157,8 @@ impl Device {
     }
 }
 
-fn nanoseconds(ticks: u64, ticks_hz: u64) -> u64 {
+/// Converts ticks of a clock to ticks_to_ns; too many become `u64::MAX`.
+fn ticks_to_ns(ticks: u64, ticks_hz: u64) -> u64 {
     let whole = u128::from(ticks) * 1_000_000_000 / u128::from(ticks_hz.max(1));
     u64::try_from(whole).unwrap_or(u64::MAX)
 }
@@ -206,9 +209,9 @@ mod tests {
 
     #[test]
     fn ticks_of_any_clock_become_nanoseconds_without_overflow() {
-        assert_eq!(nanoseconds(125_000_000, 125_000_000), 1_000_000_000);
-        assert_eq!(nanoseconds(7, 1_000_000_000), 7);
-        assert_eq!(nanoseconds(u64::MAX, 1_000_000_000), u64::MAX);
-        assert_eq!(nanoseconds(u64::MAX / 2, 1), u64::MAX);
+        assert_eq!(ticks_to_ns(125_000_000, 125_000_000), 1_000_000_000);
+        assert_eq!(ticks_to_ns(7, 1_000_000_000), 7);
+        assert_eq!(ticks_to_ns(u64::MAX, 1_000_000_000), u64::MAX);
+        assert_eq!(ticks_to_ns(u64::MAX / 2, 1), u64::MAX);
     }
 }

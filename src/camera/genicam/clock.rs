@@ -9,9 +9,10 @@ const WINDOW_NS: i64 = 1_000_000_000;
 /// Maximum correction of the clock rate: no quartz oscillator is worse.
 const MAX_RATE: f64 = 500e-6;
 
-/// Loop gains per window.
-const PROPORTIONAL: f64 = 0.3;
-const INTEGRAL: f64 = 0.05;
+/// Proportional gain of the loop per window: the share of the clock error that the rate corrects in the next window.
+const PROPORTIONAL_GAIN: f64 = 0.3;
+/// Integral gain of the loop per window: the share of the clock error that goes into the estimated drift.
+const INTEGRAL_GAIN: f64 = 0.05;
 
 /// Converts device timestamps to host time, ns since the Unix epoch.
 ///
@@ -24,62 +25,80 @@ const INTEGRAL: f64 = 0.05;
 /// A device clock that agrees with the host's from the start is not changed.
 #[derive(Debug, Default)]
 pub struct DeviceClock {
-    fit: Option<Fit>,
+    /// `None` before the first frame.
+    relation: Option<ClockRelation>,
 }
 
+/// The relation of the device clock to host time.
 #[derive(Debug)]
-enum Fit {
+enum ClockRelation {
     /// The device clock is host time.
     Same,
-    /// `host = device + offset + rate * (device - start)`.
-    Drifting { start_ns: i64, offset_ns: i64, rate: f64, integral: f64, least_error_ns: i64 },
+    /// `host = device + offset_ns + rate * (device - start_ns)`.
+    Drifting {
+        /// Device time at the start of the window, ns.
+        start_ns: i64,
+        /// Host time minus device time at the start of the window, ns.
+        offset_ns: i64,
+        /// Correction of the clock rate in this window, as a fraction.
+        rate: f64,
+        /// Sum of the loop, an estimate of the relative drift of the two clocks.
+        integral: f64,
+        /// Minimum of arrival minus converted time in this window, ns.
+        min_error_ns: i64,
+    },
 }
 
 impl DeviceClock {
-    /// Returns the host time of a frame.
+    /// Returns the host time of a frame, ns since the Unix epoch.
     ///
     /// `device_ns` is the camera's timestamp, 0 if it has none. `arrival_ns` is the host time at which the frame's
     /// first packet arrived.
     pub fn stamp_ns(&mut self, device_ns: u64, arrival_ns: u64) -> u64 {
-        let (Ok(device), Ok(arrival)) = (i64::try_from(device_ns), i64::try_from(arrival_ns)) else {
+        let (Ok(signed_device_ns), Ok(signed_arrival_ns)) = (i64::try_from(device_ns), i64::try_from(arrival_ns))
+        else {
             return arrival_ns;
         };
-        if device == 0 {
+        if device_ns == 0 {
             return arrival_ns;
         }
-        match self.fit.get_or_insert_with(|| Fit::first(device, arrival)) {
-            Fit::Same => device_ns,
-            fit => fit.follow(device, arrival),
+        match self.relation.get_or_insert_with(|| ClockRelation::from_first_frame(signed_device_ns, signed_arrival_ns))
+        {
+            ClockRelation::Same => device_ns,
+            relation => relation.update(signed_device_ns, signed_arrival_ns),
         }
     }
 }
 
-impl Fit {
-    fn first(device: i64, arrival: i64) -> Self {
-        let offset_ns = arrival - device;
+impl ClockRelation {
+    /// Returns the relation after one frame: the same clock if the two times nearly agree, else the offset between
+    /// them.
+    fn from_first_frame(device_ns: i64, arrival_ns: i64) -> Self {
+        let offset_ns = arrival_ns - device_ns;
         if offset_ns.abs() < SYNCHRONISED_NS {
             return Self::Same;
         }
-        Self::Drifting { start_ns: device, offset_ns, rate: 0.0, integral: 0.0, least_error_ns: i64::MAX }
+        Self::Drifting { start_ns: device_ns, offset_ns, rate: 0.0, integral: 0.0, min_error_ns: i64::MAX }
     }
 
-    fn follow(&mut self, device: i64, arrival: i64) -> u64 {
-        let Self::Drifting { start_ns, offset_ns, rate, integral, least_error_ns } = self else {
-            return u64::try_from(device).unwrap_or(0);
+    /// Converts the device time of a frame to host time, ns, and updates the loop at the end of each window.
+    fn update(&mut self, device_ns: i64, arrival_ns: i64) -> u64 {
+        let Self::Drifting { start_ns, offset_ns, rate, integral, min_error_ns } = self else {
+            return u64::try_from(device_ns).unwrap_or(0);
         };
-        let elapsed = device - *start_ns;
-        let correction = (*rate * elapsed as f64) as i64;
-        let stamp = device + *offset_ns + correction;
-        *least_error_ns = (*least_error_ns).min(arrival - stamp);
-        if elapsed >= WINDOW_NS {
-            let relative = *least_error_ns as f64 / elapsed as f64;
-            *integral = (*integral + INTEGRAL * relative).clamp(-MAX_RATE, MAX_RATE);
-            *rate = (*integral + PROPORTIONAL * relative).clamp(-MAX_RATE, MAX_RATE);
-            *offset_ns += correction;
-            *start_ns = device;
-            *least_error_ns = i64::MAX;
+        let elapsed_ns = device_ns - *start_ns;
+        let correction_ns = (*rate * elapsed_ns as f64) as i64;
+        let stamp_ns = device_ns + *offset_ns + correction_ns;
+        *min_error_ns = (*min_error_ns).min(arrival_ns - stamp_ns);
+        if elapsed_ns >= WINDOW_NS {
+            let relative_error = *min_error_ns as f64 / elapsed_ns as f64;
+            *integral = (*integral + INTEGRAL_GAIN * relative_error).clamp(-MAX_RATE, MAX_RATE);
+            *rate = (*integral + PROPORTIONAL_GAIN * relative_error).clamp(-MAX_RATE, MAX_RATE);
+            *offset_ns += correction_ns;
+            *start_ns = device_ns;
+            *min_error_ns = i64::MAX;
         }
-        u64::try_from(stamp).unwrap_or(0)
+        u64::try_from(stamp_ns).unwrap_or(0)
     }
 }
 

@@ -24,13 +24,14 @@ pub enum Access {
     Both,
 }
 
-/// An open camera.
+/// An open camera. The error of each method is the library's message.
 #[derive(Debug)]
 pub struct Device {
     pub(super) aravis: Library,
     pub(super) camera: Object<ArvCamera>,
 }
 
+// Signatures of the library's functions: getter, setter and bounds of a feature by name; getter and bounds of a camera.
 type Read<R> = unsafe extern "C" fn(*mut ArvDevice, *const c_char, *mut *mut GError) -> R;
 type Write<V> = unsafe extern "C" fn(*mut ArvDevice, *const c_char, V, *mut *mut GError);
 type Range<V> = unsafe extern "C" fn(*mut ArvDevice, *const c_char, *mut V, *mut V, *mut *mut GError);
@@ -44,6 +45,7 @@ impl Device {
         unsafe { self.aravis.arv_camera_get_device(self.camera.as_ptr()) }
     }
 
+    /// Reads a feature through one of the library's getters.
     fn read<R>(&self, name: &str, function: Read<R>) -> Result<R, String> {
         let name = c_text(name)?;
         // SAFETY: an open device and a terminated name; the function is one of the library's getters.
@@ -57,7 +59,8 @@ impl Device {
         checked(self.aravis, |error| unsafe { function(self.as_ptr(), name.as_ptr(), value, error) })
     }
 
-    fn range<V: Default>(&self, name: &str, function: Range<V>) -> Result<(V, V), String> {
+    /// Returns the minimum and the maximum of a feature at the present settings.
+    fn min_max<V: Default>(&self, name: &str, function: Range<V>) -> Result<(V, V), String> {
         let name = c_text(name)?;
         let (mut min, mut max) = (V::default(), V::default());
         // SAFETY: as in `read`; both bounds are ours to write to.
@@ -95,7 +98,7 @@ impl Device {
 
     /// Returns the range of an integer.
     pub fn integer_range(&self, name: &str) -> Result<IntegerRange, String> {
-        let (min, max) = self.range(name, self.aravis.arv_device_get_integer_feature_bounds)?;
+        let (min, max) = self.min_max(name, self.aravis.arv_device_get_integer_feature_bounds)?;
         let step = self.read(name, self.aravis.arv_device_get_integer_feature_increment).unwrap_or(1);
         Ok(IntegerRange { min, max, step: step.max(1).unsigned_abs() })
     }
@@ -112,7 +115,7 @@ impl Device {
 
     /// Returns the range of a real number.
     pub fn float_range(&self, name: &str) -> Result<FloatRange, String> {
-        let (min, max) = self.range(name, self.aravis.arv_device_get_float_feature_bounds)?;
+        let (min, max) = self.min_max(name, self.aravis.arv_device_get_float_feature_bounds)?;
         Ok(FloatRange { min, max })
     }
 
@@ -183,6 +186,7 @@ impl Device {
         self.kind_of(self.node(name))
     }
 
+    /// Returns the type of a node of the camera's description; `None` if it is null or of a type without a value.
     pub(super) fn kind_of(&self, node: *mut ArvGcNode) -> Option<FeatureKind> {
         if node.is_null() {
             return None;
@@ -201,7 +205,7 @@ impl Device {
         // SAFETY: `node` is an object of the library; the type functions take no arguments.
         kinds
             .into_iter()
-            .find(|(_, of)| unsafe { aravis.g_type_check_instance_is_a(node.cast(), of()) } != 0)
+            .find(|(_, type_code)| unsafe { aravis.g_type_check_instance_is_a(node.cast(), type_code()) } != 0)
             .map(|(kind, _)| kind)
     }
 
@@ -245,12 +249,13 @@ impl Device {
     }
 }
 
-/// Called by the library on its own thread.
+/// Notes that the connection is lost. The library calls it on its own thread.
 unsafe extern "C" fn raise_flag(_device: *mut ArvDevice, data: gpointer) {
     // SAFETY: `watch_connection` passed this pointer, and the library has not called `release_flag` yet.
     unsafe { &*data.cast::<AtomicBool>() }.store(true, Ordering::Release);
 }
 
+/// Releases the library's reference to the flag. The library calls it once, on destroying the device.
 unsafe extern "C" fn release_flag(data: gpointer, _closure: *mut GClosure) {
     // SAFETY: the one reference that `watch_connection` turned into a pointer.
     drop(unsafe { Arc::from_raw(data.cast::<AtomicBool>().cast_const()) });

@@ -126,7 +126,7 @@ impl Device {
         unsafe { self.aravis.arv_gv_device_is_controller(self.as_ptr().cast()) != 0 }
     }
 
-    /// Returns vendor, model and serial number.
+    /// Returns vendor, model and serial number, or the device id of a camera without a serial number.
     pub fn identity(&self) -> CameraIdentity {
         let string = |function| {
             // SAFETY: the library answers null or a terminated string that lives until the next call.
@@ -143,6 +143,10 @@ impl Device {
 }
 
 /// Returns the name under which the library opens the camera selected by `id`.
+///
+/// # Errors
+///
+/// The discovered cameras, if none matches or several do.
 fn select(cameras: &[CameraListing], id: &str) -> Result<String, String> {
     // The address rather than the name: the library may reach a name through another network card.
     let name = |camera: &CameraListing| match camera.address.parse::<Ipv4Addr>() {
@@ -176,7 +180,11 @@ fn select(cameras: &[CameraListing], id: &str) -> Result<String, String> {
 /// Port of the GigE Vision control protocol (GVCP).
 const GVCP_PORT: u16 = 3956;
 
-/// Checks that a camera answers at this address; the library alone takes many seconds to give up.
+/// Checks that a camera answers at this address. The library alone takes many seconds to give up.
+///
+/// # Errors
+///
+/// The reason, if no camera answers within about a second.
 fn probe(address: Ipv4Addr) -> Result<(), String> {
     const TRIES: u32 = 4;
     // GVCP read-register request, big-endian: key, flags (acknowledge), command, length 4, request id 1, address 0

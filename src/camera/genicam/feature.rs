@@ -22,6 +22,11 @@ pub(super) struct Selector<'a> {
 }
 
 impl<'a> Key<'a> {
+    /// Parses a key of the configuration.
+    ///
+    /// # Errors
+    ///
+    /// The expected form.
     fn parse(key: &'a str) -> Result<Self, String> {
         let Some((name, rest)) = key.split_once('[') else { return Ok(Self { name: key, selector: None }) };
         let selector = rest.strip_suffix(']').and_then(|inner| inner.split_once('='));
@@ -34,7 +39,7 @@ impl<'a> Key<'a> {
     }
 
     /// Runs `act` with the selector set to this key's entry, and restores the selector.
-    fn selected<R>(&self, device: &Device, act: impl FnOnce() -> Result<R, String>) -> Result<R, String> {
+    fn with_selector<R>(&self, device: &Device, act: impl FnOnce() -> Result<R, String>) -> Result<R, String> {
         let Some(Selector { name: selector, entry }) = self.selector else { return act() };
         match device.kind(selector) {
             Some(FeatureKind::Enumeration) => {
@@ -64,7 +69,7 @@ impl Device {
     pub fn set_feature(&self, key: &str, value: &FeatureValue) -> Result<(), CameraError> {
         let set = || {
             let key = Key::parse(key)?;
-            key.selected(self, || self.set_and_verify(key.name, value))
+            key.with_selector(self, || self.set_and_verify(key.name, value))
         };
         set().map_err(|reason| setting_error(key, value, reason))
     }
@@ -77,16 +82,17 @@ impl Device {
     pub fn verify_feature(&self, key: &str, value: &FeatureValue) -> Result<(), CameraError> {
         let verify = || {
             let key = Key::parse(key)?;
-            key.selected(self, || self.verify(key.name, value))
+            key.with_selector(self, || self.verify(key.name, value))
         };
         verify().map_err(|reason| setting_error(key, value, reason))
     }
 
     /// Returns the value of a boolean behind a selector.
     pub(super) fn selected_boolean(&self, name: &str, selector: Selector<'_>) -> Result<bool, String> {
-        Key { name, selector: Some(selector) }.selected(self, || self.boolean(name))
+        Key { name, selector: Some(selector) }.with_selector(self, || self.boolean(name))
     }
 
+    /// Sets a feature without a selector and reads it back; see [`set_feature`](Self::set_feature).
     fn set_and_verify(&self, name: &str, value: &FeatureValue) -> Result<(), String> {
         let kind = self.kind(name).ok_or("the camera has no such feature")?;
         if !self.has(name) {
@@ -111,7 +117,7 @@ impl Device {
             (FeatureKind::Text, FeatureValue::Text(value)) => self.set_text(name, value)?,
             (FeatureKind::Command, _) => return Err("it is a command: true executes it".into()),
             (kind, _) => {
-                let allowed = self.allowed(name, kind);
+                let allowed = self.allowed_values(name, kind);
                 let allowed = if allowed.is_empty() { allowed } else { format!(", allowed {allowed}") };
                 return Err(format!("it is of type {}{allowed}", kind.as_str()));
             }
@@ -120,7 +126,7 @@ impl Device {
     }
 
     /// Returns the allowed values of a feature as text; empty if there is no range.
-    pub(super) fn allowed(&self, name: &str, kind: FeatureKind) -> String {
+    pub(super) fn allowed_values(&self, name: &str, kind: FeatureKind) -> String {
         let range = match kind {
             FeatureKind::Enumeration => self.enum_entries(name).map(|entries| entries.join(", ")),
             FeatureKind::Integer => self.integer_range(name).map(|range| range.to_string()),
@@ -130,21 +136,29 @@ impl Device {
         range.unwrap_or_default()
     }
 
+    /// Sets an integer after checking its range and increment.
     fn set_checked_integer(&self, name: &str, value: i64) -> Result<(), String> {
         check_integer(value, self.integer_range(name)?)?;
         self.set_integer(name, value)
     }
 
+    /// Sets a real number after checking its range.
     fn set_checked_float(&self, name: &str, value: f64) -> Result<(), String> {
         self.float_range(name)?.check(value)?;
         self.set_float(name, value)
     }
 
+    /// Selects an entry of an enumeration after checking that it exists.
     fn set_enumeration(&self, name: &str, entry: &str) -> Result<(), String> {
         check_entry(entry, &self.enum_entries(name)?)?;
         self.set_text(name, entry)
     }
 
+    /// Reads a feature back and compares it with the requested value. Commands and write-only features pass.
+    ///
+    /// # Errors
+    ///
+    /// The value that the camera keeps instead.
     fn verify(&self, name: &str, wanted: &FeatureValue) -> Result<(), String> {
         let kind = self.kind(name);
         if kind == Some(FeatureKind::Command) || self.access(name) == Some(Access::Write) {
@@ -173,6 +187,10 @@ pub(super) fn is_near(wanted: f64, kept: f64) -> bool {
 }
 
 /// Checks that an enumeration has this entry.
+///
+/// # Errors
+///
+/// The allowed entries.
 pub(super) fn check_entry(entry: &str, entries: &[String]) -> Result<(), String> {
     if entries.iter().any(|known| known == entry) { Ok(()) } else { Err(format!("allowed {}", entries.join(", "))) }
 }

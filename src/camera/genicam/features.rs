@@ -11,7 +11,7 @@ use std::ffi::c_char;
 /// The formats, rates and triggers of a camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraDetails {
-    /// Maximum width and height, px.
+    /// Maximum width and height, px; 0 if the camera does not report them.
     pub size_px: (i64, i64),
     /// Names of the pixel formats.
     pub formats: Vec<String>,
@@ -59,17 +59,25 @@ pub fn features(id: &str) -> Result<Vec<FeatureLine>, CameraError> {
     let device = Device::open_read_only(id)?;
     let mut lines = Vec::new();
     let mut seen = BTreeSet::new();
-    device.collect("Root", 0, &mut seen, &mut lines);
+    device.collect_features("Root", 0, &mut seen, &mut lines);
     Ok(lines)
 }
 
 impl Device {
-    /// Adds everything below a category, each feature once.
-    fn collect(&self, category: &str, depth: usize, seen: &mut BTreeSet<String>, lines: &mut Vec<FeatureLine>) {
+    /// Adds a line for everything below a category, each feature once.
+    ///
+    /// `depth` is that of the lines added, and `seen` has the names of all features and categories added so far.
+    fn collect_features(
+        &self,
+        category: &str,
+        depth: usize,
+        seen: &mut BTreeSet<String>,
+        lines: &mut Vec<FeatureLine>,
+    ) {
         if depth > MAX_DEPTH || !seen.insert(category.to_owned()) {
             return;
         }
-        for name in self.members(category) {
+        for name in self.category_members(category) {
             let Some(kind) = self.kind(&name) else { continue };
             if kind == FeatureKind::Category {
                 lines.push(FeatureLine {
@@ -81,14 +89,15 @@ impl Device {
                     unit: String::new(),
                     writable: false,
                 });
-                self.collect(&name, depth + 1, seen, lines);
+                self.collect_features(&name, depth + 1, seen, lines);
             } else if self.has(&name) && seen.insert(name.clone()) {
-                lines.push(self.line(depth, name, kind));
+                lines.push(self.feature_line(depth, name, kind));
             }
         }
     }
 
-    fn line(&self, depth: usize, name: String, kind: FeatureKind) -> FeatureLine {
+    /// Describes one feature, with its present value if it can be read and its range if it can be written.
+    fn feature_line(&self, depth: usize, name: String, kind: FeatureKind) -> FeatureLine {
         let access = self.access(&name);
         let value = match (access, kind) {
             (Some(Access::Write), _) | (_, FeatureKind::Command | FeatureKind::Category) => None,
@@ -98,12 +107,12 @@ impl Device {
             (_, FeatureKind::Enumeration | FeatureKind::Text) => self.text(&name).ok(),
         };
         let writable = access != Some(Access::Read);
-        let allowed = if writable { self.allowed(&name, kind) } else { String::new() };
+        let allowed = if writable { self.allowed_values(&name, kind) } else { String::new() };
         FeatureLine { depth, unit: self.unit(&name, kind), kind, value, allowed, writable, name }
     }
 
-    /// Returns the names of the features in a category.
-    fn members(&self, category: &str) -> Vec<String> {
+    /// Returns the names of the features and categories in a category; empty if it is none.
+    fn category_members(&self, category: &str) -> Vec<String> {
         let node = self.node(category);
         if self.kind_of(node) != Some(FeatureKind::Category) {
             return Vec::new();
@@ -120,6 +129,7 @@ impl Device {
         names
     }
 
+    /// Returns the unit of a number; empty if it has none.
     fn unit(&self, name: &str, kind: FeatureKind) -> String {
         let node = self.node(name);
         // SAFETY: the node is of the type that the function takes; it returns null or a terminated string.

@@ -25,9 +25,11 @@ const MAX_GAP: u64 = 1 << 32;
 #[derive(Debug)]
 pub struct FrameIds {
     counting: Counting,
+    /// Id and sequence number of the newest frame.
     last: Option<(u64, u64)>,
     /// Whether only incomplete frames were received so far, whose ids may be damaged too.
     is_provisional: bool,
+    /// The camera's own counter at the newest complete frame, if it sends one.
     counter: Option<u64>,
 }
 
@@ -59,7 +61,7 @@ impl FrameIds {
         if id == 0 && self.counting == Counting::Short {
             return Err("invalid id 0".into());
         }
-        let ahead = self.last.map_or(Some((0, 0)), |(last, sequence)| Some((self.ahead(id, last)?, sequence)));
+        let ahead = self.last.map_or(Some((0, 0)), |(last, sequence)| Some((self.frames_ahead(id, last)?, sequence)));
         let (ahead, sequence) = match ahead {
             Some(ahead) => ahead,
             None if self.is_provisional => (0, 0),
@@ -78,8 +80,8 @@ impl FrameIds {
         Ok(sequence)
     }
 
-    /// Returns the number of frames from one id to a later one; `None` if it is not later.
-    fn ahead(&self, id: u64, last: u64) -> Option<u64> {
+    /// Returns the number of frames from the id `last` to a later `id`; `None` if it is not later.
+    fn frames_ahead(&self, id: u64, last: u64) -> Option<u64> {
         match self.counting {
             Counting::Long => id.checked_sub(last).filter(|ahead| (1..MAX_GAP).contains(ahead)),
             // The farther half of the circle is the past.

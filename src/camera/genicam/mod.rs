@@ -86,7 +86,7 @@ pub struct GenicamCamera {
     ids: FrameIds,
     /// Number of consecutive complete frames without a valid sequence number or time.
     stale: u32,
-    last: Option<Accepted>,
+    last: Option<AcceptedTimes>,
     clock: DeviceClock,
     /// When the last returned frame was completed; `None` if just then.
     completed: Option<Instant>,
@@ -94,22 +94,29 @@ pub struct GenicamCamera {
     started: bool,
 }
 
-/// The times of the last accepted frame, by the device clock and by the host clock.
+/// The times of the last accepted frame.
 #[derive(Debug, Clone, Copy)]
-struct Accepted {
+struct AcceptedTimes {
+    /// By the device clock, ns; 0 without one.
     device_ns: u64,
+    /// By the host clock, ns since the Unix epoch.
     stamp_ns: u64,
-    at: Instant,
+    /// When the frame was taken out of the stream.
+    taken: Instant,
 }
 
-impl Accepted {
-    /// Checks that the device time of the next frame is plausible.
-    fn check(&self, device_ns: u64, now: Instant) -> Result<(), String> {
+impl AcceptedTimes {
+    /// Checks that the device time of the next frame, which was taken at `now`, is plausible.
+    ///
+    /// # Errors
+    ///
+    /// The reason, if the frame has lost its timestamp or is too far ahead of the host time that has passed.
+    fn check_next(&self, device_ns: u64, now: Instant) -> Result<(), String> {
         if device_ns == 0 && self.device_ns != 0 {
             return Err("it has no timestamp, unlike the previous one".into());
         }
         let later = Duration::from_nanos(device_ns.saturating_sub(self.device_ns));
-        let waited = now.saturating_duration_since(self.at);
+        let waited = now.saturating_duration_since(self.taken);
         if self.device_ns != 0 && later > waited + MAX_TIME_JUMP {
             let (later, waited) = (later.as_secs_f64(), waited.as_secs_f64());
             return Err(format!(
@@ -134,7 +141,7 @@ impl GenicamCamera {
         let lost = Arc::new(AtomicBool::new(false));
         device.watch_connection(&lost);
         let not_found = |reason: String| CameraError::NotFound { id: id.clone(), reason };
-        let chunks = Chunks::of_device(&device).map_err(not_found)?;
+        let chunks = Chunks::from_device(&device).map_err(not_found)?;
         if let Some(chunks) = &chunks {
             log::info!("the camera {}", chunks.description());
         }
@@ -168,7 +175,8 @@ impl GenicamCamera {
         self.stream.statistics()
     }
 
-    fn lost(&self, reason: impl Into<String>) -> CameraError {
+    /// Returns the error for a lost connection.
+    fn lost_error(&self, reason: impl Into<String>) -> CameraError {
         CameraError::Lost { id: self.id.clone(), reason: reason.into() }
     }
 
@@ -188,7 +196,7 @@ impl GenicamCamera {
                 self.stale = 0;
                 Ok(Next::Frame(received.slot, meta))
             }
-            Err(_) if self.stale == MAX_STALE => Err(self.lost("it restarted its frame count or its clock")),
+            Err(_) if self.stale == MAX_STALE => Err(self.lost_error("it restarted its frame count or its clock")),
             Err(reason) => {
                 self.stale += 1;
                 Ok(Next::Incomplete(received.slot, format!("frame id {id}: {reason}")))
@@ -197,6 +205,10 @@ impl GenicamCamera {
     }
 
     /// Returns the metadata of a complete frame: its sequence number and time.
+    ///
+    /// # Errors
+    ///
+    /// The reason, if its id, its counter or its timestamp does not come after that of the previous frame.
     fn meta(&mut self, received: &ReceivedBuffer, values: ChunkValues, now: Instant) -> Result<FrameMeta, String> {
         let sequence = self.ids.add_complete(received.id, values.frame_id)?;
         if sequence == 0 {
@@ -204,20 +216,24 @@ impl GenicamCamera {
         }
         let device_ns = values.stamp_ns.unwrap_or(received.device_ns);
         if let Some(last) = &self.last {
-            last.check(device_ns, now)?;
+            last.check_next(device_ns, now)?;
         }
         let stamp_ns = self.clock.stamp_ns(device_ns, received.arrival_ns);
         if self.last.is_some_and(|last| stamp_ns <= last.stamp_ns) {
             return Err("its timestamp is not later than that of the previous frame".into());
         }
-        self.last = Some(Accepted { device_ns, stamp_ns, at: now });
+        self.last = Some(AcceptedTimes { device_ns, stamp_ns, taken: now });
         Ok(self.format.meta(sequence, stamp_ns, device_ns))
     }
 
     /// Checks that a frame is complete and matches the camera's settings; returns its chunk values.
+    ///
+    /// # Errors
+    ///
+    /// The reason why it does not.
     fn check_content(&self, received: &ReceivedBuffer) -> Result<ChunkValues, String> {
         if received.status != sys::ARV_BUFFER_STATUS_SUCCESS {
-            return Err(stream::failure(received.status).into());
+            return Err(stream::failure_reason(received.status).into());
         }
         // The library takes a frame as complete once the trailer arrives, even if that is early.
         let expected_bytes = self.format.slot_bytes();
@@ -260,7 +276,7 @@ impl Camera for GenicamCamera {
     }
 
     fn start(&mut self) -> Result<(), CameraError> {
-        self.device.call(self.device.aravis.arv_camera_start_acquisition).map_err(|reason| self.lost(reason))?;
+        self.device.call(self.device.aravis.arv_camera_start_acquisition).map_err(|reason| self.lost_error(reason))?;
         self.started = true;
         Ok(())
     }
@@ -275,7 +291,7 @@ impl Camera for GenicamCamera {
                 return self.validate(received, Instant::now());
             }
             if self.lost.load(Ordering::Acquire) {
-                return Err(self.lost("it no longer answers, or another program took control of it"));
+                return Err(self.lost_error("it no longer answers, or another program took control of it"));
             }
             if left.is_zero() {
                 return Ok(Next::Timeout);

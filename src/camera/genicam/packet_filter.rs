@@ -43,17 +43,27 @@ const MULTIPART: u32 = 10;
 
 /// Operations of the kernel's packet filter (Linux, `Documentation/networking/filter.rst`).
 mod operation {
+    /// `BPF_LD | BPF_W | BPF_ABS`: loads the big-endian 32-bit word at an offset.
     pub const LOAD_WORD: u16 = 0x20;
+    /// `BPF_LD | BPF_H | BPF_ABS`: loads 16 bits.
     pub const LOAD_HALF: u16 = 0x28;
+    /// `BPF_LD | BPF_B | BPF_ABS`: loads 8 bits.
     pub const LOAD_BYTE: u16 = 0x30;
+    /// `BPF_LD | BPF_LEN`: loads the length of the packet.
     pub const LOAD_LENGTH: u16 = 0x80;
+    /// `BPF_ALU | BPF_AND`: masks the loaded value.
     pub const AND: u16 = 0x54;
+    /// `BPF_JMP | BPF_JEQ`.
     pub const EQUAL: u16 = 0x15;
+    /// `BPF_JMP | BPF_JGT`.
     pub const ABOVE: u16 = 0x25;
+    /// `BPF_JMP | BPF_JGE`.
     pub const AT_LEAST: u16 = 0x35;
+    /// `BPF_JMP | BPF_JSET`.
     pub const ANY_BIT: u16 = 0x45;
+    /// `BPF_RET`: accepts as many bytes of the packet as its value.
     pub const RETURN: u16 = 0x06;
-    /// Base address of the IP header.
+    /// `SKF_NET_OFF`: the offset of the IP header.
     pub const NETWORK: u32 = 0xfff0_0000;
 }
 use operation::{ABOVE, AND, ANY_BIT, AT_LEAST, EQUAL, LOAD_BYTE, LOAD_HALF, LOAD_LENGTH, LOAD_WORD, NETWORK, RETURN};
@@ -61,12 +71,17 @@ use operation::{ABOVE, AND, ANY_BIT, AT_LEAST, EQUAL, LOAD_BYTE, LOAD_HALF, LOAD
 /// The jump target of a test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Target {
+    /// The next instruction.
     Next,
+    /// The instruction after this many others.
     Skip(u8),
+    /// The end of the program that accepts the packet.
     Accept,
+    /// The end of the program that drops the packet.
     Drop,
 }
 
+/// One instruction, with jump targets that do not depend on its place in the program.
 #[derive(Debug, Clone, Copy)]
 struct Instruction {
     operation: u16,
@@ -75,17 +90,19 @@ struct Instruction {
     if_false: Target,
 }
 
+/// Returns an instruction that loads or changes the value to be tested.
 fn load(operation: u16, value: u32) -> Instruction {
     Instruction { operation, value, if_true: Target::Next, if_false: Target::Next }
 }
 
+/// Returns an instruction that compares the loaded value and jumps.
 fn test(operation: u16, value: u32, if_true: Target, if_false: Target) -> Instruction {
     Instruction { operation, value, if_true, if_false }
 }
 
 impl StreamShape {
     /// Returns the number of packets of a frame, including leader and trailer, with headers of this size.
-    fn packets(&self, header_bytes: u32) -> u32 {
+    fn packet_count(&self, header_bytes: u32) -> u32 {
         let room = self.packet_bytes.saturating_sub(NETWORK_BYTES + header_bytes).max(1);
         self.payload_bytes.div_ceil(room) + 2
     }
@@ -113,7 +130,7 @@ impl StreamShape {
     fn instructions_with_header(&self, header_bytes: u32) -> Vec<Instruction> {
         use Target::{Accept, Drop, Next, Skip};
         let is_long = header_bytes == HEADERS_BYTES[1];
-        let last = self.packets(header_bytes) - 1;
+        let last = self.packet_count(header_bytes) - 1;
         let content = UDP_BYTES + header_bytes;
         let max = UDP_BYTES + self.packet_bytes.saturating_sub(NETWORK_BYTES);
         // The packet number: the lower 24 bits after the content byte, or the last 32 bits of the header.

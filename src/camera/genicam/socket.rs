@@ -1,4 +1,4 @@
-//! The UDP socket of a stream: how to find it, and its buffer size.
+//! The UDP socket of a stream: its descriptor, its receive buffer and its packet size.
 
 use rustix::net::{SocketType, getsockname, sockopt};
 use std::fs;
@@ -47,7 +47,7 @@ pub fn set_receive_buffer(socket: impl AsFd, wanted_bytes: usize) -> io::Result<
     Ok(sockopt::socket_recv_buffer_size(&socket)? / 2)
 }
 
-/// Returns the maximum packet size (MTU) of the route to an address, bytes.
+/// Returns the maximum packet size (MTU) of the route to an address, bytes; `None` if there is no route.
 pub fn mtu_to(address: Ipv4Addr) -> Option<u32> {
     let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).ok()?;
     // Connecting a UDP socket sends nothing, so the port does not matter.

@@ -157,7 +157,7 @@ impl Stream {
         unsafe { self.aravis.arv_stream_push_buffer(self.as_ptr(), buffer.as_ptr()) };
     }
 
-    /// Waits at most `timeout` for a buffer to come out.
+    /// Waits at most `timeout` for a buffer to come out; `None` if there is none.
     pub fn pop(&mut self, timeout: Duration) -> Option<ReceivedBuffer> {
         let timeout_us = u64::try_from(timeout.as_micros()).unwrap_or(u64::MAX);
         // SAFETY: a live stream; the reference to the returned buffer is ours.
@@ -165,7 +165,7 @@ impl Stream {
         let completed = self.times.take();
         let index = self.lent.iter().position(|lent| lent.buffer == buffer)?;
         let Lent { slot, payload, .. } = self.lent.swap_remove(index);
-        let mut received = ReceivedBuffer { completed, ..self.describe(buffer.as_ptr(), slot) };
+        let mut received = ReceivedBuffer { completed, ..self.read_header(buffer.as_ptr(), slot) };
         if let Some(payload) = payload {
             self.unpack(buffer.as_ptr(), &mut received, &payload);
             self.spare.push(payload);
@@ -190,7 +190,8 @@ impl Stream {
         received.chunks = Some(values);
     }
 
-    fn describe(&self, buffer: *mut ArvBuffer, slot: Slot) -> ReceivedBuffer {
+    /// Reads status, times and image properties of a buffer, without its chunks and completion time.
+    fn read_header(&self, buffer: *mut ArvBuffer, slot: Slot) -> ReceivedBuffer {
         let aravis = self.aravis;
         let mut received_bytes = 0;
         // SAFETY: a buffer out of the stream, which nobody else accesses.
@@ -272,7 +273,13 @@ impl Drop for Stream {
     }
 }
 
-/// Sets the packet size and the way of receiving, before the stream is created; returns the packet size.
+/// Sets ordinary UDP sockets and the packet size, before the stream is created; returns the packet size, bytes.
+///
+/// The default size is the largest that the route, the camera and [`MAX_PACKET_BYTES`] allow.
+///
+/// # Errors
+///
+/// The reason, if the camera does not keep the requested packet size.
 fn prepare_link(device: &Device, wanted_bytes: Option<u32>) -> Result<u32, String> {
     let aravis = device.aravis;
     // The library prefers raw packet sockets if it has the capability. They receive nothing on a loopback device that
@@ -285,7 +292,8 @@ fn prepare_link(device: &Device, wanted_bytes: Option<u32>) -> Result<u32, Strin
     let bytes = match wanted_bytes {
         Some(bytes) => bytes,
         None => {
-            let mtu = address(device, aravis.arv_gv_device_get_device_address).and_then(socket::mtu_to).unwrap_or(1500);
+            let mtu =
+                ipv4_address(device, aravis.arv_gv_device_get_device_address).and_then(socket::mtu_to).unwrap_or(1500);
             let range =
                 device.integer_range("GevSCPSPacketSize").unwrap_or(IntegerRange { min: 0, max: i64::MAX, step: 1 });
             let max = i64::from(mtu.min(MAX_PACKET_BYTES)).min(range.max);
@@ -303,15 +311,15 @@ fn prepare_link(device: &Device, wanted_bytes: Option<u32>) -> Result<u32, Strin
     Ok(kept)
 }
 
-/// Returns an address of a GigE Vision device.
-fn address(
+/// Returns an IPv4 address of a GigE Vision device: its own, or that of the interface it is reached by, by the getter.
+fn ipv4_address(
     device: &Device,
-    function: unsafe extern "C" fn(*mut sys::ArvGvDevice) -> *mut sys::GSocketAddress,
+    getter: unsafe extern "C" fn(*mut sys::ArvGvDevice) -> *mut sys::GSocketAddress,
 ) -> Option<Ipv4Addr> {
     let aravis = device.aravis;
     // SAFETY: an open GigE Vision device; addresses are borrowed from it, the string is ours to free.
     unsafe {
-        let address = function(device.as_ptr().cast());
+        let address = getter(device.as_ptr().cast());
         let address = aravis.g_inet_socket_address_get_address(address.cast());
         let string = aravis.g_inet_address_to_string(address);
         let address = text(string);
@@ -320,8 +328,10 @@ fn address(
     }
 }
 
-/// Attaches the packet filter and sizes the socket buffer now: the library does it after the first packet, and
-/// smaller.
+/// Attaches the packet filter to the stream's socket and enlarges its buffer before the first packet arrives.
+///
+/// The library would size the buffer after the first packet, and smaller. Failures are logged, since frames can be
+/// received without either.
 fn prepare_socket(device: &Device, stream: &Object<ArvStream>, payload_bytes: usize, packet_bytes: u32) {
     let aravis = device.aravis;
     // FIXED without a size: the library leaves the socket as we set it.
@@ -329,11 +339,11 @@ fn prepare_socket(device: &Device, stream: &Object<ArvStream>, payload_bytes: us
     let wanted = (payload_bytes * SOCKET_FRAMES).clamp(MIN_SOCKET_BYTES, MAX_SOCKET_BYTES);
     // SAFETY: a live GigE Vision stream.
     let port = unsafe { aravis.arv_gv_stream_get_port(stream.as_ptr().cast()) };
-    let socket = match socket::find_udp(address(device, aravis.arv_gv_device_get_interface_address), port) {
+    let socket = match socket::find_udp(ipv4_address(device, aravis.arv_gv_device_get_interface_address), port) {
         Ok(socket) => socket,
         Err(error) => return log::warn!("cannot find the stream's socket to enlarge it, frames may be lost: {error}"),
     };
-    if let Some(camera) = address(device, aravis.arv_gv_device_get_device_address) {
+    if let Some(camera) = ipv4_address(device, aravis.arv_gv_device_get_device_address) {
         let payload_bytes = u32::try_from(payload_bytes).unwrap_or(u32::MAX);
         if let Err(error) = (StreamShape { camera, payload_bytes, packet_bytes }).attach(&socket) {
             log::warn!("cannot filter the stream's packets, any computer may send some: {error}");
@@ -349,6 +359,7 @@ fn prepare_socket(device: &Device, stream: &Object<ArvStream>, payload_bytes: us
     }
 }
 
+/// Sets an integer or enumeration property of a stream through GObject.
 fn set_int_property(aravis: Library, stream: &Object<ArvStream>, name: &str, value: i32) {
     /// `G_TYPE_INT`: fundamental type 6, shifted by 2.
     const INT: sys::GType = 6 << 2;
@@ -363,7 +374,7 @@ fn set_int_property(aravis: Library, stream: &Object<ArvStream>, name: &str, val
     }
 }
 
-/// Called by the library on its receiving thread.
+/// Records completed buffers, and gives the receiving thread its priority. The library calls it on that thread.
 unsafe extern "C" fn on_stream(data: gpointer, kind: ArvStreamCallbackType, _buffer: *mut ArvBuffer) {
     static WARNED: Once = Once::new();
     if kind == sys::ARV_STREAM_CALLBACK_TYPE_BUFFER_DONE {
@@ -378,14 +389,14 @@ unsafe extern "C" fn on_stream(data: gpointer, kind: ArvStreamCallbackType, _buf
     }
 }
 
-/// Called by the library once it no longer calls `on_stream`.
+/// Releases the library's reference to the times. The library calls it once it no longer calls `on_stream`.
 unsafe extern "C" fn release_times(data: gpointer) {
     // SAFETY: from `Arc::into_raw`, released once.
     drop(unsafe { Arc::from_raw(data.cast::<BufferTimes>().cast_const()) });
 }
 
 /// Returns the reason why a buffer holds no complete frame.
-pub fn failure(status: sys::ArvBufferStatus) -> &'static str {
+pub fn failure_reason(status: sys::ArvBufferStatus) -> &'static str {
     match status {
         sys::ARV_BUFFER_STATUS_TIMEOUT => "packets still missing at the timeout",
         sys::ARV_BUFFER_STATUS_MISSING_PACKETS => "packets missing",

@@ -25,6 +25,11 @@ pub(super) struct Applied {
 }
 
 /// Applies every setting, reads every one back, and returns the resulting stream.
+///
+/// # Errors
+///
+/// [`CameraError::Setting`] with the key or control, the value and the allowed values if the driver refuses or changes
+/// one. [`CameraError::NotFound`] if another program uses the camera.
 pub(super) fn apply(device: &Device, settings: &config::Camera) -> Result<Applied, CameraError> {
     let layout = select_layout(device, settings)?;
     let buffer = set_format(device, settings, layout)?;
@@ -41,12 +46,12 @@ pub(super) fn apply(device: &Device, settings: &config::Camera) -> Result<Applie
         check_rate(wanted, kept)?;
     }
     let frame_rate_hz = kept.or(settings.frame_rate_hz).unwrap_or(0.0);
-    let exposure_us = settings.exposure_us.or_else(|| exposure_us(device)).unwrap_or(0.0);
+    let exposure_us = settings.exposure_us.or_else(|| fixed_exposure_us(device)).unwrap_or(0.0);
     Ok(Applied { buffer, frame_rate_hz, exposure_us })
 }
 
 /// Returns the exposure time if it is fixed, us; `None` if it is automatic or not reported.
-fn exposure_us(device: &Device) -> Option<f64> {
+fn fixed_exposure_us(device: &Device) -> Option<f64> {
     let is_manual = device.number(sys::V4L2_CID_EXPOSURE_AUTO).is_none_or(|mode| {
         let fixed = [sys::V4L2_EXPOSURE_MANUAL, sys::V4L2_EXPOSURE_SHUTTER_PRIORITY];
         fixed.into_iter().any(|index| i64::from(index) == mode)
@@ -56,6 +61,10 @@ fn exposure_us(device: &Device) -> Option<f64> {
 }
 
 /// Selects the best of the driver's formats for the requested pixel format, size and rate.
+///
+/// # Errors
+///
+/// [`CameraError::Setting`] if the camera offers no supported format, or not the requested one.
 fn select_layout(device: &Device, settings: &config::Camera) -> Result<Layout, CameraError> {
     let offered = device.formats();
     let offers = |layout: &&Layout| offered.iter().any(|(fourcc, _)| *fourcc == layout.fourcc);
@@ -80,6 +89,12 @@ fn may_support(device: &Device, settings: &config::Camera, fourcc: u32) -> bool 
     device.sizes(fourcc).may_include(size) && settings.frame_rate_hz.is_none_or(has_rate)
 }
 
+/// Sets the pixel format and the size, and returns the layout of the driver's buffers.
+///
+/// # Errors
+///
+/// [`CameraError::Setting`] if the driver keeps another format or size, interlaces, or has too small buffers.
+/// [`CameraError::NotFound`] if another program uses the camera.
 fn set_format(device: &Device, settings: &config::Camera, layout: Layout) -> Result<BufferLayout, CameraError> {
     let name = fourcc_text(layout.fourcc);
     let failed = |error: io::Error| match error.raw_os_error() {
@@ -119,6 +134,7 @@ fn set_format(device: &Device, settings: &config::Camera, layout: Layout) -> Res
     Ok(buffer)
 }
 
+/// Sets the requested frame rate, if there is one and the driver supports it, and checks the rate that it keeps.
 fn set_rate(device: &Device, settings: &config::Camera, buffer: &BufferLayout) -> Result<(), CameraError> {
     let Some(wanted) = settings.frame_rate_hz else { return Ok(()) };
     if device.interval().is_none() {
@@ -136,13 +152,20 @@ fn set_rate(device: &Device, settings: &config::Camera, buffer: &BufferLayout) -
     }
 }
 
-fn check_rate(wanted: f64, kept: f64) -> Result<(), CameraError> {
-    if is_same_rate(wanted, kept) {
+/// Checks that the driver keeps the requested frame rate.
+fn check_rate(wanted_hz: f64, kept_hz: f64) -> Result<(), CameraError> {
+    if is_same_rate(wanted_hz, kept_hz) {
         return Ok(());
     }
-    Err(setting_error("frame_rate_hz", wanted, format!("the camera keeps {kept:.3} after its other settings")))
+    Err(setting_error("frame_rate_hz", wanted_hz, format!("the camera keeps {kept_hz:.3} after its other settings")))
 }
 
+/// Disables automatic exposure and sets the requested exposure time, if there is one.
+///
+/// # Errors
+///
+/// [`CameraError::Setting`] if the camera has no standard exposure control, or cannot be set to this time within
+/// [`MAX_EXPOSURE_ROUNDING`].
 fn set_exposure(device: &Device, settings: &config::Camera) -> Result<(), CameraError> {
     let Some(wanted) = settings.exposure_us else { return Ok(()) };
     let refused = |reason: String| setting_error("exposure_us", wanted, reason);

@@ -21,7 +21,7 @@ pub(super) fn warnings(device: &Device, applied: &Applied, settings: &config::Ca
             fourcc_text(layout.fourcc)
         ));
     }
-    let automatic = device.automatic();
+    let automatic = device.active_auto_controls();
     if !automatic.is_empty() {
         let exposure = device.number(sys::V4L2_CID_EXPOSURE_AUTO).map_or("", |_| "; exposure_us sets a fixed exposure");
         warnings.push(format!(

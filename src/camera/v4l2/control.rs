@@ -16,17 +16,21 @@ const MAX_CONTROLS: usize = 1024;
 /// One control of a driver.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Control {
+    /// `V4L2_CID_...`.
     pub id: u32,
     /// The name under `features` in the configuration: lower-case, `_` between words.
     pub name: String,
+    /// `V4L2_CTRL_TYPE_...`.
     kind: u32,
     range: IntegerRange,
+    /// `V4L2_CTRL_FLAG_...`.
     flags: u32,
 }
 
 impl Control {
-    fn has(&self, flag: u32) -> bool {
-        self.flags & flag != 0
+    /// Whether any of these flags is set.
+    fn has_flag(&self, flags: u32) -> bool {
+        self.flags & flags != 0
     }
 
     /// Returns the reason why it cannot be set now, if there is one.
@@ -37,7 +41,7 @@ impl Control {
             (sys::V4L2_CTRL_FLAG_GRABBED, "another program, or the running stream, locks it"),
             (sys::V4L2_CTRL_FLAG_INACTIVE, "another control, usually an automatic one, overrides it"),
         ];
-        locks.iter().find(|(flag, _)| self.has(*flag)).map(|(_, reason)| *reason)
+        locks.iter().find(|(flag, _)| self.has_flag(*flag)).map(|(_, reason)| *reason)
     }
 }
 
@@ -80,7 +84,7 @@ impl Device {
     /// another type or is outside the range, or the camera keeps another value.
     pub(super) fn set_control(&self, name: &str, value: &FeatureValue) -> Result<(), CameraError> {
         let set = || {
-            let control = self.control(name)?;
+            let control = self.find_control(name)?;
             if let Some(reason) = control.lock_reason() {
                 return Err(reason.to_owned());
             }
@@ -96,13 +100,17 @@ impl Device {
     ///
     /// [`CameraError::Setting`] if it has another value.
     pub(super) fn verify_control(&self, name: &str, value: &FeatureValue) -> Result<(), CameraError> {
-        let verify = || self.verify(&self.control(name)?, value);
+        let verify = || self.verify(&self.find_control(name)?, value);
         verify().map_err(|reason| setting_error(name, value, reason))
     }
 
-    /// Sets a menu to an index with a standard meaning; drivers name the entries differently.
+    /// Sets a menu to an index with a standard meaning, since drivers name the entries differently, and reads it back.
+    ///
+    /// # Errors
+    ///
+    /// The reason, with the entries that the menu has.
     pub(super) fn set_menu_index(&self, name: &str, index: u32) -> Result<(), String> {
-        let control = self.control(name)?;
+        let control = self.find_control(name)?;
         let entries = self.menu(&control);
         let entry = entries.iter().find(|entry| entry.index == i64::from(index));
         let entry = entry.ok_or_else(|| format!("{name} offers only {}", names_of(&entries)))?;
@@ -110,7 +118,12 @@ impl Device {
         self.verify(&control, &FeatureValue::Text(entry.name.clone()))
     }
 
-    fn control(&self, name: &str) -> Result<Control, String> {
+    /// Returns the control of this name, in any spelling of its words.
+    ///
+    /// # Errors
+    ///
+    /// The names of all controls, if there is none.
+    fn find_control(&self, name: &str) -> Result<Control, String> {
         let wanted = identifier(name);
         let controls = self.controls();
         controls.iter().find(|control| control.name == wanted).cloned().ok_or_else(|| {
@@ -120,6 +133,11 @@ impl Device {
         })
     }
 
+    /// Writes a value to a control of any type after checking its type and range.
+    ///
+    /// # Errors
+    ///
+    /// The expected type and the allowed values, or the driver's message.
     fn write(&self, control: &Control, value: &FeatureValue) -> Result<(), String> {
         let write = |value: i64| self.write_integer(control, value).map_err(|error| error.to_string());
         match (control.kind, value) {
@@ -140,7 +158,7 @@ impl Device {
             (sys::V4L2_CTRL_TYPE_STRING, FeatureValue::Text(value)) => self.write_text(control, value),
             (sys::V4L2_CTRL_TYPE_BUTTON, _) => Err("it is a command: true executes it".into()),
             (kind, _) => {
-                let allowed = self.allowed(control);
+                let allowed = self.allowed_values(control);
                 let allowed = if allowed.is_empty() { allowed } else { format!(", allowed {allowed}") };
                 Err(format!("it is of type {}{allowed}", type_name(kind)))
             }
@@ -175,6 +193,7 @@ impl Device {
         (control.range.min..=control.range.max.min(i64::from(MAX_LIST))).filter_map(entry).collect()
     }
 
+    /// Writes the number that a control of any type but text has in the driver.
     fn write_integer(&self, control: &Control, value: i64) -> io::Result<()> {
         let mut one = sys::v4l2_ext_control { id: control.id, ..Default::default() };
         if control.kind == sys::V4L2_CTRL_TYPE_INTEGER64 {
@@ -186,6 +205,7 @@ impl Device {
         self.transfer(sys::REQUEST_S_EXT_CTRLS, &mut one)
     }
 
+    /// Writes a text after checking its length.
     fn write_text(&self, control: &Control, value: &str) -> Result<(), String> {
         let length = i64::try_from(value.len()).unwrap_or(i64::MAX);
         if check_integer(length, control.range).is_err() || value.contains('\0') {
@@ -208,7 +228,7 @@ impl Device {
 
     /// Returns the value of a control as written in a configuration; `None` if it cannot be read.
     fn value(&self, control: &Control) -> Option<String> {
-        if control.kind == sys::V4L2_CTRL_TYPE_BUTTON || control.has(sys::V4L2_CTRL_FLAG_WRITE_ONLY) {
+        if control.kind == sys::V4L2_CTRL_TYPE_BUTTON || control.has_flag(sys::V4L2_CTRL_FLAG_WRITE_ONLY) {
             return None;
         }
         let mut one = sys::v4l2_ext_control { id: control.id, ..Default::default() };
@@ -218,7 +238,7 @@ impl Device {
             letters.resize(size as usize, 0_u8);
             one.size = size as u32;
             one.__bindgen_anon_1.string = letters.as_mut_ptr().cast();
-        } else if control.has(sys::V4L2_CTRL_FLAG_HAS_PAYLOAD) {
+        } else if control.has_flag(sys::V4L2_CTRL_FLAG_HAS_PAYLOAD) {
             return None;
         }
         self.transfer(sys::REQUEST_G_EXT_CTRLS, &mut one).ok()?;
@@ -245,7 +265,7 @@ impl Device {
     }
 
     /// Returns the names of active automatic adjustments: automatic controls, and an exposure that is not manual.
-    pub(super) fn automatic(&self) -> Vec<String> {
+    pub(super) fn active_auto_controls(&self) -> Vec<String> {
         let is_on = |control: &Control| match control.kind {
             sys::V4L2_CTRL_TYPE_BOOLEAN => {
                 control.name.split('_').any(|word| matches!(word, "auto" | "automatic"))
@@ -257,10 +277,15 @@ impl Device {
             _ => false,
         };
         let locked = sys::V4L2_CTRL_FLAG_DISABLED | sys::V4L2_CTRL_FLAG_READ_ONLY;
-        let controls = self.controls().into_iter().filter(|control| !control.has(locked) && is_on(control));
+        let controls = self.controls().into_iter().filter(|control| !control.has_flag(locked) && is_on(control));
         controls.map(|control| control.name).collect()
     }
 
+    /// Reads a control back and compares it with the requested value. A control that cannot be read passes.
+    ///
+    /// # Errors
+    ///
+    /// The value that the camera keeps instead.
     fn verify(&self, control: &Control, wanted: &FeatureValue) -> Result<(), String> {
         match self.value(control) {
             Some(kept) if kept.trim_end() != wanted.to_string().trim_end() => Err(format!("the camera keeps {kept}")),
@@ -269,7 +294,7 @@ impl Device {
     }
 
     /// Returns the allowed values of a control as text; empty if there is no range.
-    fn allowed(&self, control: &Control) -> String {
+    fn allowed_values(&self, control: &Control) -> String {
         match control.kind {
             sys::V4L2_CTRL_TYPE_INTEGER | sys::V4L2_CTRL_TYPE_INTEGER64 => control.range.to_string(),
             sys::V4L2_CTRL_TYPE_STRING => format!("{} bytes", control.range),
@@ -283,9 +308,9 @@ impl Device {
     pub(super) fn feature_lines(&self) -> Vec<FeatureLine> {
         let line = |control: Control| FeatureLine {
             depth: 0,
-            kind: kind(control.kind),
+            kind: feature_kind(control.kind),
             value: self.value(&control),
-            allowed: self.allowed(&control),
+            allowed: self.allowed_values(&control),
             unit: if control.id == sys::V4L2_CID_EXPOSURE_ABSOLUTE { "100 us".into() } else { String::new() },
             writable: control.lock_reason().is_none(),
             name: control.name,
@@ -294,8 +319,9 @@ impl Device {
     }
 }
 
-fn kind(kind: u32) -> FeatureKind {
-    match kind {
+/// Returns the feature type of a `V4L2_CTRL_TYPE_...`; numbers and integer menus are integers.
+fn feature_kind(control_type: u32) -> FeatureKind {
+    match control_type {
         sys::V4L2_CTRL_TYPE_BOOLEAN => FeatureKind::Boolean,
         sys::V4L2_CTRL_TYPE_BUTTON => FeatureKind::Command,
         sys::V4L2_CTRL_TYPE_MENU => FeatureKind::Enumeration,
@@ -310,15 +336,17 @@ struct MenuEntry {
     name: String,
 }
 
+/// Returns the names of all entries, separated by commas.
 fn names_of(menu: &[MenuEntry]) -> String {
     menu.iter().map(|entry| entry.name.as_str()).collect::<Vec<_>>().join(", ")
 }
 
-fn type_name(raw: u32) -> String {
-    match raw {
+/// Returns the name of a `V4L2_CTRL_TYPE_...` for messages.
+fn type_name(control_type: u32) -> String {
+    match control_type {
         sys::V4L2_CTRL_TYPE_INTEGER_MENU => "integer menu".into(),
         sys::V4L2_CTRL_TYPE_BITMASK => "bit mask".into(),
-        raw if raw >= sys::V4L2_CTRL_COMPOUND_TYPES => "array, which cannot be set here".into(),
-        raw => kind(raw).as_str().into(),
+        compound if compound >= sys::V4L2_CTRL_COMPOUND_TYPES => "array, which cannot be set here".into(),
+        other => feature_kind(other).as_str().into(),
     }
 }

@@ -8,6 +8,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+/// The type of all our buffers.
 const CAPTURE: u32 = sys::V4L2_BUF_TYPE_VIDEO_CAPTURE;
 
 /// An open V4L2 camera.
@@ -43,6 +44,7 @@ pub(super) enum Memory {
 }
 
 impl Memory {
+    /// Returns the kernel's `V4L2_MEMORY_...`.
     fn code(self) -> u32 {
         match self {
             Self::Mapped => sys::V4L2_MEMORY_MMAP,
@@ -53,6 +55,10 @@ impl Memory {
 
 impl Device {
     /// Opens a node and checks that it is a camera with streaming support.
+    ///
+    /// # Errors
+    ///
+    /// [`CameraError::NotFound`] with the reason if it is not, or cannot be opened.
     pub(super) fn open(path: &Path) -> Result<Self, CameraError> {
         let id = path.display().to_string();
         let not_found = |reason: String| CameraError::NotFound { id: id.clone(), reason };
@@ -66,6 +72,10 @@ impl Device {
     }
 
     /// Performs one ioctl.
+    ///
+    /// # Panics
+    ///
+    /// If the argument has another size than that in the request code.
     ///
     /// # Safety
     ///
@@ -141,7 +151,7 @@ impl Device {
         }
     }
 
-    /// Returns the frame interval; `None` if the driver does not report one.
+    /// Returns the frame interval, s; `None` if the driver does not report one.
     pub(super) fn interval(&self) -> Option<sys::v4l2_fract> {
         let mut raw = sys::v4l2_streamparm { type_: CAPTURE, ..Default::default() };
         // SAFETY: no pointers.
@@ -149,7 +159,7 @@ impl Device {
         interval_of(&raw)
     }
 
-    /// Requests a frame interval; returns the interval that the driver chose.
+    /// Requests a frame interval, s; returns the interval that the driver chose, `None` if it does not report one.
     pub(super) fn set_interval(&self, interval: sys::v4l2_fract) -> io::Result<Option<sys::v4l2_fract>> {
         let mut raw = sys::v4l2_streamparm { type_: CAPTURE, ..Default::default() };
         raw.parm.capture.timeperframe = interval;
@@ -234,10 +244,12 @@ impl Capability {
     }
 }
 
+/// Returns the argument of an ioctl on one capture buffer.
 fn buffer(memory: Memory, index: u32) -> sys::v4l2_buffer {
     sys::v4l2_buffer { index, type_: CAPTURE, memory: memory.code(), ..Default::default() }
 }
 
+/// Returns the frame interval in stream parameters, s; `None` if the driver does not support one.
 fn interval_of(raw: &sys::v4l2_streamparm) -> Option<sys::v4l2_fract> {
     // SAFETY: for this buffer type the kernel fills in `capture`.
     let capture = unsafe { raw.parm.capture };
@@ -246,7 +258,7 @@ fn interval_of(raw: &sys::v4l2_streamparm) -> Option<sys::v4l2_fract> {
     (is_known && interval.numerator > 0 && interval.denominator > 0).then_some(interval)
 }
 
-/// Reads a text from a field of fixed size.
+/// Reads a text, which ends with a zero byte or with the field, from a field of fixed size.
 pub(super) fn text(bytes: &[u8]) -> String {
     let end = bytes.iter().position(|byte| *byte == 0).unwrap_or(bytes.len());
     String::from_utf8_lossy(&bytes[..end]).trim().to_owned()

@@ -50,6 +50,7 @@ pub fn list() -> Vec<CameraListing> {
     nodes().into_iter().filter_map(describe).collect()
 }
 
+/// Describes the camera behind a device file; `None` if it is gone or no camera.
 fn describe(path: PathBuf) -> Option<CameraListing> {
     let node = match Node::open(&path) {
         Ok(node) => node,
@@ -88,6 +89,7 @@ pub fn is_v4l2_id(id: &str) -> bool {
     is_file || !id.is_empty() && select(&list(), id).is_ok()
 }
 
+/// Describes a pixel format with its sizes, and with their rates if the format is supported.
 fn format_listing(device: &Device, fourcc: u32, description: String) -> FormatListing {
     let sizes = device.sizes(fourcc);
     let ring_format = LAYOUTS.iter().find(|layout| layout.fourcc == fourcc).map(|layout| layout.format);
@@ -113,6 +115,10 @@ fn attribute(path: &Path, name: &str) -> String {
 }
 
 /// Returns the device file of the camera with this id.
+///
+/// # Errors
+///
+/// [`CameraError::NotFound`] if there is none, or several match.
 fn path_of(id: &str) -> Result<PathBuf, CameraError> {
     if id.starts_with('/') {
         return Ok(PathBuf::from(id));
@@ -139,6 +145,11 @@ impl Device {
     }
 }
 
+/// Returns the device file of the camera with this id among those listed; the first one for an empty id.
+///
+/// # Errors
+///
+/// The listed cameras, if none matches or several do.
 fn select(cameras: &[CameraListing], id: &str) -> Result<PathBuf, String> {
     let names = |camera: &CameraListing| {
         let file = camera.path.file_name().and_then(|name| name.to_str()).unwrap_or_default().to_owned();

@@ -12,8 +12,9 @@ const MAX_JITTER: f64 = 0.02;
 pub(super) struct FrameTiming {
     /// The configured rate; 0 if none.
     rate_hz: f64,
-    /// Frames of this window, relative to its first: number and time.
+    /// Frames of this window, relative to its first.
     points: Vec<Point>,
+    /// Sequence number and timestamp (ns) of the first frame of this window.
     first: Option<(u64, u64)>,
     warned_rate: bool,
     warned_jitter: bool,
@@ -37,7 +38,7 @@ impl FrameTiming {
         }
     }
 
-    /// Adds the next frame and returns new warnings.
+    /// Adds the next frame, and returns new warnings if it completes a window.
     pub fn observe(&mut self, sequence: u64, stamp_ns: u64) -> Vec<String> {
         let (first, start_ns) = *self.first.get_or_insert((sequence, stamp_ns));
         self.points
@@ -45,12 +46,13 @@ impl FrameTiming {
         if self.points.len() < WINDOW_FRAMES {
             return Vec::new();
         }
-        let (period_ns, jitter_ns) = fit_line(&self.points);
+        let LineFit { slope: period_ns, residual_sigma: jitter_ns } = fit_line(&self.points);
         self.points.clear();
         self.first = None;
         self.check(period_ns, jitter_ns)
     }
 
+    /// Compares the mean frame period and the jitter of the timestamps (1 sigma) of a window with their limits.
     fn check(&mut self, period_ns: f64, jitter_ns: f64) -> Vec<String> {
         let mut warnings = Vec::new();
         let (rate_hz, wanted_hz) = (1e9 / period_ns, self.rate_hz);
@@ -74,17 +76,25 @@ impl FrameTiming {
     }
 }
 
-/// Fits a line through the points; returns its slope and the residual standard deviation.
-fn fit_line(points: &[Point]) -> (f64, f64) {
+/// A line through the timestamps of a window.
+struct LineFit {
+    /// The mean frame period, ns/frame.
+    slope: f64,
+    /// The standard deviation of the timestamps from the line, ns.
+    residual_sigma: f64,
+}
+
+/// Fits a line through the points by least squares. It takes at least three points.
+fn fit_line(points: &[Point]) -> LineFit {
     let count = points.len() as f64;
-    let mean = |of: fn(&Point) -> f64| points.iter().map(of).sum::<f64>() / count;
+    let mean = |value: fn(&Point) -> f64| points.iter().map(value).sum::<f64>() / count;
     let (mean_frames, mean_ns) = (mean(|point| point.frames), mean(|point| point.time_ns));
-    let sum = |of: &dyn Fn(f64, f64) -> f64| {
-        points.iter().map(|point| of(point.frames - mean_frames, point.time_ns - mean_ns)).sum::<f64>()
+    let sum = |term: &dyn Fn(f64, f64) -> f64| {
+        points.iter().map(|point| term(point.frames - mean_frames, point.time_ns - mean_ns)).sum::<f64>()
     };
     let slope = sum(&|x, y| x * y) / sum(&|x, _| x * x);
-    let square = sum(&|x, y| (y - slope * x).powi(2));
-    (slope, (square / (count - 2.0)).sqrt())
+    let square_sum = sum(&|x, y| (y - slope * x).powi(2));
+    LineFit { slope, residual_sigma: (square_sum / (count - 2.0)).sqrt() }
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 /// Size of an empty image: start and end markers.
 pub(super) const MIN_BYTES: usize = START.len() + END.len();
 
+/// The start and the end marker of an image (ITU-T T.81, Annex B).
 const START: [u8; 2] = [0xff, 0xd8];
 const END: [u8; 2] = [0xff, 0xd9];
 
@@ -31,7 +32,7 @@ const ONES: [u8; 128] = {
     ones
 };
 
-/// Decodes the luma of an image of this size into `to`, 0 to 255, as it was encoded.
+/// Decodes the luma of an image of this size into `to`, row by row without padding, 0 to 255, as it was encoded.
 ///
 /// # Errors
 ///

@@ -40,6 +40,7 @@ pub(super) trait Kernel: Send + std::fmt::Debug {
 pub(super) struct Node(OwnedFd);
 
 impl Node {
+    /// Opens a device file for reading and writing.
     pub(super) fn open(path: &Path) -> io::Result<Self> {
         // Non-blocking: only `wait` waits, with a timeout.
         let flags = OFlags::RDWR | OFlags::NONBLOCK | OFlags::CLOEXEC;
@@ -122,6 +123,7 @@ pub(super) struct Mapping {
 unsafe impl Send for Mapping {}
 
 impl Mapping {
+    /// Maps the buffer of this size at the offset that the driver gives it in its device file.
     pub(super) fn new(kernel: &dyn Kernel, offset: u64, bytes: usize) -> io::Result<Self> {
         // Drivers may refuse a mapping that is not writable.
         let access = ProtFlags::READ | ProtFlags::WRITE;

@@ -4,7 +4,7 @@
 //! as `Mono8` to `Mono16`, bit for bit. Of `NV12`, `YUYV` and `UYVY`, the luma is taken as the driver delivers it (most
 //! cameras limit it to 16 to 235). Of compressed images (`MJPG`), the luma is decoded as it was encoded. They are used
 //! only if nothing else has the requested size and rate, because compression removes speckle detail.
-#![expect(unsafe_code, reason = "the kernel is spoken to through structures of C")]
+#![expect(unsafe_code, reason = "the kernel is called with structures of C")]
 
 mod apply;
 mod control;
@@ -75,6 +75,7 @@ pub struct V4l2Camera {
     sequences: Sequences,
     clock: HostClock,
     timing: FrameTiming,
+    /// `stamp_ns` of the last returned frame.
     last_ns: u64,
     /// When the last returned frame was complete, ns on the kernel's monotonic clock, if the driver reports it.
     completed_ns: Option<u64>,
@@ -91,6 +92,7 @@ impl V4l2Camera {
         Self::with_device(Device::find(settings.id.as_deref().unwrap_or_default())?, settings)
     }
 
+    /// Applies the settings to an open device, and logs warnings about automatic controls.
     fn with_device(device: Device, settings: &config::Camera) -> Result<Self, CameraError> {
         let applied = apply::apply(&device, settings)?;
         let Applied { buffer, frame_rate_hz, exposure_us } = applied;
@@ -123,7 +125,8 @@ impl V4l2Camera {
         self.queue.copies()
     }
 
-    fn lost(&self, error: &io::Error) -> CameraError {
+    /// Returns the error for a stream that has failed.
+    fn lost_error(&self, error: &io::Error) -> CameraError {
         let reason = match error.raw_os_error() {
             Some(libc::ENODEV | libc::ENXIO) => "it was unplugged".into(),
             Some(libc::EIO) => "its driver reports an input/output error".into(),
@@ -133,9 +136,9 @@ impl V4l2Camera {
     }
 
     /// Returns the error for a stream that does not start.
-    fn refused(&self, error: &io::Error) -> CameraError {
+    fn start_error(&self, error: &io::Error) -> CameraError {
         let reason = match error.raw_os_error() {
-            Some(libc::ENODEV | libc::ENXIO) => return self.lost(error),
+            Some(libc::ENODEV | libc::ENXIO) => return self.lost_error(error),
             Some(libc::EBUSY) => "another program uses it".into(),
             Some(libc::ENOSPC) => {
                 "the USB has no bandwidth left for its stream: use a smaller image, a lower rate or a \
@@ -200,14 +203,14 @@ impl Camera for V4l2Camera {
     }
 
     fn start(&mut self) -> Result<(), CameraError> {
-        self.queue.start(&self.device).map_err(|error| self.refused(&error))?;
+        self.queue.start(&self.device).map_err(|error| self.start_error(&error))?;
         let how = if self.copies() { "copied from the driver's buffers" } else { "written to the ring by the driver" };
         log::info!("{}: frames are {how}", self.device.id);
         Ok(())
     }
 
     fn next(&mut self, timeout: Duration) -> Result<Next, CameraError> {
-        match self.queue.next(&self.device, timeout).map_err(|error| self.lost(&error))? {
+        match self.queue.next(&self.device, timeout).map_err(|error| self.lost_error(&error))? {
             Dequeued::Filled(slot, info) => {
                 self.completed_ns = self.clock.completed_ns(&info);
                 Ok(self.validate(slot, &info))

@@ -44,6 +44,7 @@ pub enum Rates {
 }
 
 impl Sizes {
+    /// Reads a driver's list: single sizes, or one range.
     pub(super) fn from_list(list: impl Iterator<Item = sys::v4l2_frmsizeenum>) -> Self {
         let mut sizes = Vec::new();
         for raw in list {
@@ -75,9 +76,9 @@ impl Sizes {
         match self {
             Self::List(sizes) => sizes.is_empty() || sizes.contains(&size),
             Self::Range { min, max, step } => {
-                let fits = |of: fn(&FrameSize) -> u32| {
-                    let (value, min, max) = (of(&size), of(min), of(max));
-                    (min..=max).contains(&value) && (value - min).is_multiple_of(of(step))
+                let fits = |side: fn(&FrameSize) -> u32| {
+                    let (value, min, max) = (side(&size), side(min), side(max));
+                    (min..=max).contains(&value) && (value - min).is_multiple_of(side(step))
                 };
                 fits(|size| size.width_px) && fits(|size| size.height_px)
             }
@@ -86,6 +87,7 @@ impl Sizes {
 }
 
 impl Rates {
+    /// Reads a driver's list: single frame intervals, or one range of them.
     pub(super) fn from_list(list: impl Iterator<Item = sys::v4l2_frmivalenum>) -> Self {
         let mut rates = Vec::new();
         for raw in list {
@@ -121,7 +123,7 @@ pub(super) fn rate_hz(interval: sys::v4l2_fract) -> f64 {
     if interval.numerator == 0 { 0.0 } else { f64::from(interval.denominator) / f64::from(interval.numerator) }
 }
 
-/// Returns the frame interval of a rate as a fraction that a driver can hold.
+/// Returns the frame interval of a rate, s, as a fraction that a driver can hold.
 pub(super) fn interval_of_rate(rate_hz: f64) -> sys::v4l2_fract {
     // Film and television rates are exact only over 1001.
     let numerators = [1, 1001, 1000, 1_000_000];
@@ -162,6 +164,7 @@ impl fmt::Display for Rates {
     }
 }
 
+/// Writes the entries of a list, separated by commas.
 fn write_list(formatter: &mut fmt::Formatter<'_>, list: &[impl fmt::Display]) -> fmt::Result {
     if list.is_empty() {
         return write!(formatter, "not listed");

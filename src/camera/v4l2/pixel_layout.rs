@@ -14,6 +14,7 @@ pub(super) struct Layout {
     packing: Packing,
 }
 
+/// The arrangement of the grey levels in a buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Packing {
     /// Grey levels row by row; colour, if any, lies behind all of them.
@@ -51,7 +52,9 @@ impl Layout {
 /// The layout of a stream's frames in the driver's buffers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct BufferLayout {
+    /// The pixel format.
     pub layout: Layout,
+    /// The size of the image.
     pub size: FrameSize,
     /// Distance between rows in the driver's buffer, bytes.
     pub stride_bytes: u32,
@@ -88,12 +91,13 @@ impl BufferLayout {
         self.stride_bytes as usize * (self.size.height_px as usize - 1) + row
     }
 
-    /// Extracts the grey levels from a driver's buffer of at least [`min_bytes`](Self::min_bytes).
+    /// Extracts the grey levels from a driver's buffer of at least [`min_bytes`](Self::min_bytes) into a slot of at
+    /// least [`slot_bytes`](Self::slot_bytes), without row padding.
     ///
     /// # Errors
     ///
     /// The defect of a compressed image.
-    pub fn copy(&self, from: &[u8], to: &mut [u8]) -> Result<(), String> {
+    pub fn extract_grey(&self, from: &[u8], to: &mut [u8]) -> Result<(), String> {
         let to = &mut to[..self.slot_bytes()];
         if self.layout.packing == Packing::Jpeg {
             return jpeg::decode_luma(from, self.size, to);
@@ -128,7 +132,7 @@ mod tests {
 
     fn copied(buffer: &BufferLayout, from: &[u8]) -> Vec<u8> {
         let mut to = vec![0; buffer.slot_bytes()];
-        buffer.copy(from, &mut to).unwrap();
+        buffer.extract_grey(from, &mut to).unwrap();
         to
     }
 

@@ -46,7 +46,9 @@ pub(super) struct Queue {
     mapped: Vec<Mapping>,
     /// Indices of the buffers that are not queued.
     free: Vec<u32>,
+    /// Slots that the driver did not accept, with the reasons.
     refused: VecDeque<(Slot, String)>,
+    /// Number of refusals since the last filled buffer.
     refusals: usize,
     started: bool,
     /// When the stream started, ns on the kernel's monotonic clock.
@@ -93,6 +95,10 @@ impl Queue {
     }
 
     /// Allocates buffers and starts the stream.
+    ///
+    /// # Errors
+    ///
+    /// The driver's error, or the reason why its buffers cannot be used.
     pub fn start(&mut self, device: &Device) -> io::Result<()> {
         let count = self.waiting.len().clamp(BUFFERS_MIN, BUFFERS_MAX) as u32;
         if !(self.buffer.matches_ring() && self.lend_slots(device, count)) {
@@ -125,6 +131,7 @@ impl Queue {
         false
     }
 
+    /// Allocates, maps and queues buffers of the driver.
     fn map_buffers(&mut self, device: &Device, count: u32) -> io::Result<()> {
         if !self.lent.is_empty() {
             return Err(io::Error::other("the driver keeps memory that it refused to use"));
@@ -160,6 +167,8 @@ impl Queue {
         }
     }
 
+    /// Queues a mapped buffer, or a slot as the buffer of this index if one is waiting. A refused slot goes to
+    /// `refused`.
     fn queue_buffer(&mut self, device: &Device, index: u32) -> io::Result<()> {
         if self.memory == Memory::Mapped {
             return device.enqueue_mapped(index);
@@ -202,7 +211,7 @@ impl Queue {
             return Ok(Dequeued::Timeout);
         }
         match device.dequeue(self.memory) {
-            Ok(buffer) => self.take(device, &buffer),
+            Ok(buffer) => self.accept(device, &buffer),
             Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
                 std::thread::sleep(PAUSE.min(timeout));
                 Ok(Dequeued::Timeout)
@@ -211,13 +220,19 @@ impl Queue {
         }
     }
 
-    fn take(&mut self, device: &Device, buffer: &sys::v4l2_buffer) -> io::Result<Dequeued> {
+    /// Returns the slot of a dequeued buffer, after copying the frame if it is in the driver's memory, and queues the
+    /// next buffers.
+    ///
+    /// # Errors
+    ///
+    /// If the driver returns a buffer that was not queued.
+    fn accept(&mut self, device: &Device, buffer: &sys::v4l2_buffer) -> io::Result<Dequeued> {
         let unknown = || io::Error::other(format!("the driver returned buffer {}, which was not queued", buffer.index));
         let index = buffer.index as usize;
         let mut info = BufferInfo {
             sequence: buffer.sequence,
             flags: buffer.flags,
-            stamp_ns: nanoseconds(&buffer.timestamp),
+            stamp_ns: timeval_ns(&buffer.timestamp),
             bytes: buffer.bytesused as usize,
             damage: None,
         };
@@ -233,7 +248,7 @@ impl Queue {
         let mut slot = self.waiting.pop_front().ok_or_else(|| io::Error::other("no slot to copy to"))?;
         info.bytes = info.bytes.min(mapping.len());
         if info.flags & sys::V4L2_BUF_FLAG_ERROR == 0 && info.bytes >= self.buffer.min_bytes() {
-            info.damage = self.buffer.copy(mapping.bytes(info.bytes), slot.bytes_mut()).err();
+            info.damage = self.buffer.extract_grey(mapping.bytes(info.bytes), slot.bytes_mut()).err();
         }
         self.free.push(buffer.index);
         self.queue_free(device);
@@ -250,7 +265,8 @@ impl Queue {
     }
 }
 
-fn nanoseconds(time: &sys::timeval) -> u64 {
+/// Converts a time of the kernel to nanoseconds; 0 if it is negative.
+fn timeval_ns(time: &sys::timeval) -> u64 {
     let (Ok(seconds), Ok(micros)) = (u64::try_from(time.tv_sec), u64::try_from(time.tv_usec)) else { return 0 };
     seconds.saturating_mul(1_000_000_000).saturating_add(micros.saturating_mul(1000))
 }

@@ -6,12 +6,15 @@ use rustix::time::{ClockId, clock_gettime};
 /// The driver's description of a dequeued buffer.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct BufferInfo {
+    /// The driver's count of frames, which wraps.
     pub sequence: u32,
     /// `V4L2_BUF_FLAG_...`.
     pub flags: u32,
+    /// The driver's timestamp, ns on the clock given by `flags`; 0 if it has none.
     pub stamp_ns: u64,
+    /// Number of bytes that the driver has written.
     pub bytes: usize,
-    /// Why the pixels could not be extracted.
+    /// The reason why the pixels could not be extracted.
     pub damage: Option<String>,
 }
 
@@ -20,6 +23,7 @@ pub(super) struct BufferInfo {
 /// A gap in the driver's count is the same gap in the sequence.
 #[derive(Debug, Default)]
 pub(super) struct Sequences {
+    /// The driver's count and the sequence number of the newest frame.
     last: Option<(u32, u64)>,
 }
 
@@ -48,7 +52,9 @@ impl Sequences {
 /// stream must not step the timestamps.
 #[derive(Debug)]
 pub(super) struct HostClock {
+    /// Host time at zero of the monotonic clock, ns since the Unix epoch.
     epoch_of_monotonic_ns: u64,
+    /// Frame period, ns; 0 if unknown.
     frame_ns: u64,
 }
 
@@ -62,7 +68,7 @@ pub(super) struct Stamps {
 }
 
 impl HostClock {
-    /// Reads both clocks; `frame_rate_hz` is 0 if unknown.
+    /// Measures the offset of the two clocks. `frame_rate_hz` is 0 if unknown.
     pub fn new(frame_rate_hz: f64) -> Self {
         let offset = || {
             let (before, epoch, after) =
@@ -83,7 +89,7 @@ impl HostClock {
         if !has_stamp(info) {
             return Stamps { stamp_ns: self.epoch_of_monotonic_ns + arrival_ns, device_ns: 0 };
         }
-        let start_ns = if is_of_start(info) { info.stamp_ns } else { info.stamp_ns.saturating_sub(self.frame_ns) };
+        let start_ns = if stamps_start(info) { info.stamp_ns } else { info.stamp_ns.saturating_sub(self.frame_ns) };
         Stamps { stamp_ns: self.epoch_of_monotonic_ns.saturating_add(start_ns), device_ns: info.stamp_ns }
     }
 
@@ -92,7 +98,7 @@ impl HostClock {
     ///
     /// A frame stamped at its start is complete one frame period later.
     pub fn completed_ns(&self, info: &BufferInfo) -> Option<u64> {
-        let after_ns = if is_of_start(info) { self.frame_ns } else { 0 };
+        let after_ns = if stamps_start(info) { self.frame_ns } else { 0 };
         has_stamp(info).then(|| info.stamp_ns.saturating_add(after_ns))
     }
 }
@@ -118,7 +124,7 @@ fn has_stamp(info: &BufferInfo) -> bool {
 }
 
 /// Whether a buffer's timestamp is that of the frame's start, not of its end.
-fn is_of_start(info: &BufferInfo) -> bool {
+fn stamps_start(info: &BufferInfo) -> bool {
     info.flags & sys::V4L2_BUF_FLAG_TSTAMP_SRC_MASK == sys::V4L2_BUF_FLAG_TSTAMP_SRC_SOE
 }
 
@@ -127,6 +133,7 @@ pub(super) fn monotonic_ns() -> u64 {
     clock_ns(ClockId::Monotonic)
 }
 
+/// Reads a clock of the kernel, ns.
 fn clock_ns(clock: ClockId) -> u64 {
     let time = clock_gettime(clock);
     u64::try_from(time.tv_sec * 1_000_000_000 + time.tv_nsec).unwrap_or(0)

@@ -7,8 +7,10 @@ use crate::failure::Failure;
 use crate::message::{Event, EventKind, Progress, Role};
 use crate::process::frame_stamp::FrameStamp;
 use crate::process::launch::Launch;
-use crate::process::resume::Reached;
-use crate::process::setup::{SUCCESSION, analysis_params, expected_format, limits, truth_world, update_exposure};
+use crate::process::resume::NewestFrameFile;
+use crate::process::setup::{
+    SUCCESSION_TIMEOUT, analysis_params, expected_format, limits, truth_world, update_exposure,
+};
 use crate::process::status_reporter::StatusReporter;
 use crate::process::stream_state::StreamState;
 use crate::results::{BodyStep, PairField};
@@ -32,10 +34,12 @@ pub(super) struct CameraFeed<'a> {
     pub(super) truth: Option<Rc<SimulatedFilm>>,
     pub(super) format: StreamFormat,
     pub(super) limits: Limits,
+    /// Frames that were taken out of the queue and are not written yet; they stay in the ring.
     pub(super) held: VecDeque<FrameSample>,
     /// Steps that belong to the next shot.
     pub(super) early: Vec<(BodyStep, Option<PairField>)>,
     pub(super) identity: CameraIdentity,
+    /// The newest frame that was written.
     pub(super) newest: FrameStamp,
     /// Whether this process replaces a dead recorder.
     pub(super) resumed: bool,
@@ -46,7 +50,7 @@ pub(super) struct CameraFeed<'a> {
     /// One past the last frame that a dead predecessor wrote.
     pub(super) predecessor_end: Option<u64>,
     /// The newest frame that was handed to the system, for a successor.
-    reached: Reached,
+    reached: NewestFrameFile,
     progress: Subscriber<Progress>,
     /// The latest progress of each worker.
     workers: BTreeMap<u32, Progress>,
@@ -55,14 +59,14 @@ pub(super) struct CameraFeed<'a> {
 }
 
 impl<'a> CameraFeed<'a> {
-    /// Joins the rig of a camera.
+    /// Joins the rig of a camera as its recorder, and opens its topics.
     pub(super) fn open(name: &str, config: &'a Config, launch: &Launch) -> Result<Self, Failure> {
         let format = expected_format(config)?;
         config.check_ring(format.slot_bytes(), format.frame_rate_hz)?;
         config.check_calibration(format.width_px, format.height_px)?;
         let limits = limits(config, &format);
-        let bus = Bus::join_as(&config.rig.name, Role::Record.as_str(), SUCCESSION, launch.domain.as_ref())?;
-        let (reached, left) = Reached::open(&bus.private_file(Role::Record.as_str()))?;
+        let bus = Bus::join_as(&config.rig.name, Role::Record.as_str(), SUCCESSION_TIMEOUT, launch.domain.as_ref())?;
+        let (reached, left) = NewestFrameFile::open(&bus.private_file(Role::Record.as_str()))?;
         let left = left.filter(|_| launch.is_restart);
         Ok(Self {
             name: name.to_owned(),
@@ -151,7 +155,7 @@ impl<'a> CameraFeed<'a> {
         (0..self.config.workers.count).all(|index| self.workers.get(&index).is_some_and(has_passed))
     }
 
-    /// Returns the prefix of messages about this camera.
+    /// Returns the prefix of messages about this camera: its name and a colon; empty for the main camera.
     pub(super) fn prefix(&self) -> String {
         if self.name.is_empty() { String::new() } else { format!("{}: ", self.name) }
     }
@@ -179,7 +183,7 @@ impl<'a> CameraFeed<'a> {
             return Ok(());
         }
         let paced = self.config.trigger.mode == TriggerMode::Off && !self.resumed;
-        self.reporter.progress(if paced { 0 } else { u64::MAX })
+        self.reporter.publish_progress(if paced { 0 } else { u64::MAX })
     }
 
     /// Whether frames and steps of this run are accepted.
@@ -187,7 +191,7 @@ impl<'a> CameraFeed<'a> {
         self.runs.contains(&run_id)
     }
 
-    /// Returns the next step of an accepted run.
+    /// Returns the next step of an accepted run and its field; `None` if there is no further step.
     pub(super) fn next_step(&self) -> Result<Option<(BodyStep, Option<PairField>)>, BusError> {
         while let Some((header, field)) = self.fields.take()? {
             if let (true, Some(step)) = (self.takes(header.run_id), header.step()) {
@@ -227,7 +231,8 @@ impl<'a> CameraFeed<'a> {
     /// Returns the first frame of a shot that starts at this time, and drops the frames before it; `None` if it has
     /// not arrived yet.
     ///
-    /// A shot starts with a block, because blocks are measured independently, and rather too early than too late.
+    /// A shot starts with the block of that frame, because blocks are measured independently. If the block's first
+    /// frame is gone, it starts with the next block.
     pub(super) fn first_from(&mut self, from_ns: u64) -> Option<u64> {
         // A hardware-triggered shot begins with its first frame.
         let block = if self.config.trigger.mode == TriggerMode::Hardware { 1 } else { self.block_frames() };

@@ -40,11 +40,13 @@ impl fmt::Display for Matching {
 #[derive(Debug, Clone)]
 pub struct Matcher {
     half_period_ns: u64,
+    /// Stamps of the main camera's frames that may match one of the other camera, ns.
     mains: VecDeque<u64>,
+    /// Stamps of the other camera's frames that are not matched yet, ns.
     others: VecDeque<u64>,
     result: Matching,
     is_over: bool,
-    /// Sum of squares about the mean (Welford).
+    /// Sum of the squared deviations of the delays from their mean, ns².
     squares: f64,
 }
 
@@ -91,7 +93,8 @@ impl Matcher {
     }
 
     /// Matches frames as far as possible: the nearest frame is known once there is a later one, or no more will
-    /// come.
+    /// come. Mean and scatter of the delays are updated by Welford's method (Technometrics 4, 1962,
+    /// <https://doi.org/10.1080/00401706.1962.10490022>).
     fn match_frames(&mut self) {
         while let Some(other) = self.others.front().copied() {
             while self.mains.get(1).is_some_and(|next| next.abs_diff(other) <= self.mains[0].abs_diff(other)) {

@@ -34,7 +34,7 @@ pub(super) struct CameraProgress {
     /// Steps near the end, until it is known which ones lead out of the shot.
     waiting: Vec<(BodyStep, Option<PairField>)>,
     /// Number of frames at its end that never came.
-    cut: u64,
+    missing_at_end: u64,
 }
 
 /// A shot that is being written.
@@ -48,6 +48,7 @@ pub(super) struct OpenShot {
 }
 
 impl OpenShot {
+    /// Wraps a recording that was just created.
     pub(super) fn new(shot: Shot, window: ShotWindow, feeds: &[CameraFeed<'_>]) -> Self {
         let progress = |_: &CameraFeed<'_>| CameraProgress {
             end: None,
@@ -55,7 +56,7 @@ impl OpenShot {
             drained: false,
             shot: None,
             waiting: Vec::new(),
-            cut: 0,
+            missing_at_end: 0,
         };
         let period_ns = feeds.first().map_or(0.0, CameraFeed::period_ns);
         Self {
@@ -92,7 +93,7 @@ impl OpenShot {
 
     /// Adds a step, or keeps it until it is known whether it leads out of the shot; returns whether it belongs to the
     /// shot.
-    pub(super) fn step(
+    pub(super) fn add_step(
         &mut self,
         camera: usize,
         period_ns: f64,
@@ -122,21 +123,21 @@ impl OpenShot {
 
     /// Ends a camera's part with its last frame, if the frames after it will never come: the camera has died. The file
     /// then has the rows of its frames alone.
-    pub(super) fn cut(&mut self, camera: usize) -> Result<(), RecordingError> {
+    pub(super) fn shorten(&mut self, camera: usize) -> Result<(), RecordingError> {
         let (next, Some(end)) = (self.shot.next_frame(camera), self.progress[camera].end) else { return Ok(()) };
         if next >= end || !self.shot.has_begun(camera) {
             return Ok(());
         }
-        self.progress[camera].cut += end - next;
+        self.progress[camera].missing_at_end += end - next;
         self.set_end(camera, next)
     }
 
     /// Returns the number of frames of a camera that are missing in the shot.
     pub(super) fn lost(&self, camera: usize) -> u64 {
-        self.shot.lost(camera) + self.progress[camera].cut
+        self.shot.lost(camera) + self.progress[camera].missing_at_end
     }
 
-    /// Returns the end of each camera's part.
+    /// Returns the end of each camera's part, one past its last frame: the set end, or else that of the written frames.
     pub(super) fn ends(&self) -> Vec<u64> {
         let end = |(camera, progress): (usize, &CameraProgress)| progress.end.unwrap_or(self.shot.next_frame(camera));
         self.progress.iter().enumerate().map(end).collect()

@@ -16,7 +16,7 @@ struct RecorderState {
 }
 
 impl RecorderState {
-    /// Returns the answer to a request; `None` is an unknown one.
+    /// Returns the answer to a request; `None` stands for an unknown one.
     fn answer(self, command: Option<Command>) -> ReplyCode {
         let is_off = self.mode == TriggerMode::Off;
         let is_hardware = self.mode == TriggerMode::Hardware;
@@ -52,6 +52,7 @@ impl Recorder<'_> {
         Ok(())
     }
 
+    /// Returns the present state on which answers depend.
     fn state(&self) -> RecorderState {
         RecorderState {
             mode: self.config.trigger.mode,
@@ -61,6 +62,7 @@ impl Recorder<'_> {
         }
     }
 
+    /// Executes an accepted request.
     fn carry_out(&mut self, command: Command) -> Result<(), Failure> {
         match command {
             Command::Status => Ok(()),

@@ -68,7 +68,8 @@ impl Retention {
         self.made.push(path.to_path_buf());
     }
 
-    /// Removes recordings beyond the limits, next to an open recording; returns one line for each.
+    /// Removes the oldest recordings until the rest, with an open recording, keeps the limits; returns one line for
+    /// each.
     ///
     /// The newest finished recording is never removed.
     pub(super) fn enforce(&mut self, under_way: Option<UnderWay<'_>>) -> Vec<String> {
@@ -110,7 +111,8 @@ impl Retention {
         removed
     }
 
-    /// Like [`enforce`](Self::enforce), once per period.
+    /// Enforces the limit on the size, at most once per [`PERIOD`], while a recording is open; see
+    /// [`enforce`](Self::enforce).
     pub(super) fn enforce_periodically(&mut self, under_way: UnderWay<'_>) -> Vec<String> {
         if self.max_bytes.is_none() || !self.timer.due() {
             return Vec::new();
@@ -127,7 +129,8 @@ impl Retention {
                 // Links are not followed: their targets do not belong to this folder.
                 let metadata = entry.metadata().ok().filter(fs::Metadata::is_file)?;
                 let path = entry.path();
-                let of_this_rig = is_name(entry.file_name().to_str()?, &self.rig) && is_from(&path, &self.rig);
+                let of_this_rig =
+                    is_recording_name(entry.file_name().to_str()?, &self.rig) && names_rig(&path, &self.rig);
                 // Recordings of earlier processes come first, by time. Those of this one follow in order.
                 let rank = self.made.iter().position(|made| *made == path).map_or(0, |at| at + 1);
                 let modified = metadata.modified().unwrap_or(SystemTime::UNIX_EPOCH);
@@ -145,7 +148,7 @@ impl Retention {
 }
 
 /// Whether a recorder of this rig uses such names: `RIG-20261121-083000-123.mcap`, or that with `-2`, `-3`, ...
-fn is_name(name: &str, rig: &str) -> bool {
+fn is_recording_name(name: &str, rig: &str) -> bool {
     let stamp = name.strip_prefix(rig).and_then(|rest| rest.strip_prefix('-')).and_then(|r| r.strip_suffix(".mcap"));
     let Some(stamp) = stamp else { return false };
     let parts: Vec<&str> = stamp.split('-').collect();
@@ -154,17 +157,17 @@ fn is_name(name: &str, rig: &str) -> bool {
 }
 
 /// Whether the file's metadata names this rig.
-fn is_from(path: &Path, rig: &str) -> bool {
+fn names_rig(path: &Path, rig: &str) -> bool {
     // Called every second while a stream is written, so only the head of each file is read.
     let metadata = Recording::peek_metadata(path).ok().flatten();
     metadata.is_some_and(|entries| entries.get("rig").is_some_and(|name| name == rig))
 }
 
 impl Recorder<'_> {
-    /// Publishes which recordings were removed.
+    /// Publishes the lines about removed recordings as events.
     pub(super) fn publish_removed(&mut self, removed: Vec<String>) -> Result<(), Failure> {
         for text in removed {
-            self.event(EventKind::Storage, &text)?;
+            self.publish_event(EventKind::Storage, &text)?;
         }
         Ok(())
     }
@@ -220,7 +223,7 @@ mod tests {
     #[test]
     fn only_names_that_a_recorder_uses_are_its_own() {
         for name in ["a-20261121-083000-123.mcap", "a-20261121-083000-123-2.mcap", "a-20261121-083000-123-10.mcap"] {
-            assert!(is_name(name, "a"), "{name}");
+            assert!(is_recording_name(name, "a"), "{name}");
         }
         for name in [
             "a.mcap",
@@ -234,7 +237,7 @@ mod tests {
             "a-20261121-08300x-123.mcap",
             "a-20261121-83000-123.mcap",
         ] {
-            assert!(!is_name(name, "a"), "{name}");
+            assert!(!is_recording_name(name, "a"), "{name}");
         }
     }
 

@@ -7,7 +7,7 @@ use crate::failure::Failure;
 use crate::process::shot::FrameRange;
 
 impl Recorder<'_> {
-    /// Takes the whole queue and starts a shot around frame `at` (the newest if `None`).
+    /// Takes the whole queue and starts a shot around frame `at`, or around the newest frame if `None`.
     pub(super) fn trigger(&mut self, at: Option<u64>, cause: &str) -> Result<(), Failure> {
         for feed in &mut self.feeds {
             feed.hold(feed.limits.ring_frames + feed.limits.held_frames - 1, |_| false)?;
@@ -61,7 +61,7 @@ impl Recorder<'_> {
         Ok(())
     }
 
-    /// Ends a hardware-triggered shot where the camera was silent.
+    /// Ends a camera's part of a hardware-triggered shot at the silence after it, or at the next shot.
     pub(super) fn end_at_silence(&mut self, camera: usize) -> Result<(), Failure> {
         let is_open = |open: &&mut OpenShot| open.shot.has_begun(camera) && open.progress[camera].end.is_none();
         let Some(open) = self.shot.as_mut().filter(is_open) else { return Ok(()) };
@@ -87,7 +87,7 @@ impl Recorder<'_> {
 
     /// Publishes a trigger and starts its actions.
     fn execute(&mut self, cause: &TriggerCause) -> Result<(), Failure> {
-        self.feeds[0].reporter.event(EventKind::Triggered, cause.frame, &cause.text)?;
+        self.feeds[0].reporter.publish_event(EventKind::Triggered, cause.frame, &cause.text)?;
         self.actions.start(cause);
         Ok(())
     }
@@ -100,7 +100,7 @@ impl Recorder<'_> {
         let fronts = self.feeds.iter().filter_map(|feed| Some(feed.held.front()?.header().stamp_ns));
         let Some(stamp_ns) = fronts.min() else { return Ok(()) };
         let is_there = |feed: &CameraFeed<'_>| !feed.held.is_empty() || feed.stream.end.is_some();
-        let gather = self.gather.get_or_insert_with(|| Timeout::new(GATHER));
+        let gather = self.gather.get_or_insert_with(|| Timeout::new(GATHER_TIMEOUT));
         if !self.feeds.iter().all(is_there) && !gather.has_expired() {
             return Ok(());
         }
@@ -108,8 +108,8 @@ impl Recorder<'_> {
         self.begin(ShotWindow::ALL, stamp_ns, "none: the whole stream", 0)
     }
 
-    /// Creates the recording; on failure, `frames` are counted as lost. Each camera's part begins with its first
-    /// frame.
+    /// Creates the recording of a shot; if that fails, `frames` are counted as lost. The parts of the cameras begin
+    /// later, each with its first frame.
     fn begin(&mut self, window: ShotWindow, stamp_ns: u64, cause: &str, frames: u64) -> Result<(), Failure> {
         let path = free_path(&self.record.directory, &self.config.rig.name, stamp_ns);
         let info = self.info(cause);
@@ -128,10 +128,11 @@ impl Recorder<'_> {
 
     /// Returns the recording's description of itself and its cameras.
     fn info(&self, cause: &str) -> RecordingInfo {
-        let of = |feed: &CameraFeed<'_>| recording_info(feed.config, &feed.format, &feed.identity, cause);
-        let mut info = of(&self.feeds[0]);
+        let info_of = |feed: &CameraFeed<'_>| recording_info(feed.config, &feed.format, &feed.identity, cause);
+        let mut info = info_of(&self.feeds[0]);
         for feed in &self.feeds {
-            let picture = reference_picture::kept(feed.config, &feed.bus).map(reference_picture::attached);
+            let png = reference_picture::stored_png(feed.config, &feed.bus);
+            let picture = png.map(reference_picture::png_attachment);
             let named = |(name, kind, content): (String, String, Vec<u8>)| match feed.name.as_str() {
                 "" => (name, kind, content),
                 view => (format!("{view}/{name}"), kind, content),
@@ -139,7 +140,7 @@ impl Recorder<'_> {
             info.attachments.extend(picture.map(named));
         }
         for feed in &self.feeds[1..] {
-            let RecordingInfo { config_toml, metadata, bodies, .. } = of(feed);
+            let RecordingInfo { config_toml, metadata, bodies, .. } = info_of(feed);
             let bodies = if feed.is_measured() { bodies } else { Vec::new() };
             info.views.push(ViewInfo { name: feed.name.clone(), config_toml, metadata, bodies });
         }
@@ -159,7 +160,7 @@ impl Recorder<'_> {
         self.write(|open| open.shot.set_truth(camera, truth)).map(drop)
     }
 
-    /// Holds the frames of a camera that belong to the shot.
+    /// Holds the frames of a camera that belong to the shot, and ends its part if a frame after the shot has come.
     pub(super) fn hold(&mut self, camera: usize) -> Result<(), Failure> {
         let (end, to_ns) = match &self.shot {
             None => (u64::MAX, u64::MAX),
@@ -206,6 +207,9 @@ impl Recorder<'_> {
         self.begin_camera(camera, first, end)
     }
 
+    /// Closes the shot once the parts of all cameras are complete, and starts the next waiting one.
+    ///
+    /// A further camera without frames for [`SILENCE`](super::SILENCE) ends its part early.
     pub(super) fn close_if_complete(&mut self) -> Result<(), Failure> {
         let Some(open) = &mut self.shot else { return Ok(()) };
         if !open.is_complete(0, &self.feeds[0]) {
@@ -220,7 +224,10 @@ impl Recorder<'_> {
                     return Ok(());
                 }
                 let name = self.feeds[camera].name.clone();
-                self.event(EventKind::Lost, &format!("{name}: no frame came; its part of the shot ends early"))?;
+                self.publish_event(
+                    EventKind::Lost,
+                    &format!("{name}: no frame came; its part of the shot ends early"),
+                )?;
                 self.summary.lost += 1;
                 return Ok(());
             }

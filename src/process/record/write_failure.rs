@@ -43,14 +43,14 @@ impl Recorder<'_> {
         self.summary.lost += missing;
         let text = format!("up to {missing} frames are missing: {error}");
         log::warn!("{text}");
-        self.event(EventKind::Lost, &text)?;
+        self.publish_event(EventKind::Lost, &text)?;
         if self.config.trigger.mode == TriggerMode::Off {
             self.pause = Some(Timeout::new(PAUSE * (1 << self.failures.min(MAX_DOUBLINGS))));
         }
         Ok(())
     }
 
-    /// Whether recording of a stream is paused after a failure.
+    /// Returns whether recording of a stream is paused after a failure. Ends the pause if the disk is usable again.
     pub(super) fn is_paused(&mut self) -> Result<bool, Failure> {
         let Some(pause) = &mut self.pause else { return Ok(false) };
         if !pause.has_expired() {
@@ -62,13 +62,13 @@ impl Recorder<'_> {
         }
         self.pause = None;
         self.feeds.iter_mut().for_each(|feed| feed.resumed = true);
-        self.event(EventKind::Storage, "recording again")?;
+        self.publish_event(EventKind::Storage, "recording again")?;
         Ok(false)
     }
 
-    /// Releases one frame per camera that cannot be recorded.
-    pub(super) fn pass_by(&mut self) -> Result<bool, Failure> {
-        let mut passed = false;
+    /// Discards one frame per camera during a pause, counted as lost; returns whether there was one.
+    pub(super) fn discard_frames(&mut self) -> Result<bool, Failure> {
+        let mut discarded = false;
         for camera in 0..self.feeds.len() {
             self.hold(camera)?;
             let feed = &mut self.feeds[camera];
@@ -76,10 +76,10 @@ impl Recorder<'_> {
             let header = *sample.header();
             self.summary.lost += 1;
             feed.newest = FrameStamp::from(&header);
-            feed.reporter.progress(header.sequence + 1)?;
-            passed = true;
+            feed.reporter.publish_progress(header.sequence + 1)?;
+            discarded = true;
         }
-        Ok(passed)
+        Ok(discarded)
     }
 
     /// Reports when free disk space becomes too small, and when it is sufficient again.
@@ -93,7 +93,7 @@ impl Recorder<'_> {
             if self.storage.has_problem() {
                 log::warn!("{text}");
             }
-            self.event(EventKind::Storage, &text)?;
+            self.publish_event(EventKind::Storage, &text)?;
         }
         Ok(())
     }

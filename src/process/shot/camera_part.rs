@@ -14,7 +14,9 @@ pub(super) struct CameraPart {
     /// The interval whose displacements are drawn, frames.
     pub(super) shortest_frames: u32,
     pub(super) range: FrameRange,
+    /// Ground truth of a simulated camera.
     pub(super) truth: Option<Rc<SimulatedFilm>>,
+    /// One past the newest frame.
     pub(super) next_frame: u64,
     /// Number of frames missing between the first and the newest.
     pub(super) lost: u64,
@@ -23,6 +25,7 @@ pub(super) struct CameraPart {
 }
 
 impl CameraPart {
+    /// Begins the part, with a tracker if anything is measured.
     pub(super) fn new(params: Option<&TrackerParams>, range: FrameRange) -> Self {
         let ordered = |params| OrderedTracker::new(params, range.first, range.max_delay_frames);
         Self {
@@ -43,26 +46,28 @@ impl CameraPart {
         self.frames += 1;
     }
 
-    /// Returns the part of a step that belongs to this recording, if any.
-    pub(super) fn within(&self, step: BodyStep, field: Option<PairField>) -> Option<(BodyStep, Option<PairField>)> {
+    /// Returns a step and its field as far as they belong to this recording: without the motion if it leads out of it,
+    /// `None` if the step's frame is outside.
+    pub(super) fn clip(&self, step: BodyStep, field: Option<PairField>) -> Option<(BodyStep, Option<PairField>)> {
         let target = step.frame + u64::from(step.interval_frames);
         if step.frame < self.range.first || self.range.last.is_some_and(|last| step.frame > last) {
             return None;
         }
         if self.range.last.is_some_and(|last| target > last) {
             // The recording does not contain the target frame of this motion.
-            return Some((cut_off(step), None));
+            return Some((without_motion(step), None));
         }
         Some((step, field))
     }
 
+    /// Whether the steps of every frame before `end` have come, or nothing is measured.
     pub(super) fn has_steps_before(&self, end: u64) -> bool {
         self.ordered.as_ref().is_none_or(|ordered| ordered.has_all_before(end))
     }
 }
 
-/// Removes the motion of a step, as for the last frames of a recording.
-fn cut_off(step: BodyStep) -> BodyStep {
+/// Returns a step without its motion, as it would be measured in the last frames of a recording.
+fn without_motion(step: BodyStep) -> BodyStep {
     let is_seen = step.outline.is_some();
     let status = if is_seen { PointStatus::Valid } else { step.status };
     BodyStep { status, ..step.without_motion() }

@@ -3,6 +3,7 @@
 use super::heartbeat::Heartbeat;
 use super::restarts::RecentDeaths;
 use crate::bus;
+use crate::failure::{ExitCode, Fatal};
 use crate::message::Role;
 use crate::process::line::Line;
 use std::os::unix::process::ExitStatusExt;
@@ -11,7 +12,7 @@ use std::process::{Child as Process, ExitStatus};
 /// Signal of a process whose memory the system could not provide.
 const SIGBUS: i32 = 7;
 /// Exit code of a process that could not use shared memory.
-const BUS_FAILURE: i32 = 4;
+const BUS_FAILURE: i32 = ExitCode::Bus as i32;
 /// Free shared memory that every process of a rig finds enough, bytes.
 const SCARCE_BYTES: u64 = 128 << 20;
 
@@ -33,6 +34,28 @@ impl Child {
     }
 }
 
+/// A process of the rig failed, and the rig cannot continue.
+#[derive(Debug, thiserror::Error)]
+#[error("`ricochet {role}` ended with exit code {code}")]
+pub(super) struct ChildFailure {
+    /// Its subcommand.
+    pub(super) role: &'static str,
+    /// Its exit code.
+    pub(super) code: i32,
+    /// Whether the process itself has printed the reason.
+    pub(super) is_reported: bool,
+}
+
+impl Fatal for ChildFailure {
+    fn exit_code(&self) -> ExitCode {
+        ExitCode::from_number(self.code)
+    }
+
+    fn is_reported(&self) -> bool {
+        self.is_reported
+    }
+}
+
 /// Whether a supervisor also serves the page that the rig file asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Page {
@@ -46,7 +69,9 @@ pub enum Page {
 /// Whether a process starts with the rig or replaces one that died.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Start {
+    /// It starts with the rig.
     First,
+    /// It replaces one that died.
     Again,
 }
 
@@ -69,6 +94,7 @@ pub(super) struct Running {
 }
 
 impl Running {
+    /// Whether it runs, or is about to be started again.
     pub(super) fn is_alive(&self) -> bool {
         self.process.is_some() || self.waits_for_memory
     }

@@ -18,8 +18,9 @@ impl Heartbeat {
         self.silent_polls = Some(0);
     }
 
-    /// Counts a poll of a process in this state of the system; returns whether it counts as hung now.
-    pub(super) fn is_hung(&mut self, state: Option<char>) -> bool {
+    /// Counts a poll of a process whose state in the system is `state` (see [`process_state`]); returns whether it
+    /// counts as hung now.
+    pub(super) fn count_poll(&mut self, state: Option<char>) -> bool {
         let Some(polls) = &mut self.silent_polls else { return false };
         // Waiting for a disk is no fault of the process, and a kill would have to wait as well.
         if state != Some('D') {
@@ -29,7 +30,8 @@ impl Heartbeat {
     }
 }
 
-/// Returns the state of a process: `R`unning, `S`leeping, `D`isk, s`T`opped, `Z`ombie.
+/// Returns the state of a process as in `proc_pid_stat(5)`: `R`unning, `S`leeping, `D`isk, s`T`opped, `Z`ombie. `None`
+/// if there is no such process.
 pub(super) fn process_state(pid: u32) -> Option<char> {
     let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
     stat.rsplit_once(") ")?.1.chars().next()
@@ -43,13 +45,13 @@ mod tests {
     fn a_process_without_a_heartbeat_is_hung_unless_it_starts_or_waits_for_a_disk() {
         let polls = 0..2 * MAX_SILENT_POLLS;
         let mut starting = Heartbeat::default();
-        assert!(polls.clone().all(|_| !starting.is_hung(Some('S'))));
+        assert!(polls.clone().all(|_| !starting.count_poll(Some('S'))));
         let mut writing = Heartbeat::default();
         writing.note();
-        assert!(polls.clone().all(|_| !writing.is_hung(Some('D'))));
-        assert_eq!(polls.clone().find(|_| writing.is_hung(Some('T'))), Some(MAX_SILENT_POLLS - 1));
+        assert!(polls.clone().all(|_| !writing.count_poll(Some('D'))));
+        assert_eq!(polls.clone().find(|_| writing.count_poll(Some('T'))), Some(MAX_SILENT_POLLS - 1));
         writing.note();
-        assert!(!writing.is_hung(Some('S')));
+        assert!(!writing.count_poll(Some('S')));
         assert!(process_state(std::process::id()).is_some_and(char::is_alphabetic));
     }
 }

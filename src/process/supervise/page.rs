@@ -3,12 +3,12 @@
 use super::child::{Child, Page};
 use super::{Supervisor, frame_of};
 use crate::config::Config;
-use crate::failure::Failure;
+use crate::failure::{ExitCode, Failure};
 use crate::message::{EventKind, Role};
 use std::process::ExitStatus;
 
 /// The exit code of a process whose settings are refused, such as an address that is taken.
-const REFUSED: i32 = 2;
+const REFUSED: i32 = ExitCode::Usage as i32;
 
 /// Returns the process of the page, if the rig file has a `[serve]` table that does not turn it off.
 pub(super) fn child(config: &Config, page: Page) -> Option<Child> {
@@ -33,7 +33,7 @@ impl Supervisor<'_> {
             running.waits_for_memory = true;
         }
         self.restarts += 1;
-        self.reporter.event(EventKind::Restarted, frame_of(&last), &text)?;
+        self.reporter.publish_event(EventKind::Restarted, frame_of(&last), &text)?;
         self.restart_waiting()
     }
 }

@@ -19,6 +19,7 @@ impl RecentDeaths {
         self.allow_another_at(now())
     }
 
+    /// Counts a death at this time; returns whether there were at most [`MAX_DEATHS`] within [`WINDOW`].
     fn allow_another_at(&mut self, time: Instant) -> bool {
         self.0.push_back(time);
         while self.0.front().is_some_and(|first| time.duration_since(*first) > WINDOW) {

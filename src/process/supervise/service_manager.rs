@@ -7,6 +7,7 @@ use std::time::Duration;
 
 /// The variable with the address of the service manager.
 pub(super) const ADDRESS: &str = "NOTIFY_SOCKET";
+/// Interval of the notices.
 const PERIOD: Duration = Duration::from_secs(1);
 
 /// The connection to the service manager; without one, nothing is sent.
@@ -20,10 +21,11 @@ pub(super) struct ServiceManager {
 impl ServiceManager {
     /// Connects to the service manager that started this program, if one did.
     pub(super) fn connect() -> Self {
-        Self::at(std::env::var(ADDRESS).ok().as_deref())
+        Self::connect_to(std::env::var(ADDRESS).ok().as_deref())
     }
 
-    fn at(address: Option<&str>) -> Self {
+    /// Connects to the service manager at this address: the path of a socket, or `@` and an abstract name.
+    fn connect_to(address: Option<&str>) -> Self {
         let address = address.and_then(|address| match address.strip_prefix('@') {
             Some(name) => SocketAddr::from_abstract_name(name).ok(),
             None => SocketAddr::from_pathname(address).ok(),
@@ -44,10 +46,11 @@ impl ServiceManager {
     }
 
     /// Reports that the rig stops.
-    pub(super) fn stopping(&self) {
+    pub(super) fn report_stopping(&self) {
         self.send("STOPPING=1\n");
     }
 
+    /// Sends a notice, lines of `KEY=VALUE`. Errors are ignored.
     fn send(&self, notice: &str) {
         if let Some((socket, address)) = &self.socket {
             let _ = socket.send_to_addr(notice.as_bytes(), address);
@@ -63,7 +66,7 @@ mod tests {
     fn the_service_manager_hears_of_start_life_and_stop() {
         let path = std::env::temp_dir().join(format!("ricochet-notify-{}", std::process::id()));
         let manager = UnixDatagram::bind(&path).unwrap();
-        let mut service = ServiceManager::at(path.to_str());
+        let mut service = ServiceManager::connect_to(path.to_str());
         let heard = || {
             let mut bytes = [0; 200];
             let length = manager.recv(&mut bytes).unwrap();
@@ -76,9 +79,9 @@ mod tests {
         assert_eq!(heard(), "READY=1\nWATCHDOG=1\nSTATUS=500 frames per second\n");
         service.report(true, || "500 frames per second".into());
         assert_eq!(heard(), "WATCHDOG=1\nSTATUS=500 frames per second\n");
-        service.stopping();
+        service.report_stopping();
         assert_eq!(heard(), "STOPPING=1\n");
         std::fs::remove_file(&path).unwrap();
-        ServiceManager::at(None).stopping();
+        ServiceManager::connect_to(None).report_stopping();
     }
 }

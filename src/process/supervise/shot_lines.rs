@@ -17,6 +17,7 @@ pub(super) struct ShotLines {
     has_trigger: bool,
     /// The newest collision since the last recording.
     impact: Option<Impact>,
+    /// The number of recordings so far.
     shots: u32,
 }
 
@@ -50,7 +51,7 @@ impl ShotLines {
             Some(EventKind::Started) if !self.has_trigger => format!("filming: rig {rig}"),
             Some(EventKind::Recorded) => {
                 self.shots += 1;
-                let result = self.impact.take().map_or_else(String::new, |impact| self.result(&impact));
+                let result = self.impact.take().map_or_else(String::new, |impact| self.describe_result(&impact));
                 format!("shot {}: {}{result}", self.shots, event.text())
             }
             _ => return,
@@ -58,8 +59,8 @@ impl ShotLines {
         (self.print)(&line);
     }
 
-    /// Returns the result of a collision: its restitution, or its status.
-    fn result(&self, impact: &Impact) -> String {
+    /// Returns the result of a collision in words: its restitution, or its status.
+    fn describe_result(&self, impact: &Impact) -> String {
         let body = self.bodies.get(impact.body as usize).map_or("", String::as_str);
         match (impact.status, impact.restitution) {
             (PointStatus::Valid, Some(e)) => format!(", {body} restitution {:.4} +- {:.4}", e.value, e.sigma),

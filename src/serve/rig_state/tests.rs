@@ -30,24 +30,24 @@ fn a_drop_goes_from_starting_to_saved_and_back_to_ready() {
     let mut words = Vec::new();
     let mut note = |rig: &RigState, now_s: f64| words.push((rig.state(now_s).word.as_str(), rig.actions().join(" ")));
     note(&rig, 0.0);
-    rig.event(&event(EventKind::Started, 0.0), || 0, 0.0);
+    rig.add_event(&event(EventKind::Started, 0.0), || 0, 0.0);
     note(&rig, 0.0);
-    rig.status(&recorder(1), 0.1);
-    rig.status(&camera(0.25), 0.1);
+    rig.add_status(&recorder(1), 0.1);
+    rig.add_status(&camera(0.25), 0.1);
     assert!((rig.ring_fraction() - 0.5).abs() < 1e-9);
     note(&rig, 0.1);
-    rig.status(&camera(0.6), 0.6);
+    rig.add_status(&camera(0.6), 0.6);
     note(&rig, 0.6);
-    rig.event(&event(EventKind::Triggered, 0.7), || 0, 0.7);
+    rig.add_event(&event(EventKind::Triggered, 0.7), || 0, 0.7);
     note(&rig, 0.7);
-    rig.status(&camera(1.0), 1.0);
+    rig.add_status(&camera(1.0), 1.0);
     note(&rig, 1.0);
-    rig.event(&event(EventKind::Recorded, 0.9), || 17, 1.1);
+    rig.add_event(&event(EventKind::Recorded, 0.9), || 17, 1.1);
     note(&rig, 1.1);
     assert_eq!(rig.shot.unwrap().saved.unwrap().number, 17);
-    rig.status(&camera(7.0), 7.0);
+    rig.add_status(&camera(7.0), 7.0);
     note(&rig, 7.0);
-    rig.event(&event(EventKind::Disarmed, 8.0), || 0, 8.0);
+    rig.add_event(&event(EventKind::Disarmed, 8.0), || 0, 8.0);
     note(&rig, 8.0);
     let expected = [
         ("STARTING", "arm"),
@@ -66,12 +66,12 @@ fn a_drop_goes_from_starting_to_saved_and_back_to_ready() {
 #[test]
 fn a_rig_that_does_not_rearm_shows_the_saved_shot_until_it_is_armed() {
     let mut rig = state_of("[trigger]\nmode = \"motion\"\nrearm = false\npre_s = 0\n");
-    rig.event(&event(EventKind::Started, 0.0), || 0, 0.0);
-    rig.event(&event(EventKind::Triggered, 0.0), || 0, 0.0);
-    rig.event(&event(EventKind::Recorded, 0.1), || 3, 1.0);
-    rig.event(&event(EventKind::Disarmed, 0.1), || 0, 1.001);
+    rig.add_event(&event(EventKind::Started, 0.0), || 0, 0.0);
+    rig.add_event(&event(EventKind::Triggered, 0.0), || 0, 0.0);
+    rig.add_event(&event(EventKind::Recorded, 0.1), || 3, 1.0);
+    rig.add_event(&event(EventKind::Disarmed, 0.1), || 0, 1.001);
     assert_eq!(rig.state(60.0).word, Word::Saved);
-    rig.event(&event(EventKind::Armed, 0.1), || 0, 61.0);
+    rig.add_event(&event(EventKind::Armed, 0.1), || 0, 61.0);
     assert_eq!(rig.state(61.0).word, Word::Ready);
 }
 
@@ -82,18 +82,18 @@ fn faults_are_named_and_end_by_themselves() {
         let State { word, detail } = rig.state(now_s);
         (word == Word::Fault).then_some(detail)
     };
-    rig.event(&event(EventKind::Started, 0.0), || 0, 0.0);
-    rig.status(&camera(0.1), 0.1);
+    rig.add_event(&event(EventKind::Started, 0.0), || 0, 0.0);
+    rig.add_status(&camera(0.1), 0.1);
     assert_eq!(fault(&rig, 0.2), None);
     assert_eq!(fault(&rig, 5.0).unwrap(), "the camera process does not report");
-    rig.event(&event(EventKind::Camera, 0.1), || 0, 0.2);
+    rig.add_event(&event(EventKind::Camera, 0.1), || 0, 0.2);
     assert_eq!(fault(&rig, 0.2).unwrap(), "camera: text");
-    rig.status(&camera(0.3), 0.3);
+    rig.add_status(&camera(0.3), 0.3);
     assert_eq!(fault(&rig, 0.3), None);
-    rig.event(&event(EventKind::Storage, 0.3), || 0, 0.3);
-    rig.status(&recorder(2), 0.3);
+    rig.add_event(&event(EventKind::Storage, 0.3), || 0, 0.3);
+    rig.add_status(&recorder(2), 0.3);
     assert_eq!(fault(&rig, 0.3).unwrap(), "text");
-    rig.status(&recorder(0), 0.4);
+    rig.add_status(&recorder(0), 0.4);
     assert_eq!(fault(&rig, 0.4), None);
     rig.is_running = false;
     assert_eq!(fault(&rig, 0.4).unwrap(), "rig rig is not running");
@@ -107,13 +107,13 @@ fn the_last_collision_is_that_of_the_last_shot_in_its_latest_revision() {
         start_s: Some(Estimate { value: start_s, sigma: 0.0 }),
         ..Impact::unknown(0, number, SECOND_NS)
     };
-    rig.event(&event(EventKind::Started, 0.0), || 0, 0.0);
-    rig.impact(impact(0, 0, 0.5));
-    rig.impact(impact(1, 0, 9.5));
-    rig.impact(impact(1, 1, 9.5));
+    rig.add_event(&event(EventKind::Started, 0.0), || 0, 0.0);
+    rig.add_impact(impact(0, 0, 0.5));
+    rig.add_impact(impact(1, 0, 9.5));
+    rig.add_impact(impact(1, 1, 9.5));
     assert_eq!(rig.last_impact().map(|impact| (impact.number, impact.revision)), Some((1, 1)));
-    rig.event(&event(EventKind::Triggered, 1.2), || 0, 1.2);
+    rig.add_event(&event(EventKind::Triggered, 1.2), || 0, 1.2);
     assert_eq!(rig.last_impact().map(|impact| impact.number), Some(0));
-    rig.event(&event(EventKind::Triggered, 5.0), || 0, 5.0);
+    rig.add_event(&event(EventKind::Triggered, 5.0), || 0, 5.0);
     assert_eq!(rig.last_impact().map(|impact| impact.number), None);
 }

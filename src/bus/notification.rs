@@ -17,15 +17,16 @@ const MIN_INTERVAL: Duration = Duration::from_millis(1);
 
 /// Wakes the readers of a topic.
 #[derive(Debug)]
-pub struct Bell {
+pub struct TopicNotifier {
     port: Notifier<ipc::Service>,
     _service: Service,
+    /// The time of the last notification.
     last: Option<Instant>,
 }
 
-impl Bell {
+impl TopicNotifier {
     /// Wakes the readers, unless that was done within the last millisecond.
-    pub fn ring(&mut self) {
+    pub fn notify(&mut self) {
         #[expect(clippy::disallowed_methods, reason = "decides when readers wake, never what they measure")]
         let now = Instant::now();
         if self.last.is_none_or(|last| now.duration_since(last) >= MIN_INTERVAL) {
@@ -37,12 +38,12 @@ impl Bell {
 
 /// Waits for the notifications of a topic.
 #[derive(Debug)]
-pub struct Ear {
+pub struct TopicListener {
     port: Listener<ipc::Service>,
     _service: Service,
 }
 
-impl Ear {
+impl TopicListener {
     /// Sleeps until the next notification, at most `timeout`.
     pub fn wait(&self, timeout: Duration) {
         // An interrupted wait is only shorter.
@@ -51,7 +52,8 @@ impl Ear {
 }
 
 impl Bus {
-    pub(super) fn bell_service(&self, topic: &str) -> Result<Service, BusError> {
+    /// Opens the service of the notifications of this topic, or creates it.
+    pub(super) fn notification_service(&self, topic: &str) -> Result<Service, BusError> {
         self.node()
             .service_builder(&self.service_name(topic)?)
             .event()
@@ -69,10 +71,10 @@ impl Bus {
     /// # Errors
     ///
     /// [`BusError::Service`] when shared memory cannot be used.
-    pub fn bell(&self, topic: &str) -> Result<Bell, BusError> {
-        let service = self.bell_service(topic)?;
+    pub fn notifier(&self, topic: &str) -> Result<TopicNotifier, BusError> {
+        let service = self.notification_service(topic)?;
         let port = service.notifier_builder().create().map_err(self.failure("notify readers of", topic))?;
-        Ok(Bell { port, _service: service, last: None })
+        Ok(TopicNotifier { port, _service: service, last: None })
     }
 
     /// Creates a listener for the notifications of this topic.
@@ -80,9 +82,9 @@ impl Bus {
     /// # Errors
     ///
     /// [`BusError::Service`] when shared memory cannot be used.
-    pub fn ear(&self, topic: &str) -> Result<Ear, BusError> {
-        let service = self.bell_service(topic)?;
+    pub fn listener(&self, topic: &str) -> Result<TopicListener, BusError> {
+        let service = self.notification_service(topic)?;
         let port = service.listener_builder().create().map_err(self.failure("wait for", topic))?;
-        Ok(Ear { port, _service: service })
+        Ok(TopicListener { port, _service: service })
     }
 }
