@@ -415,7 +415,7 @@ impl Recorder<'_> {
             feed.reporter.set_state(u32::from(self.armed) | u32::from(has_problem) << 1);
             feed.reporter.set_queue(feed.held.len() as u64, feed.limits.ring_frames as u64);
             match has_lost {
-                true => feed.reporter.publish_status_now(&summary, feed.newest)?,
+                true => feed.reporter.publish_status(&summary, feed.newest)?,
                 false => feed.reporter.publish_status_if_due(&summary, feed.newest)?,
             }
         }

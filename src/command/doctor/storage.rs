@@ -2,7 +2,8 @@
 
 use super::Finding;
 use super::host::Host;
-use crate::config::Config;
+use crate::config::{Camera, Config};
+use crate::image::PixelFormat;
 use rustix::fs::statvfs;
 use std::fs::File;
 use std::io::Write;
@@ -27,10 +28,15 @@ pub(super) fn examine(host: &Host, config: Option<&Config>, directory: &Path) ->
     examine_shared_memory(host, config).into_iter().chain(examine_folder(config, directory)).collect()
 }
 
-/// Returns the number of bytes per second of frames of one byte per pixel; `None` if the file states no size or rate.
+/// Returns the number of bytes per second of the frames of all cameras; `None` if the file states no size or rate.
 fn bytes_per_second(config: &Config) -> Option<f64> {
-    let (width, height) = config.camera.image_px()?;
-    Some(f64::from(width) * f64::from(height) * config.camera.frame_rate_hz?)
+    let cameras = std::iter::once(&config.camera).chain(config.views.iter().map(|view| &view.config.camera));
+    let of_camera = |camera: &Camera| {
+        let (width, height) = camera.image_px()?;
+        let bytes_per_px = camera.pixel_format.unwrap_or(PixelFormat::Mono8).bytes_per_pixel();
+        Some(f64::from(width) * f64::from(height) * bytes_per_px as f64 * camera.frame_rate_hz?)
+    };
+    cameras.map(of_camera).sum()
 }
 
 /// Examines the free shared memory, which the topics and twice the pre-trigger time of frames need.
@@ -105,4 +111,19 @@ fn write_timed(path: &Path) -> std::io::Result<f64> {
     }
     file.sync_all()?;
     Ok(TRIAL_BYTES as f64 / started.elapsed().as_secs_f64())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn deep_pixels_and_further_cameras_count() {
+        let camera = "source = \"v4l2\"\nid = \"/dev/video0\"\nwidth_px = 640\nheight_px = 480\nframe_rate_hz = 100\n";
+        let text = format!("[rig]\nname = \"one\"\n[camera]\n{camera}");
+        let bytes = |text: &str| bytes_per_second(&Config::parse(text, "rig.toml").unwrap()).unwrap();
+        assert!((bytes(&text) - 30.72e6).abs() < 1.0);
+        let deep = format!("{text}pixel_format = \"Mono16\"\n");
+        assert!((bytes(&deep) - 61.44e6).abs() < 1.0);
+    }
 }
