@@ -403,7 +403,9 @@ fn one_cell(role: &str, signal: i32, delay_ms: u64) {
         no_orphan_after_3_s(&rig);
         service = start(&config);
     }
-    running(&rig, 40);
+    // The time before the next trigger, which its recording includes, is after the death.
+    let back = number(&running(&rig, 40), "track", "sequence");
+    running(&rig, back + 40);
     record_a_drop(&rig);
     service.signal(2);
     let (code, _, stderr) = service.end();
