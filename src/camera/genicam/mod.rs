@@ -97,9 +97,9 @@ pub struct GenicamCamera {
 /// The times of the last accepted frame.
 #[derive(Debug, Clone, Copy)]
 struct AcceptedTimes {
-    /// By the device clock, ns; 0 without one.
+    /// The time by the device clock, ns; 0 without one.
     device_ns: u64,
-    /// By the host clock, ns since the Unix epoch.
+    /// The time by the host clock, ns since the Unix epoch.
     stamp_ns: u64,
     /// When the frame was taken out of the stream.
     taken: Instant,
