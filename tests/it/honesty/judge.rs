@@ -64,6 +64,8 @@ pub struct Verdict {
     pub positions: Share,
     pub rotations: Share,
     pub impacts: Share,
+    /// The rows that a person could measure and that were refused, by their status.
+    pub refused: BTreeMap<&'static str, usize>,
     /// Valid rows, those with a wrong number, and those with a misleading one.
     pub rows: usize,
     pub wrong: usize,
@@ -93,6 +95,7 @@ pub fn judged(scene: &Scene) -> Option<Verdict> {
         positions: Share::default(),
         rotations: Share::default(),
         impacts: Share::default(),
+        refused: BTreeMap::new(),
         rows: 0,
         wrong: 0,
         misleading: 0,
@@ -107,6 +110,9 @@ pub fn judged(scene: &Scene) -> Option<Verdict> {
         let is_seen = shows_rim && is_seen(scene, &truth);
         let is_valid = row.status == PointStatus::Valid;
         verdict.positions.count(is_seen, is_valid && track.center_x_px.is_some());
+        if is_seen && !is_valid {
+            *verdict.refused.entry(row.status.as_str()).or_default() += 1;
+        }
         let turned = row.motion.is_some_and(|step| step.dtheta_deg.is_some());
         let has_next = row.frame + 1 < world.frames();
         verdict.rotations.count(is_seen && turns && has_next, is_valid && turned);

@@ -11,6 +11,8 @@ pub struct Sum {
     pub positions: Share,
     pub rotations: Share,
     pub impacts: Share,
+    /// The refused rows by their status.
+    pub refused: BTreeMap<&'static str, usize>,
     pub rows: usize,
     pub wrong: usize,
     pub misleading: usize,
@@ -43,6 +45,9 @@ impl Sum {
         self.positions.add(verdict.positions);
         self.rotations.add(verdict.rotations);
         self.impacts.add(verdict.impacts);
+        for (status, rows) in &verdict.refused {
+            *self.refused.entry(status).or_default() += rows;
+        }
         self.rows += verdict.rows;
         self.wrong += verdict.wrong;
         self.misleading += verdict.misleading;
@@ -89,6 +94,7 @@ impl fmt::Display for Tally {
         for fault in &self.faults {
             writeln!(f, "{fault}")?;
         }
+        writeln!(f, "refused rows: {:?}", self.all.refused)?;
         writeln!(f, "measured: share of the rows in which a person could measure; wrong: beyond {MAX_SIGMAS} sigmas")?;
         writeln!(
             f,
