@@ -231,7 +231,8 @@ impl LimbDarkening {
         ))
     }
 
-    /// Solves level = a x + b y + c (1 - depth) + d for a to d; also returns the normal matrix.
+    /// Fits level = a x + b y + c (1 - depth) + d by weighted least squares. Returns (a, b, c, d) and the normal matrix;
+    /// `None` if that is not positive definite.
     fn solve(&self, levels: &[Lane; BLOCKS], weights: &[Lane; BLOCKS]) -> Option<(Vector4<f64>, Matrix4<f64>)> {
         let mut sums = [[0.0_f32; LANES]; 14];
         for ((level, weight), means) in levels.iter().zip(weights).zip(&self.means) {

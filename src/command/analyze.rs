@@ -193,7 +193,7 @@ pub(super) fn measure(film: Film, output: &Path, stop: &Stop) -> Result<Measured
     let range = FrameRange { first, last: None, max_delay_frames: u64::MAX };
     let mut shot = Shot::create(output, &config, &info)?;
     shot.begin(0, Some(&tracker_params), range);
-    let bar = progress::frames(count, "analyze");
+    let bar = progress::frame_bar(count, "analyze");
     let mut unread = 0;
     let mut runs = FrameRuns::default();
     let whole = std::thread::scope(|scope| -> Result<(), Failure> {

@@ -106,7 +106,7 @@ pub(super) fn survey(film: &FilmFiles, stop: &Stop) -> Result<Surveyed, Failure>
     let OpenedFilm { frame_rate_hz, rate_source, count: announced, warnings, .. } = opened;
     warnings.iter().for_each(|warning| log::warn!("{warning}"));
     drop(opened.frames);
-    let bar = progress::frames(3 * announced, "survey");
+    let bar = progress::frame_bar(3 * announced, "survey");
     let (sampler, count) = sample_frames(film, announced, &bar, stop)?;
     let size_px = sampler.0;
     let movement = sampler.1.movement();

@@ -143,7 +143,9 @@ impl Config {
         }
     }
 
-    /// Checks the text of a rig file; `origin` is its name in error messages.
+    /// Parses and checks the text of a rig file. `origin` is its name in error messages.
+    ///
+    /// No other file is read, so `calibration.file` is refused; [`load`](Self::load) replaces it by the numbers of the file.
     ///
     /// # Errors
     ///

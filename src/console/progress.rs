@@ -3,12 +3,12 @@
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// Returns a bar over `total` frames with a label of at most 10 characters in front.
-pub fn frames(total: u64, label: &'static str) -> ProgressBar {
+pub fn frame_bar(total: u64, label: &'static str) -> ProgressBar {
     bar(total, label, "{prefix:10} [{bar:40}] {pos}/{len} frames, {per_sec}, {eta} left")
 }
 
 /// Returns a bar over `total` parts of unequal duration; it shows a percentage only.
-pub fn parts(total: u64, label: &'static str) -> ProgressBar {
+pub fn part_bar(total: u64, label: &'static str) -> ProgressBar {
     bar(total, label, "{prefix:10} [{bar:40}] {percent} %, {elapsed} so far")
 }
 

@@ -101,7 +101,7 @@ pub fn open_in_order(inputs: &[PathBuf], fps: Option<f64>, order: Order) -> Resu
     Ok(footage.without_repeats(first))
 }
 
-/// Returns the ending of a file name in small letters, without its point.
+/// Returns the extension of a file name in lower case, without the dot.
 fn extension(path: &Path) -> String {
     path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
 }

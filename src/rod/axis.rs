@@ -21,8 +21,8 @@ impl Axis {
         0.5 * (self.sides[0].at.value + self.sides[1].at.value) + self.tilt() * (y - self.middle)
     }
 
-    /// Returns the row where the axis crosses an edge, px. The position of the edge is that at `column`.
-    pub(super) fn crossing(&self, edge: &Edge, column: f64) -> f64 {
+    /// Returns the row where the axis crosses an edge, px. `column` is where the position of the edge was measured, px.
+    pub(super) fn y_at_edge(&self, edge: &Edge, column: f64) -> f64 {
         // y = position + slope (x(y) - column), a linear equation in y.
         let (slope, tilt) = (edge.slope.value, self.tilt());
         (edge.at.value + slope * (self.x_at_row(0.0) - column)) / (1.0 - slope * tilt)

@@ -316,7 +316,7 @@ impl RodFinder {
             clean,
         };
         let edge = fit_step_edge(image, &expected)?;
-        Ok(Edge { at: Estimate { value: axis.crossing(&edge, middle), ..edge.at }, ..edge })
+        Ok(Edge { at: Estimate { value: axis.y_at_edge(&edge, middle), ..edge.at }, ..edge })
     }
 
     /// Returns the section with the most texture along the rows: the speckled tape. `None` if none is high enough.

@@ -5,6 +5,9 @@ use super::scenario::{ImpactSetup, Scenario, Shape};
 use super::trajectory::{Pose, Trajectory, into_surface};
 use crate::results::{BodyVelocity, Estimate, Impact, Phase, PointStatus, RigidStep};
 
+/// Returns the phase of a collision at a time after the first frame's stamp, s; unknown for a motion without a collision.
+///
+/// Contact lasts from the first touch until the force returns to zero.
 pub(super) fn phase(trajectory: &Trajectory, time_s: f64) -> Phase {
     let Trajectory::Impact { collision, start_s, .. } = trajectory else { return Phase::Unknown };
     let since_s = time_s - start_s;

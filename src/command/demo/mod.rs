@@ -96,7 +96,7 @@ const ROD_LINES: [Line; 9] = [
 pub fn run(options: &DemoOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let config = demo_config(options)?;
     let total = process::truth_world(&config)?.map_or(0, |world| world.frames());
-    let bar = progress::frames(total, "measure");
+    let bar = progress::frame_bar(total, "measure");
     let tracker = Child::first(Role::Track);
     let summary = process::supervise(&config, stop, Extras::default(), |latest| {
         if let Some(status) = latest.get(&tracker) {

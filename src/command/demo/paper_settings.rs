@@ -70,7 +70,7 @@ pub(super) fn velocities(recording: &Recording, setup: &Setup<'_>) -> Result<Vec
     if film.iter().all(|still| still.tape_px.is_none()) {
         return Err(Failure::internal(format!("{}: cannot find the rod in any frame", recording.path().display())));
     }
-    let bar = progress::frames((INTERVALS.len() * film.len()) as u64, "compare");
+    let bar = progress::frame_bar((INTERVALS.len() * film.len()) as u64, "compare");
     let curves = INTERVALS.map(|(interval, label)| {
         let points = normal_velocities(&film, SPLINE_POINTS, interval, setup, || bar.inc(1))?;
         Ok(Comparison { label, points })

@@ -30,7 +30,7 @@ pub(super) fn run(options: &FieldOptions, stop: &Stop) -> Result<Outcome, Failur
     let first = stills::read_still(&options.reference)?;
     let mut series = Series::new(correlator, first.view(), &points);
     let mut field = Vec::new();
-    let bar = progress::frames(targets.len() as u64, "field");
+    let bar = progress::frame_bar(targets.len() as u64, "field");
     for (index, target) in targets.iter().enumerate() {
         if stop.requested() {
             let cause = Some("stopped before every target was measured".to_owned());

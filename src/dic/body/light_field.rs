@@ -140,7 +140,8 @@ fn gradient_products(subset: &ReferenceSubset, window: &SubsetMask) -> [[f64; 3]
     sums
 }
 
-/// Returns the sums of packed values times x^i y^j, for i + j below `powers`; coordinates in units from the centre.
+/// Returns the moments of packed values: the sums of value times x^i y^j for i + j below `powers`. x and y are measured
+/// from the centre, in units of `unit_px`.
 fn polynomial_moments(values: &[Lanes], window: &SubsetMask, unit_px: f64, powers: usize) -> Moments {
     let mut sums = [[0.0; POWERS]; POWERS];
     for block in &window.blocks {

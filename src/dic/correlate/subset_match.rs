@@ -108,17 +108,21 @@ impl SubsetMatcher<'_> {
         solution
     }
 
-    /// Runs the first-order match from the guess, or after a search.
+    /// Finds the first-order match; out of frame if the guess leads out of the image and nothing else matches.
     fn solve_first_order(&self, search: &mut IntegerSearch, guess: Guess) -> SubsetMatch {
-        let solution = self.match_from_guess(search, guess);
+        let solution = self.match_or_search(search, guess);
         // The guess leads out of the image and nothing else matches: the subset has left.
         let left = solution.status == PointStatus::LowCorrelation
             && guess.warp.is_some_and(|warp| !self.refiner().is_inside(&warp));
         if left { solution.without_answer(PointStatus::OutOfFrame) } else { solution }
     }
 
-    /// Tries the guess, then the quick search, then the full search.
-    fn match_from_guess(&self, search: &mut IntegerSearch, guess: Guess) -> SubsetMatch {
+    /// Refines the guess. If its ZNCC is too low, refines a peak of the quick search, then the peaks of the full search.
+    ///
+    /// The quick search covers displacements around zero, so it is skipped if the guess lies beyond the search range. Its
+    /// peak is accepted only if it is distinct, and either its ZNCC is high or it agrees with the refined guess. A match of
+    /// the full search is ambiguous if the image's edge limits the search range and the subset repeats itself.
+    fn match_or_search(&self, search: &mut IntegerSearch, guess: Guess) -> SubsetMatch {
         let guessed = guess.warp.and_then(|warp| self.refiner().refine(warp).ok());
         if let Some(found) = guessed.filter(|found| found.zncc >= guess.min_zncc.max(self.params.min_zncc)) {
             return self.accept(found, None);

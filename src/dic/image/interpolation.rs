@@ -176,7 +176,7 @@ impl InterpolatedImage {
         self.kernel.taps
     }
 
-    /// Returns the coefficients from the first of `N` x `N` taps of the cell at (x, y) on, and the row stride.
+    /// Returns the coefficients, beginning at the first of the `N` x `N` taps of the cell at (x, y), and the row stride.
     #[inline(always)]
     pub(in crate::dic) fn taps<const N: usize>(&self, x: isize, y: isize) -> (&[f32], usize) {
         self.taps_from(self.first_tap::<N>(x, y))

@@ -16,7 +16,7 @@ pub(super) struct Header {
     text: String,
 }
 
-/// A property: its place in a CIHX header, and its names in a CIH header, in small letters and digits alone.
+/// A property: its place in a CIHX header, and its names in a CIH header, in lower-case letters and digits only.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Key {
     path: &'static [&'static str],

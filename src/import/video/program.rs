@@ -118,7 +118,8 @@ pub(super) fn spawn_text_reader(mut pipe: impl Read + Send + 'static, bytes: u64
     receiver
 }
 
-/// Reads the next line, up to [`LINE_BYTES`]; `None` at the end.
+/// Reads the next line without trailing white space. Its part beyond [`LINE_BYTES`] is skipped. `None` at the end, or if
+/// the pipe cannot be read.
 pub(super) fn read_line(pipe: &mut impl BufRead) -> Option<String> {
     let mut line = Vec::new();
     let read = pipe.by_ref().take(LINE_BYTES).read_until(b'\n', &mut line);

@@ -16,8 +16,8 @@ struct RecorderState {
 }
 
 impl RecorderState {
-    /// Returns the answer to a request; `None` stands for an unknown one.
-    fn answer(self, command: Option<Command>) -> ReplyCode {
+    /// Returns the code of the reply to a request; `None` stands for an unknown request.
+    fn reply_code(self, command: Option<Command>) -> ReplyCode {
         let is_off = self.mode == TriggerMode::Off;
         let is_hardware = self.mode == TriggerMode::Hardware;
         match command {
@@ -38,7 +38,7 @@ impl Recorder<'_> {
     pub(super) fn answer_requests(&mut self) -> Result<(), Failure> {
         while let Some(request) = self.control.take()? {
             let state = self.state();
-            let (command, code) = (request.command(), state.answer(request.command()));
+            let (command, code) = (request.command(), state.reply_code(request.command()));
             request.answer(Reply {
                 code: code as u32,
                 armed: u32::from(state.is_armed),
@@ -84,7 +84,7 @@ mod tests {
     fn a_trigger_is_accepted_by_an_armed_idle_recorder_with_frames_alone() {
         let ready = RecorderState { mode: TriggerMode::Software, is_armed: true, is_busy: false, has_frames: true };
         let trigger = Some(Command::Trigger);
-        assert_eq!(ready.answer(trigger), ReplyCode::Accepted);
+        assert_eq!(ready.reply_code(trigger), ReplyCode::Accepted);
         for (state, code) in [
             (RecorderState { is_busy: true, ..ready }, ReplyCode::Busy),
             (RecorderState { is_armed: false, ..ready }, ReplyCode::NotArmed),
@@ -92,13 +92,16 @@ mod tests {
             (RecorderState { mode: TriggerMode::Hardware, ..ready }, ReplyCode::HardwareTrigger),
             (RecorderState { mode: TriggerMode::Off, ..ready }, ReplyCode::NoTrigger),
         ] {
-            assert_eq!(state.answer(trigger), code, "{state:?}");
+            assert_eq!(state.reply_code(trigger), code, "{state:?}");
             assert_eq!(
-                (state.answer(Some(Command::Status)), state.answer(None)),
+                (state.reply_code(Some(Command::Status)), state.reply_code(None)),
                 (ReplyCode::Accepted, ReplyCode::Unknown)
             );
         }
         let busy = RecorderState { is_busy: true, has_frames: false, ..ready };
-        assert_eq!([Command::Arm, Command::Disarm].map(|command| busy.answer(Some(command))), [ReplyCode::Accepted; 2]);
+        assert_eq!(
+            [Command::Arm, Command::Disarm].map(|command| busy.reply_code(Some(command))),
+            [ReplyCode::Accepted; 2]
+        );
     }
 }

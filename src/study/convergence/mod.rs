@@ -196,7 +196,7 @@ fn measure(
     let planned = methods.iter().map(plan).collect::<Result<Vec<_>, Failure>>()?;
     let (sender, receiver) = channel();
     let worker = std::thread::spawn(move || measure_methods(planned, &subject, &sender));
-    let bar = progress::parts(methods.iter().map(|method| cost(*method)).sum(), "study");
+    let bar = progress::part_bar(methods.iter().map(|method| cost(*method)).sum(), "study");
     bar.enable_steady_tick(LOOK);
     let mut rows = Vec::new();
     let is_stopped = receive_rows(&receiver, stop, |row| {

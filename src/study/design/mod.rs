@@ -84,7 +84,7 @@ pub fn run(options: &DesignOptions, stop: &Stop) -> Result<Outcome, Failure> {
     }
     let rig = Rig::new(config, options.scenario.as_deref(), options.noise_dn)?;
     let stopped = || Outcome::Lost { count: 1, cause: Some("stopped before the prediction was complete".into()) };
-    let bar = progress::parts(if options.no_advice { 1 } else { 1 + advice::change_count(&rig) }, "design");
+    let bar = progress::part_bar(if options.no_advice { 1 } else { 1 + advice::change_count(&rig) }, "design");
     let Some(prediction) = Prediction::compute(&rig, FILMS, stop)? else { return Ok(stopped()) };
     bar.inc(1);
     let advice = match options.no_advice {

@@ -115,7 +115,7 @@ pub fn run(study: SpeckleStudy, options: &SpeckleOptions, stop: &Stop) -> Result
             return Err(journal.measured_differently(last).into());
         }
     }
-    let bar = progress::parts(job.films.len() as u64, "study");
+    let bar = progress::part_bar(job.films.len() as u64, "study");
     bar.set_position(done as u64);
     let threads = options.threads.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZeroUsize::get);
     let measured = job.run(done, threads, stop, |film| {

@@ -249,6 +249,7 @@ impl Integration {
         rate
     }
 
+    /// Returns the state after a step, by the classical Runge-Kutta method of fourth order.
     fn advanced(&self, step_s: f64) -> State {
         let first = self.rate(&self.state);
         let second = self.rate(&moved(&self.state, &first, 0.5 * step_s));
@@ -260,7 +261,7 @@ impl Integration {
         })
     }
 
-    /// Returns the part of the next step after which `value` is no longer negative.
+    /// Returns the time within the next step after which `value` is no longer negative, s, by bisection.
     fn crossing(&self, value: impl Fn(&State) -> f64) -> f64 {
         let (mut low, mut high) = (0.0, STEP_S);
         for _ in 0..40 {
@@ -291,6 +292,9 @@ impl Integration {
         ]
     }
 
+    /// Ends the contact within the next step, when the normal force returns to zero, and composes the collision.
+    ///
+    /// The moment is found by bisection. It is also the end if the ball leaves the surface first.
     fn finish(mut self) -> Collision {
         let part_s = self.crossing(|state| if state[Y] >= 0.0 { 1.0 } else { -self.force_n(state) });
         let end_s = self.time_s() + part_s;
