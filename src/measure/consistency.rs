@@ -2,7 +2,7 @@
 
 use super::outline::Outline;
 use super::pending_frame::Measured;
-use crate::results::{Estimate, PairField, PointStatus, RigidStep};
+use crate::results::{BodyStep, Estimate, PairField, PointStatus, RigidStep};
 
 /// The minimum tolerance between the motion of the subsets and that of the outlines, px.
 const OUTLINE_TOLERANCE_PX: f64 = 0.5;
@@ -79,6 +79,16 @@ pub(super) fn agrees_with_subsets(rigid: &RigidStep, field: &RigidStep, drift: O
     apart.iter().zip(sigma).zip(tolerances).all(|((apart, sigma), tolerance)| apart.abs() <= tolerance.max(8.0 * sigma))
 }
 
+/// Returns the status of a step after its subsets were matched.
+pub(super) fn matched_status(step: &BodyStep, field: &PairField) -> PointStatus {
+    match (step.motion, step.status) {
+        (Some(_), _) => PointStatus::Valid,
+        // The position is no measurement either.
+        (None, PointStatus::Predicted) => PointStatus::Predicted,
+        (None, _) => failure_status(field),
+    }
+}
+
 /// Returns the most frequent reason why the subsets of a field have no displacement.
 pub(super) fn failure_status(field: &PairField) -> PointStatus {
     let count = |status: PointStatus| field.points.iter().filter(|point| point.status == status).count();
@@ -91,7 +101,7 @@ pub(super) fn failure_status(field: &PairField) -> PointStatus {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::results::{BodyStep, Circle};
+    use crate::results::Circle;
 
     fn at(x_px: f64) -> Result<Outline, PointStatus> {
         Ok(Outline::Ball(Circle {

@@ -425,9 +425,7 @@ impl Measurer {
             rigid.write_to(&mut step);
         }
         set_drift(&mut step, moved);
-        if step.motion.is_none() {
-            step.status = consistency::failure_status(&field);
-        }
+        step.status = consistency::matched_status(&step, &field);
         if place == 0 {
             let state = self.states.of(key);
             (state.motion, state.center_motion) = (step.motion, step.center_motion());

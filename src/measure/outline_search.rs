@@ -60,7 +60,7 @@ impl Measurer {
                 let unseen_frames = meta.sequence - state.detected_frame.unwrap_or(meta.sequence);
                 let coasted = moved.zip(motion).and_then(|(near, step)| near.coasted(&step, unseen_frames));
                 match (finder.find(self.image.unpack_all(frame)), coasted) {
-                    (Err(_), Some(outline)) => (Ok(outline), OutlineOrigin::Predicted),
+                    (Err(_), Some(outline)) => (Ok(outline), OutlineOrigin::Coasted),
                     (found, _) => {
                         // It was not where its motion would have led it.
                         self.states.of(key).motion = None;

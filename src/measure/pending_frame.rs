@@ -63,7 +63,8 @@ pub(super) struct PendingFrame {
 impl PendingFrame {
     /// Whether the outline of a body can be compared with that in a later frame, where it was detected.
     pub(super) fn is_comparable(&self, target: &Self, body: usize) -> bool {
-        self.origins[body] != OutlineOrigin::Predicted && target.origins[body] == OutlineOrigin::Detected
+        matches!(self.origins[body], OutlineOrigin::Detected | OutlineOrigin::Reused)
+            && target.origins[body] == OutlineOrigin::Detected
     }
 
     /// Returns the row of a body with its outline alone.
@@ -75,7 +76,13 @@ impl PendingFrame {
             interval_frames,
             outline: self.outlines[body].ok().map(|outline| outline.result(self.origins[body])),
             angle_deg: self.outlines[body].ok().and_then(|outline| outline.angle_deg()),
-            status: self.outlines[body].err().unwrap_or_default(),
+            status: match (self.outlines[body], self.origins[body]) {
+                (Err(status), _) => status,
+                (Ok(_), OutlineOrigin::Coasted) => PointStatus::Predicted,
+                (Ok(_), OutlineOrigin::Detected | OutlineOrigin::Predicted | OutlineOrigin::Reused) => {
+                    PointStatus::Valid
+                }
+            },
             ..BodyStep::default()
         }
     }

@@ -159,7 +159,7 @@ fn status_class(status: PointStatus) -> &'static str {
     match status {
         PointStatus::Valid => "s-valid",
         PointStatus::Lost => "s-lost",
-        PointStatus::Occluded | PointStatus::OutOfFrame => "s-hidden",
+        PointStatus::Occluded | PointStatus::OutOfFrame | PointStatus::Predicted => "s-hidden",
         PointStatus::LowContrast | PointStatus::LowCorrelation | PointStatus::Ambiguous | PointStatus::Outlier => {
             "s-refused"
         }

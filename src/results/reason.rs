@@ -76,6 +76,15 @@ impl PointStatus {
                     "draw it around texture that is visible in the first frame",
                 ),
             },
+            Self::Predicted => reason(
+                "no outline was found, so the position is predicted from the frames before",
+                match kind {
+                    BodyKind::Ball => &["body.min_radius_px", "body.max_radius_px", "body.roi_px"],
+                    BodyKind::Rod => &["body.edges", "body.roi_px"],
+                    BodyKind::Patch => &["body.polygon_px"],
+                },
+                "make the rim stand out from the background, or put speckles on the body",
+            ),
         }
     }
 }

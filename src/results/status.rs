@@ -23,6 +23,8 @@ named_enum! {
         OutOfFrame = 6 "out-of-frame",
         /// The body was not found, or the frame was lost.
         Lost = 7 "lost",
+        /// The body was not found, but followed shortly before; the position is predicted, not measured.
+        Predicted = 8 "predicted",
     }
 }
 

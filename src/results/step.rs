@@ -77,10 +77,12 @@ named_enum! {
     OutlineOrigin: "origin" {
         /// Detected in the frame.
         Detected = 0 "detected",
-        /// Searched in vain, and predicted by the motion of the body.
+        /// Searched in vain, and predicted by a motion that was measured up to this frame.
         Predicted = 1 "predicted",
         /// Not searched, since the whole body was visible, and predicted by its motion.
         Reused = 2 "reused",
+        /// Searched in vain, and predicted by the motion between earlier outlines: not a measurement.
+        Coasted = 3 "coasted",
     }
 }
 

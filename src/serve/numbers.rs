@@ -61,6 +61,7 @@ pub(super) fn status_reason(status: PointStatus) -> Option<&'static str> {
         PointStatus::Occluded => Some("something covers the body"),
         PointStatus::OutOfFrame => Some("the body leaves the image"),
         PointStatus::Lost => Some("the body was not found"),
+        PointStatus::Predicted => Some("the body was not found; its position is predicted"),
     }
 }
 

@@ -203,7 +203,10 @@ pub(super) fn center_px(step: &BodyStep) -> Option<[f64; 2]> {
 /// Returns the position of a body in a frame, or of a rod's end `end_px` below its lowest edge, with the motion from
 /// it. `None` if the body, or that edge, is not visible.
 fn position(step: &BodyStep, end_px: Option<f64>) -> Option<Position> {
-    let is_gone = matches!(step.status, PointStatus::Lost | PointStatus::Occluded | PointStatus::OutOfFrame);
+    let is_gone = matches!(
+        step.status,
+        PointStatus::Lost | PointStatus::Occluded | PointStatus::OutOfFrame | PointStatus::Predicted
+    );
     let motion = step.motion.map(|motion| Step {
         rate_px: [motion.dx_px, motion.dy_px],
         sigma_px: motion.sigma_dx_px.max(motion.sigma_dy_px).max(MIN_STEP_SIGMA_PX),

@@ -63,6 +63,7 @@ mod pipeline;
 mod pipeline_faults;
 mod plain_ball_film;
 mod polar;
+mod predicted_rows;
 mod pretrigger;
 mod python;
 mod python_package;

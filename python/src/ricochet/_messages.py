@@ -350,6 +350,7 @@ STATUS = {
     5: "occluded",
     6: "out-of-frame",
     7: "lost",
+    8: "predicted",
 }
 
 
