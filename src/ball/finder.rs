@@ -7,6 +7,8 @@ use super::paper_hough::PaperHough;
 use super::params::{BallError, BallParams, OutlineMethod};
 use super::ransac::{Candidate, Ransac, RansacParams, RoughCircle};
 use super::subpixel_fit::{CERTAIN_INLIERS, MAX_SHIFT_PX, Measured, SubpixelFit};
+use super::texture_disc::RadiusRange;
+use super::textured::TexturedSearch;
 use crate::image::ImageView;
 use crate::results::Circle;
 
@@ -81,6 +83,7 @@ const THOROUGH: Effort =
 ///    marks are removed first.
 /// 2. RANSAC ranks circles by their rim of one sign.
 /// 3. A blurred step is fitted to the raw pixels of every bin of the rim, and a robust circle to these steps.
+/// 4. If no sign prevails along the rim, the ball is searched by its texture, and the outline by the boundary of that.
 ///
 /// A ball with too little visible rim is refused.
 #[derive(Debug)]
@@ -92,6 +95,7 @@ pub struct BallFinder {
     candidates: Vec<Candidate>,
     ransac: Ransac,
     fit: SubpixelFit,
+    textured: TexturedSearch,
     paper_hough: PaperHough,
 }
 
@@ -120,6 +124,7 @@ impl BallFinder {
             candidates: Vec::new(),
             ransac: Ransac::default(),
             fit: SubpixelFit::default(),
+            textured: TexturedSearch::default(),
             paper_hough: PaperHough::default(),
         })
     }
@@ -164,7 +169,26 @@ impl BallFinder {
         }
         self.peaks.clear();
         self.hough.search_without_marks(Marks::Bright, &mut self.peaks);
-        self.best_of_peaks(image, QUICK)
+        self.best_of_peaks(image, QUICK).or_else(|| self.search_textured(image))
+    }
+
+    /// Searches the ball by its texture, and the outline by the boundary of that texture.
+    fn search_textured(&mut self, image: ImageView<'_>) -> Option<Circle> {
+        let roi = self.params.roi_px.map_or([0, 0, image.width(), image.height()], |roi| roi.map(|v| v as usize));
+        let ranges = self.radius_ranges();
+        let circle = self.textured.find(image, roi, &ranges)?;
+        self.is_sized(&circle).then_some(circle)
+    }
+
+    /// Returns the ranges of radii for the search by texture, the most likely first.
+    fn radius_ranges(&self) -> Vec<RadiusRange> {
+        let (low, high) = (self.params.min_radius_px, self.params.max_radius_px);
+        let expected = self.params.expected_radius_px.filter(|radius| (low..=high).contains(radius));
+        let narrow = expected.map(|radius| {
+            let about = RadiusRange::about(radius);
+            RadiusRange { low: about.low.max(low), high: about.high.min(high) }
+        });
+        narrow.into_iter().chain(self.hough.radius_ranges()).collect()
     }
 
     /// Finds the ball near `near`: a prediction within a few pixels, with the known radius.

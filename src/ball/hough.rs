@@ -3,6 +3,7 @@
 use super::annulus::maximum;
 use super::params::BallParams;
 use super::pyramid::{GreyImage, blur, remove_bright_marks, remove_dark_marks};
+use super::texture_disc::RadiusRange;
 use crate::image::ImageView;
 
 /// A peak of the Hough transform: centre and radius in pixels of the full image.
@@ -107,6 +108,11 @@ impl HoughSearch {
     /// The number of radius ranges, which are searched one after the other.
     pub fn bands(&self) -> usize {
         self.bands.len()
+    }
+
+    /// Returns the radius ranges, px.
+    pub fn radius_ranges(&self) -> impl Iterator<Item = RadiusRange> {
+        self.bands.iter().map(|band| RadiusRange { low: band.low.into(), high: band.high.into() })
     }
 
     /// Builds the image pyramid; the first step of every search.

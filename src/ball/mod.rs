@@ -1,6 +1,7 @@
 //! Balls: their outline, centre and radius in one image.
 
 mod annulus;
+mod boundary;
 mod circle_fit;
 mod edge_fit;
 mod edge_selection;
@@ -15,6 +16,8 @@ mod ransac;
 mod side_light;
 mod significance;
 mod subpixel_fit;
+mod texture_disc;
+mod textured;
 mod visible_fraction;
 
 pub use finder::{BallFinder, Presence};

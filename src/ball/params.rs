@@ -24,6 +24,8 @@ pub struct BallParams {
     pub min_radius_px: f64,
     /// The maximum radius, px.
     pub max_radius_px: f64,
+    /// The radius to expect, px, if the scale and the diameter of the ball are known.
+    pub expected_radius_px: Option<f64>,
     /// The searched region: x, y, width, height, px; `None` for the whole image.
     pub roi_px: Option<[u32; 4]>,
     /// The method for the outline.
@@ -33,7 +35,7 @@ pub struct BallParams {
 impl BallParams {
     /// Creates parameters for balls of `min_radius_px` to `max_radius_px` anywhere in the image.
     pub fn new(min_radius_px: f64, max_radius_px: f64) -> Self {
-        Self { min_radius_px, max_radius_px, roi_px: None, outline: OutlineMethod::default() }
+        Self { min_radius_px, max_radius_px, expected_radius_px: None, roi_px: None, outline: OutlineMethod::default() }
     }
 
     /// Checks the parameters for images of this size.

@@ -307,15 +307,15 @@ pub(super) fn within(image: ImageView<'_>, x: f32, y: f32) -> bool {
 }
 
 /// The first sample on a ray, and the step to the next, px.
-struct Ray {
-    x: f32,
-    y: f32,
-    dx: f32,
-    dy: f32,
+pub(super) struct Ray {
+    pub x: f32,
+    pub y: f32,
+    pub dx: f32,
+    pub dy: f32,
 }
 
 /// Samples grey levels bilinearly at `count` points of a ray, all [`within`] the image.
-fn sample_line(image: ImageView<'_>, ray: Ray, count: usize, out: &mut Vec<f32>) {
+pub(super) fn sample_line(image: ImageView<'_>, ray: Ray, count: usize, out: &mut Vec<f32>) {
     // Fixed point with 16 fractional bits: stepping in integers is cheaper than rounding every coordinate.
     const ONE: f32 = 65536.0;
     let (mut x, mut y) = ((ray.x * ONE) as i32, (ray.y * ONE) as i32);

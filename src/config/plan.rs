@@ -55,7 +55,13 @@ impl Config {
             (None, Some(max_px)) => (lowest.min(max_px / MIN_RADIUS_RATIO), max_px),
             (Some(min_px), Some(max_px)) => (min_px, max_px),
         };
-        BallParams { min_radius_px, max_radius_px, roi_px: body.roi_px, outline: body.outline }
+        BallParams {
+            min_radius_px,
+            max_radius_px,
+            expected_radius_px: self.predicted_radius_px(body),
+            roi_px: body.roi_px,
+            outline: body.outline,
+        }
     }
 
     /// Returns the parameters of a body's rod finder.

@@ -7,6 +7,8 @@ use crate::results::{Circle, Estimate};
 const COMMON_VARIANCE_SHARE: f64 = 0.5;
 /// The drift of the propagated pose per frame, in units of its white sigma.
 const DRIFT_SIGMAS: f64 = 0.15;
+/// The same where the reference is renewed at every step, since the body turns fast: the whole error of a step stays.
+const RENEWED_DRIFT_SIGMAS: f64 = std::f64::consts::SQRT_2;
 /// The validation gate: an outline further off than this is rejected, sigmas.
 const GATE_SIGMAS: f64 = 6.0;
 /// The time of consecutive rejections after which the propagated pose is dropped instead, frames.
@@ -56,6 +58,8 @@ struct OffsetState {
     component: u32,
     bridged: [f64; 2],
     time_frames: f64,
+    /// Whether the step to that node renewed the reference.
+    is_renewed: bool,
 }
 
 /// A dropped offset.
@@ -80,6 +84,7 @@ impl OffsetState {
             component: node.component,
             bridged,
             time_frames: node.time_frames,
+            is_renewed: is_renewed(node),
         }
     }
 
@@ -99,7 +104,8 @@ impl OffsetState {
     /// Returns the predicted variance of the offset at a node, along x and y, px^2.
     fn predicted_variance(&self, node: &Pose) -> [f64; 2] {
         let (dt, gap) = ((node.time_frames - self.time_frames).max(0.0), self.gap_variance(node));
-        std::array::from_fn(|k| self.offset[k].sigma.powi(2) + (DRIFT_SIGMAS * node.sigma[k]).powi(2) * dt + gap[k])
+        let drift = if self.is_renewed && is_renewed(node) { RENEWED_DRIFT_SIGMAS } else { DRIFT_SIGMAS };
+        std::array::from_fn(|k| self.offset[k].sigma.powi(2) + (drift * node.sigma[k]).powi(2) * dt + gap[k])
     }
 
     /// Returns the state after the Kalman update by an accepted outline at the offset `measured`, px, of this variance.
@@ -122,7 +128,11 @@ impl OffsetState {
     /// Returns the centre at a node by this offset; `None` across a gap that cannot be bridged.
     fn center(&self, node: &Pose) -> Option<Center> {
         let gap = self.gap_variance(node);
-        let own = |k: usize| self.offset[k].sigma.powi(2) + node.sigma[k].powi(2) + gap[k];
+        // A turning body is not where its last outline was, by the errors of all steps since then.
+        let frames =
+            if self.is_renewed && is_renewed(node) { (node.time_frames - self.time_frames).abs() } else { 0.0 };
+        let drift = |k: usize| (RENEWED_DRIFT_SIGMAS * node.sigma[k]).powi(2) * frames;
+        let own = |k: usize| self.offset[k].sigma.powi(2) + node.sigma[k].powi(2) + gap[k] + drift(k);
         let variance = (0..2).map(own).sum::<f64>() / 2.0 + COMMON_VARIANCE_SHARE * self.common;
         // Outlines that scatter more than they should are less certain than they say.
         let variance = variance * self.excess.max(1.0);
@@ -132,6 +142,11 @@ impl OffsetState {
             sigma_px: variance.sqrt(),
         })
     }
+}
+
+/// Whether the step to a node renewed the reference.
+fn is_renewed(node: &Pose) -> bool {
+    node.walk_share[0] > 0.0
 }
 
 impl CenterFilter {

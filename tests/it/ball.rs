@@ -7,6 +7,7 @@ mod paint;
 mod scene;
 mod small;
 mod tally;
+mod textured;
 
 use ricochet::ball::{BallFinder, BallParams, OutlineMethod, Presence};
 use ricochet::image::ImageView;

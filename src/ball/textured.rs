@@ -1,0 +1,76 @@
+//! The search of a ball by its texture, where no sign of its edges prevails along the rim.
+
+use super::boundary::{Boundary, Found};
+use super::pyramid::GreyImage;
+use super::ransac::RoughCircle;
+use super::texture_disc::{RadiusRange, Region, TextureDisc, log_levels};
+use crate::image::ImageView;
+use crate::results::Circle;
+
+/// The maximum error of the centre of a textured disc, in radii.
+const REACH_OF_DISC: f64 = 0.25;
+/// The minimum reach of a search, px.
+const REACH_PX: f64 = 5.0;
+/// The maximum uncertainty of the centre, px.
+const MAX_SIGMA_PX: f64 = 0.6;
+/// The minimum lead of the best score over that of another boundary, which is as far from it as this, sigmas.
+const MIN_LEAD: f64 = 0.06;
+const DISTINCT_SIGMAS: f64 = 3.0;
+/// The minimum radius, px. The rays of a smaller ball are too few to tell a boundary from chance.
+const MIN_RADIUS_PX: f64 = 20.0;
+/// The minimum side of a searched region, px.
+const MIN_SIDE_PX: usize = 16;
+
+/// The search with its scratch memory.
+#[derive(Debug, Default)]
+pub(super) struct TexturedSearch {
+    disc: TextureDisc,
+    boundary: Boundary,
+    levels: GreyImage,
+    scratch: [GreyImage; 2],
+}
+
+impl TexturedSearch {
+    /// Finds the ball in a region: the most certain one of the first range of radii that has any.
+    pub fn find(&mut self, image: ImageView<'_>, region: Region, ranges: &[RadiusRange]) -> Option<Circle> {
+        let mut ranges = ranges.iter().filter(|radii| radii.low >= MIN_RADIUS_PX).peekable();
+        if region[2].min(region[3]) < MIN_SIDE_PX || ranges.peek().is_none() {
+            return None;
+        }
+        log_levels(image, region, &mut self.scratch, &mut self.levels);
+        ranges.find_map(|radii| self.find_sized(image, region, *radii))
+    }
+
+    fn find_sized(&mut self, image: ImageView<'_>, region: Region, radii: RadiusRange) -> Option<Circle> {
+        let reach_px = (REACH_OF_DISC * radii.high).max(REACH_PX);
+        let mut found: Vec<Found> = Vec::new();
+        for disc in self.disc.search(&self.levels, radii) {
+            let near = RoughCircle { x: disc.x + region[0] as f32, y: disc.y + region[1] as f32, ..disc };
+            found.extend(self.boundary.find(image, near, radii, reach_px));
+        }
+        let first = best(&found)?;
+        // Rays from the centre of the ball show its rim best.
+        found.extend(self.boundary.find(image, rough(&first.circle), radii, REACH_PX));
+        certain(best(&found)?, &found)
+    }
+}
+
+/// Returns the boundary with the highest score.
+fn best(found: &[Found]) -> Option<Found> {
+    found.iter().copied().max_by(|a, b| a.score.total_cmp(&b.score))
+}
+
+fn rough(circle: &Circle) -> RoughCircle {
+    RoughCircle { x: circle.x_px as f32, y: circle.y_px as f32, radius: circle.radius_px as f32 }
+}
+
+/// Returns the circle of a boundary, unless it is uncertain or another one is nearly as good.
+fn certain(best: Found, all: &[Found]) -> Option<Circle> {
+    let circle = best.circle;
+    let rivals = all.iter().any(|other| {
+        let apart_px = (other.circle.x_px - circle.x_px).hypot(other.circle.y_px - circle.y_px);
+        let apart_px = apart_px.max((other.circle.radius_px - circle.radius_px).abs());
+        other.score > best.score - MIN_LEAD && apart_px > DISTINCT_SIGMAS * circle.sigma_center_px
+    });
+    (!rivals && circle.sigma_center_px < MAX_SIGMA_PX).then_some(circle)
+}
