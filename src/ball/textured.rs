@@ -16,7 +16,7 @@ const MAX_SIGMA_PX: f64 = 0.6;
 /// The minimum lead of the best score over that of another boundary, which is as far from it as this, sigmas.
 const MIN_LEAD: f64 = 0.06;
 const DISTINCT_SIGMAS: f64 = 3.0;
-/// The minimum radius, px. The rays of a smaller ball are too few to tell a boundary from chance.
+/// The minimum radius, px. The rays of a smaller ball are too few for a significant boundary.
 const MIN_RADIUS_PX: f64 = 20.0;
 /// The minimum side of a searched region, px.
 const MIN_SIDE_PX: usize = 16;

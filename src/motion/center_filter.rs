@@ -144,9 +144,9 @@ impl OffsetState {
     }
 }
 
-/// Whether the step to a node renewed the reference.
+/// Whether the step to a node renewed the reference of the whole body.
 fn is_renewed(node: &Pose) -> bool {
-    node.walk_share[0] > 0.0
+    node.kept.is_some() && node.walk_share[0] > 0.0
 }
 
 impl CenterFilter {

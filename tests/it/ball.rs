@@ -136,11 +136,10 @@ fn an_overexposed_ball_is_measured_from_unclipped_pixels_with_a_larger_sigma() {
 
 #[test]
 fn the_papers_marked_boundary_is_found_within_tenths_of_a_pixel_with_that_sigma() {
-    let (low, high) = (50.0, 68.0);
-    let params = BallParams { outline: OutlineMethod::Marked, ..BallParams::new(low, high) };
+    let params = BallParams { outline: OutlineMethod::Marked, ..BallParams::new(50.0, 68.0) };
     let plain = Scene::plain(1.0, 0.0);
     let (mut marked, mut edges) =
-        (BallFinder::new(&params, plain.width, plain.height).unwrap(), finder(low, high, &plain));
+        (BallFinder::new(&params, plain.width, plain.height).unwrap(), finder(50.0, 68.0, &plain));
     let mut tallies = Vec::new();
     for (bright, hidden) in [(true, 0.0), (false, 0.0), (true, 0.2), (false, 0.2)] {
         let (mut by_marks, mut by_edges) = (Tally::default(), Tally::default());

@@ -64,7 +64,7 @@ fn worst_ratio(tally: &Tally) -> f64 {
     tally.ratios.iter().copied().fold(0.0, f64::max)
 }
 
-/// Of these, the edges of one sign alone find a third.
+/// The edges of one sign alone find a part of them.
 #[test]
 fn balls_as_bright_as_their_ground_are_found_by_their_texture() {
     for radius in [Radius::Range, Radius::Expected] {
