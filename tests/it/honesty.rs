@@ -50,7 +50,7 @@ fn a_few_random_scenes_are_measured_or_refused() {
     let (positions, rotations) = (raw.positions.of_one(), raw.rotations.of_one());
     assert!(positions > 0.65 && rotations > 0.65, "{positions:.2} of the positions, {rotations:.2} of the rotations");
     let plain = tally.kind("plain");
-    assert!(plain.scenes > 0 && plain.positions.of_one() > 0.8, "plain balls");
+    assert!(plain.scenes > 0 && plain.positions.of_one() > 0.7, "plain balls");
 }
 
 /// The aim: at most 1 of 2000 rows is wrong, and 85 % of what a person could measure is measured.
