@@ -87,7 +87,7 @@ impl Defects {
         Ok((!pixels.is_empty()).then_some(Self { pixels }))
     }
 
-    /// Fills in the pixels within a part, clamped to the range of their neighbours. Reads up to [`REACH_PX`] around it.
+    /// Fills in the pixels within a part, clamped to the range of their neighbours. Reads a few pixels around it.
     pub fn fill(&self, image: &mut Image, part: PixelRect) {
         let width = image.view().width();
         let levels = image.data_mut();
