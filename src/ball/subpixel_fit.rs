@@ -290,7 +290,7 @@ impl SubpixelFit {
             blur = self.refine_blur(blur);
             self.side_light.slope(&self.rim, &self.edges, &self.selection.used, outline.radius, &mut self.slope);
         }
-        self.judge(image, outline, blur)
+        self.accept_circle(image, outline, blur)
     }
 
     /// Gathers the pixels around `outline`; keeps edges and slopes if the bins stay the same.
@@ -332,8 +332,12 @@ impl SubpixelFit {
         (blur + (gradient / curvature).clamp(-0.25, 0.25)).clamp(*BLUR_RANGE_PX.start(), *BLUR_RANGE_PX.end())
     }
 
-    /// Accepts or rejects the fitted circle.
-    fn judge(&mut self, image: ImageView<'_>, outline: Outline, blur: f32) -> Option<Measured> {
+    /// Returns the fitted circle with its corrections and uncertainties; `None` if it is rejected.
+    ///
+    /// It is rejected if too few edges agree, if they scatter too much, if many edges lie outside it, or if it is too
+    /// uncertain. The radius is corrected for the shift of the edges from the rim, and the centre for that under side
+    /// light. The uncertainties are those of the fit, increased for blur, occlusion, marks and clipped pixels.
+    fn accept_circle(&mut self, image: ImageView<'_>, outline: Outline, blur: f32) -> Option<Measured> {
         let inliers = self.fit.inliers(INLIER_PX);
         let inside = (0..self.rim.bins()).filter(|&bin| self.rim.count(bin) > 0).count().max(1) as f64;
         let inlier_fraction = inliers as f64 / inside;

@@ -38,7 +38,7 @@ const FORCELESS_NODES: usize = 16;
 const FORCE_SIGMAS: f64 = 3.0;
 /// The maximum lead of the force-free stretch over the end of the force, frames.
 const QUIET_EARLY_FRAMES: f64 = 4.0;
-/// Frames since the start of the force-free stretch at which the end is judged again.
+/// Frames since the start of the force-free stretch at which the end is estimated again.
 const END_AGAIN_FRAMES: [u32; 4] = [10, 14, 18, 26];
 /// The minimum number of nodes kept in flight; fewer than twice as many are stored.
 const KEPT_NODES: usize = 256;
@@ -155,7 +155,7 @@ impl Detector {
             Some(contact) if contact.end_frames.is_none() => self.watch_contact(contact, gravity.unwrap_or(0.0)),
             _ => {
                 self.prune();
-                self.judge_end(gravity);
+                self.refine_end(gravity);
                 self.watch_flight(gravity)
             }
         }
@@ -283,8 +283,11 @@ impl Detector {
         }
     }
 
-    /// Searches backwards from the flight after a contact for the end of the force.
-    fn judge_end(&mut self, gravity: Option<f64>) {
+    /// Counts a frame after a contact and, at [`END_AGAIN_FRAMES`], estimates the end of the force again.
+    ///
+    /// The curve of the flight after the contact is followed backwards in time. The end is where the nodes leave it. The
+    /// previous end stays if the flight is too short or no node leaves the curve.
+    fn refine_end(&mut self, gravity: Option<f64>) {
         let Some((from, count)) = self.quiet else { return };
         let count = count + 1;
         self.quiet = (count < END_AGAIN_FRAMES[3] && self.off.is_none()).then_some((from, count));

@@ -38,14 +38,14 @@ impl Orientation {
         Self([0, 1, 2].map(|row| [x[row], y[row], z[row]]))
     }
 
-    /// Rotates a direction.
+    /// Rotates a direction given in the axes of the ball into those of the camera.
     pub(crate) fn of(&self, direction: [f64; 3]) -> [f64; 3] {
         let [x, y, z] = direction;
         self.0.map(|row| row[0] * x + row[1] * y + row[2] * z)
     }
 
-    /// Rotates a direction back.
-    pub(crate) fn back(&self, direction: [f64; 3]) -> [f64; 3] {
+    /// Applies the inverse rotation: from the axes of the camera into those of the ball.
+    pub(crate) fn inverse_rotate(&self, direction: [f64; 3]) -> [f64; 3] {
         [0, 1, 2].map(|column| (0..3).map(|row| self.0[row][column] * direction[row]).sum())
     }
 }

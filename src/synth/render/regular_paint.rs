@@ -80,7 +80,7 @@ impl RegularPaint {
         }
         let flat = x.hypot(y).max(1.0);
         let (x, y) = (x / flat, y / flat);
-        pose.orientation.back([x, y, (1.0 - x * x - y * y).max(0.0).sqrt()])
+        pose.orientation.inverse_rotate([x, y, (1.0 - x * x - y * y).max(0.0).sqrt()])
     }
 
     /// Returns the function of the pattern, positive inside the paint.

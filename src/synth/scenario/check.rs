@@ -36,7 +36,7 @@ impl Scenario {
         if scale.nearer_per_s.abs() > 0.0 && !is_flat {
             return Err(ScenarioError::Misplaced { key, why: "spheres, rods and pairs of balls keep their distance" });
         }
-        // From half to twice the distance at most, because the whole film uses speckles of one size.
+        // From half to one and a half times the distance, because the whole film uses speckles of one size.
         let film_s = self.camera.frames as f64 / self.camera.frame_rate_hz;
         within("scale.nearer_per_s x length of the film", scale.nearer_per_s * film_s, -0.5, 0.5)
     }
