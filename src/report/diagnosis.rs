@@ -9,6 +9,16 @@ use maud::{Markup, html};
 const STRIP_PX: f64 = 1000.0;
 /// The maximum number of bars in the strip.
 const MAX_BARS: usize = 500;
+/// The lines drawn into the frames: style class and meaning.
+const LINES: [(&str, &str); 7] = [
+    ("roi", "searched region"),
+    ("radii", "smallest and largest searched radius"),
+    ("outline", "outline found"),
+    ("elsewhere", "outline outside of the search"),
+    ("moving", "what moves"),
+    ("subset", "subset matched"),
+    ("refused", "subset refused"),
+];
 
 /// The findings about a film.
 #[derive(Debug, Clone, Default)]
@@ -112,10 +122,7 @@ fn body_section(body: &BodyDiagnosis) -> Markup {
             }
             @if !body.statuses.is_empty() { (status_strip(body)) }
             p class="legend keys" {
-                span class="key roi" {} "searched region" span class="key radii" {} "smallest and largest searched radius"
-                span class="key outline" {} "outline found" span class="key elsewhere" {} "outline outside of the search"
-                span class="key moving" {} "what moves" span class="key subset" {} "subset matched"
-                span class="key refused" {} "subset refused"
+                @for (class, meaning) in LINES { span class="item" { span class={ "key " (class) } {} (meaning) } }
             }
             @for frame in &body.frames { (frame_card(frame)) }
         }

@@ -10,6 +10,9 @@ const MIN_CHANGES: usize = 4;
 /// Share of a motion, as a mean square, below which a change is a standstill or one of the compression: a third of its
 /// amplitude, more than H.264 changes a repeated frame at a constant rate factor of 30 where motion is 1 px per frame.
 const MAX_STANDSTILL_SHARE: f64 = 1.0 / 9.0;
+/// Share of the changes before and after it, as a mean square, below which a change is too small for their motion. In
+/// films without repeats, neighbouring changes differ by less unless the compression is strong.
+const MAX_DOUBTFUL_SHARE: f64 = 0.5;
 /// Share of a usual change, as a mean square, that is still a motion at full speed: half of its amplitude.
 const FULL_SPEED: f64 = 0.25;
 /// Change that rounding to whole grey levels alone can make, DN^2.
@@ -53,6 +56,20 @@ impl RecentChanges {
     pub(super) fn is_standstill(&self, change: &Change) -> bool {
         let before = self.peaks.back().copied().unwrap_or_default();
         change.peak() == 0.0 || change.peak() < MAX_STANDSTILL_SHARE * before
+    }
+
+    /// Whether the last change is too small for a frame of the motion around it, in a film without the noise of a camera,
+    /// which a strong compression removes.
+    ///
+    /// `after` is the change that follows, and `across` leads from the frame before the last two changes to the one after
+    /// all three. Where these two are alike, the motion has turned back.
+    pub(super) fn is_last_doubtful(&self, after: &Change, across: impl FnOnce() -> Option<Change>) -> bool {
+        let mut recent = self.peaks.iter().rev();
+        let (Some(last), Some(before)) = (recent.next(), recent.next()) else { return false };
+        let (slower, faster) = (before.min(after.peak()), before.max(after.peak()));
+        let is_small = *last > ROUNDING && *last < MAX_DOUBTFUL_SHARE * slower;
+        let is_compressed = || !is_noise(median(self.floors.iter().copied().collect()));
+        is_small && is_compressed() && across().is_some_and(|across| across.peak() > faster / 2.0)
     }
 
     /// Whether a standstill is one of the film, and not of what it shows.

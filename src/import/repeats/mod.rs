@@ -8,7 +8,9 @@
 mod blends;
 mod change;
 mod conversion;
+mod doubtful;
 mod film;
+mod numbers;
 mod repeated;
 
 use super::ImportError;
@@ -18,6 +20,7 @@ use super::timeline::Timeline;
 use blends::Blends;
 use change::{Change, Tiles};
 use conversion::MotionAfterRepeats;
+use doubtful::Doubtful;
 use film::{RecentChanges, is_noise};
 use repeated::Repeated;
 use std::collections::VecDeque;
@@ -43,8 +46,10 @@ struct Repeats {
     tiles: Tiles,
     timeline: Timeline,
     findings: Findings,
-    /// The last two pictures that differ.
+    /// The last three pictures that differ.
     pictures: VecDeque<Vec<u8>>,
+    /// Index of the last of them.
+    last_index: u64,
     changes: RecentChanges,
     /// The change that led to the last picture, unless that stood still.
     last: Option<Change>,
@@ -54,6 +59,7 @@ struct Repeats {
     motions: MotionAfterRepeats,
     repeats: Repeated,
     blends: Blends,
+    doubtful: Doubtful,
 }
 
 impl Repeats {
@@ -66,6 +72,7 @@ impl Repeats {
             timeline,
             findings,
             pictures: VecDeque::new(),
+            last_index: 0,
             changes: RecentChanges::default(),
             last: None,
             held: Vec::new(),
@@ -73,6 +80,7 @@ impl Repeats {
             motions: MotionAfterRepeats::default(),
             repeats: Repeated::default(),
             blends: Blends::default(),
+            doubtful: Doubtful::default(),
         }
     }
 
@@ -126,8 +134,7 @@ impl Repeats {
     ///
     /// [`ImportError::Invalid`] for a film that was converted to a higher rate.
     fn push_changed_frame(&mut self, frame: Stored, change: Change) -> Result<(), ImportError> {
-        let across = self.pictures.front().filter(|_| self.pictures.len() > 1);
-        let across = across.map(|picture| self.tiles.change(picture, &frame.pixels));
+        let across = self.change_from(1, &frame);
         if !self.held.is_empty() {
             match self.are_repeats(&change, across.as_ref()) {
                 true => self.drop_held(),
@@ -139,19 +146,30 @@ impl Repeats {
         if let (Some(last), Some(across), 0) = (&self.last, &across, repeats) {
             self.blends.push(last.own_part(&change, across));
             self.blends.warning().into_iter().for_each(|warning| self.findings.set("blends", warning));
+            if self.changes.is_last_doubtful(&change, || self.change_from(2, &frame)) {
+                self.doubtful.push(self.timeline.moment(self.last_index).number);
+                self.findings.set("doubtful", self.doubtful.warning());
+            }
         }
         self.changes.push(&change);
         self.last = Some(change);
         self.pictures.push_back(frame.pixels.clone());
-        if self.pictures.len() > 2 {
+        if self.pictures.len() > 3 {
             self.pictures.pop_front();
         }
         let index = frame.index;
+        self.last_index = index;
         self.ready.push_back(frame);
         match repeats > 0 && self.motions.are_inserted() {
             true => Err(self.conversion_error(index)),
             false => Ok(()),
         }
+    }
+
+    /// Returns the change to a frame from the picture that came `before` pictures before the last.
+    fn change_from(&self, before: usize, frame: &Stored) -> Option<Change> {
+        let picture = self.pictures.iter().rev().nth(before)?;
+        Some(self.tiles.change(picture, &frame.pixels))
     }
 
     /// Whether the held frames are repeats rather than show a standstill. `change` ends their run.
@@ -167,7 +185,7 @@ impl Repeats {
 
     /// Returns the error of a film whose repeats took no time, with the rate of the original.
     fn conversion_error(&self, index: u64) -> ImportError {
-        let (repeats, number) = (self.repeats.count, self.timeline.moment(index).number);
+        let (repeats, number) = (self.repeats.numbers.count, self.timeline.moment(index).number);
         let share = 1.0 - repeats as f64 / (index as f64 + 1.0);
         let rate_hz = (self.timeline.rate_hz * share * 1e3).round() / 1e3;
         ImportError::invalid(

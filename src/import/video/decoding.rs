@@ -53,21 +53,30 @@ pub(super) struct Decoding {
 }
 
 impl Decoding {
-    /// Starts to decode `path`; `filters` follow after the description, `output` are the last arguments.
+    /// Starts to decode `path`, opened with the options `input`. `filters` follow after the description, `output` are the
+    /// last arguments.
     ///
     /// # Errors
     ///
     /// [`ImportError::Invalid`] without ffmpeg.
-    pub(super) fn start(path: &Path, tick: Ratio, filters: &str, output: &str) -> Result<Self, ImportError> {
+    pub(super) fn start(
+        path: &Path,
+        input: &str,
+        tick: Ratio,
+        filters: &str,
+        output: &str,
+    ) -> Result<Self, ImportError> {
         let mut arguments = vec![file_url(path)];
         // Every frame as it is stored: none is repeated or dropped to keep a rate.
         let describe = format!("settb=tb={}/{},showinfo=checksum=0", tick.over, tick.under);
         arguments.extend("-map 0:V:0 -fps_mode passthrough -vf".split_whitespace().map(OsString::from));
         arguments.push(format!("{describe}{filters}").into());
         arguments.extend(output.split_whitespace().map(OsString::from));
-        let options = "-nostdin -hide_banner -nostats -loglevel repeat+level+info -xerror \
-            -protocol_whitelist file,pipe -noautorotate -copyts -i";
-        let mut ffmpeg = Program::start("ffmpeg", options, &arguments, path)?;
+        let options = format!(
+            "-nostdin -hide_banner -nostats -loglevel repeat+level+info -xerror -protocol_whitelist file,pipe \
+             -noautorotate -copyts {input} -i"
+        );
+        let mut ffmpeg = Program::start("ffmpeg", &options, &arguments, path)?;
         let (described, frames) = sync_channel(WAITING);
         let (failed, error) = sync_channel(1);
         if let Some(pipe) = ffmpeg.stderr() {
@@ -81,8 +90,8 @@ impl Decoding {
     /// # Errors
     ///
     /// [`ImportError::Invalid`] when the film cannot be decoded, or has more frames than bytes.
-    pub(super) fn times(path: &Path, tick: Ratio, file_bytes: u64) -> Result<Vec<i64>, ImportError> {
-        let mut decoding = Self::start(path, tick, "", "-f null -")?;
+    pub(super) fn times(path: &Path, input: &str, tick: Ratio, file_bytes: u64) -> Result<Vec<i64>, ImportError> {
+        let mut decoding = Self::start(path, input, tick, "", "-f null -")?;
         let mut times = Vec::new();
         while let Some(frame) = decoding.next_frame()? {
             times.push(frame.time);

@@ -52,7 +52,7 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
         ));
     }
     let output = format!("-f rawvideo -pix_fmt {} pipe:1", levels.grey_layout());
-    let decoding = Decoding::start(path, ticks.tick, &levels.filters(), &output)?;
+    let decoding = Decoding::start(path, stream.input_options(), ticks.tick, &levels.filters(), &output)?;
     let (count, findings) = (ticks.times.len() as u64, Findings::default());
     let decoder = Decoder::new(decoding, ticks, stored, findings.clone());
     let mut footage = Footage::of_stored(stored, timeline, count, Box::new(decoder));

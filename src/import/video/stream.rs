@@ -49,6 +49,13 @@ impl Stream {
         Err(ImportError::invalid(path, last.unwrap_or("the file has no video stream")))
     }
 
+    /// Returns the options of ffmpeg and ffprobe under which they keep the times that the file stores.
+    ///
+    /// As browsers do, ffmpeg plays a frame of a GIF that lasts 10 ms for 100 ms.
+    pub(super) fn input_options(&self) -> &'static str {
+        if self.container == "gif" { "-min_delay 1" } else { "" }
+    }
+
     /// Returns a property that is a text; empty when it is missing.
     pub(super) fn text(&self, key: &str) -> &str {
         self.stream[key].as_str().unwrap_or_default()

@@ -31,11 +31,11 @@ impl Ticks {
         // VP8 stores its alternative reference frames, which are never shown, as packets with times of their own.
         let packets = match stream.text("codec_name") {
             "vp8" => None,
-            _ => packet_times(path, file_bytes)?,
+            _ => packet_times(path, stream.input_options(), file_bytes)?,
         };
         let mut times = match packets {
             Some(times) => times,
-            None => Decoding::times(path, tick, file_bytes)?,
+            None => Decoding::times(path, stream.input_options(), tick, file_bytes)?,
         };
         times.sort_unstable();
         let rate = stream.ratio("avg_frame_rate");
@@ -62,10 +62,12 @@ impl Ticks {
 }
 
 /// Returns the time of each packet that gives a picture; `None` when one has no time.
-fn packet_times(path: &Path, file_bytes: u64) -> Result<Option<Vec<i64>>, ImportError> {
-    let options = "-v error -protocol_whitelist file -select_streams V:0 -show_entries packet=pts,size,flags \
-        -of compact=print_section=0";
-    let mut ffprobe = Program::start("ffprobe", options, &[file_url(path)], path)?;
+fn packet_times(path: &Path, input: &str, file_bytes: u64) -> Result<Option<Vec<i64>>, ImportError> {
+    let options = format!(
+        "-v error -protocol_whitelist file -select_streams V:0 -show_entries packet=pts,size,flags \
+         -of compact=print_section=0 {input}"
+    );
+    let mut ffprobe = Program::start("ffprobe", &options, &[file_url(path)], path)?;
     let _messages = ffprobe.stderr().map(|pipe| spawn_text_reader(pipe, 0));
     let Some(output) = ffprobe.stdout().map(spawn_line_reader) else { return Ok(None) };
     let mut times = Vec::new();

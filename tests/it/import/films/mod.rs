@@ -4,6 +4,7 @@ mod geometry;
 mod hostile;
 mod levels;
 mod maker;
+mod matrix;
 mod repeats;
 pub mod scene;
 mod times;

@@ -69,6 +69,33 @@ fn a_repeat_under_strong_compression_is_left_out() {
     }
 }
 
+/// A repeat that the compression changes as much as the motion does is not silently measured as rest.
+#[test]
+fn a_film_whose_compression_hides_repeats_is_named() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let repeats = [6, 12, 13, 20, 27, 33];
+    let shown = |number: u32| (0..=number).rev().find(|at| !repeats.contains(at)).unwrap();
+    for (crf, frames_between) in [20, 23, 26, 30, 33].into_iter().flat_map(|crf| [(crf, 0), (crf, 3)]) {
+        for speed in [0.13, 0.28, 0.6, 1.1] {
+            let codec = format!("-c:v libx264 -crf {crf} -bf {frames_between} -pix_fmt yuv420p");
+            let numbers = (0..40).collect();
+            let film = Film { ending: "mp4", codec: &codec, size: Ball::SIZE, numbers, ..Film::default() };
+            let ball = Ball { step_px: [0.9, 0.4], ..Ball::default() };
+            let moment = |number: u32| speed * f64::from(shown(number));
+            let path = film.write_pixels(folder.path(), |number| ball.picture(moment(number), shown(number)));
+            let (numbers, findings) = numbers_and_findings(&path);
+            let measured = repeats.iter().filter(|repeat| numbers.contains(&u64::from(**repeat))).count();
+            println!("crf {crf}, {speed} px per frame, {frames_between} between: {measured} measured, {findings:?}");
+            let is_named = findings.iter().any(|finding| finding.contains("cannot be excluded"));
+            assert!(measured == 0 || is_named, "crf {crf}, {speed} px per frame, {frames_between} frames between");
+            assert!(!is_named || speed < 1.0 || crf > 26, "a good film is not doubted");
+        }
+    }
+}
+
 #[test]
 fn a_repeat_in_a_noisy_film_is_left_out_wherever_it_is() {
     let folder = tempfile::tempdir().unwrap();

@@ -3,58 +3,6 @@
 use super::maker::{Film, frames, has_ffmpeg, open, recognised, refusal};
 use ricochet::import::{self, RateSource};
 
-/// A container with an encoder, and the step of its clock at 50 frames per second, s.
-const CONTAINERS: [(&str, &str, f64); 9] = [
-    ("avi", "-c:v mjpeg -q:v 2", 0.02),
-    ("mp4", "-c:v libx264 -crf 12 -pix_fmt yuv420p -video_track_timescale 90000", 1.0 / 90_000.0),
-    ("mov", "-c:v mjpeg -q:v 2 -video_track_timescale 90000", 1.0 / 90_000.0),
-    ("mkv", "-c:v ffv1", 0.001),
-    ("webm", "-c:v libvpx-vp9 -b:v 1M -deadline realtime", 0.001),
-    ("ts", "-c:v libx264 -crf 12 -pix_fmt yuv420p", 1.0 / 90_000.0),
-    ("gif", "-c:v gif", 0.01),
-    ("nut", "-c:v ffv1", 1.0 / 90_000.0),
-    ("flv", "-c:v flv -q:v 2", 0.001),
-];
-const RATE_HZ: f64 = 50.0;
-
-/// Makes a film whose frame `n` has the time `expression`, in frames, and checks pixels, numbers and times.
-///
-/// `time` returns that of a frame, frames, and `number` its number.
-fn check(name: &str, expression: &str, time: impl Fn(u32) -> f64, number: impl Fn(u32) -> u64) {
-    let folder = tempfile::tempdir().unwrap();
-    // The clock of an AVI film starts with its first frame.
-    let is_made = |tick_s: f64| name != "late" || tick_s < 0.015;
-    for (ending, codec, tick_s) in CONTAINERS.into_iter().filter(|(_, _, tick_s)| is_made(*tick_s)) {
-        let filters = format!("settb=1/90000,setpts=round(({expression})/50/TB)");
-        // AVI and NUT take the clock of the encoder.
-        let clock = if tick_s > 0.015 { "-enc_time_base 1:50" } else { "-enc_time_base 1:90000" };
-        let codec = format!("{codec} {clock}");
-        let film = Film { ending, codec: &codec, filters: &filters, numbers: (0..16).collect(), ..Film::default() };
-        let footage = open(&film.write(folder.path()));
-        let (summary, rate_hz) = (footage.summary(), footage.frame_rate_hz);
-        let read = frames(footage);
-        println!("{name}, {ending}: {summary}");
-        assert!((rate_hz / RATE_HZ - 1.0).abs() < 0.002, "{name}, {ending}: {summary}");
-        assert_eq!(read.len(), 16, "{name}, {ending}: {summary}");
-        for (n, (meta, pixels)) in (0..).zip(&read) {
-            assert_eq!(recognised(pixels), n, "{name}, {ending}");
-            let expected_s = (time(n) - time(0)) / RATE_HZ;
-            let off_s = meta.stamp_ns as f64 / 1e9 - expected_s;
-            assert!(off_s.abs() <= tick_s + 1e-6, "{name}, {ending}, frame {n}: {off_s} s off; {summary}");
-            if tick_s < 0.015 {
-                assert_eq!(meta.sequence, number(n), "{name}, {ending}, frame {n}: {summary}");
-            }
-        }
-    }
-}
-
-#[test]
-fn a_constant_rate_is_exact_in_every_container() {
-    if has_ffmpeg() {
-        check("constant", "N", f64::from, u64::from);
-    }
-}
-
 /// Containers for broadcasts and discs, which store a constant rate.
 #[test]
 fn containers_of_a_constant_rate_are_read() {
@@ -116,29 +64,6 @@ fn a_gap_among_frames_without_times_is_refused_and_any_other_is_found() {
         }
     }
     assert!(found >= 6 && refused >= 2, "{found} found, {refused} refused");
-}
-
-#[test]
-fn a_film_that_does_not_begin_at_0_is_timed_from_its_first_frame() {
-    if has_ffmpeg() {
-        check("late", "N+37", f64::from, u64::from);
-    }
-}
-
-#[test]
-fn a_gap_in_the_times_is_a_number_of_missing_frames() {
-    if has_ffmpeg() {
-        let number = |n: u32| u64::from(if n < 6 { n } else { n + 3 });
-        check("gap", "N+3*gte(N\\,6)", |n| number(n) as f64, number);
-    }
-}
-
-#[test]
-fn an_odd_first_interval_moves_no_other_frame() {
-    if has_ffmpeg() {
-        let time = |n: u32| if n == 0 { 0.0 } else { f64::from(n) + 0.6 };
-        check("odd first frame", "N+0.6*gte(N\\,1)", time, |n| u64::from(if n == 0 { 0 } else { n + 1 }));
-    }
 }
 
 /// The moments of a phone film, whose frames come irregularly.
