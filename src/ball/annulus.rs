@@ -165,37 +165,37 @@ impl Annulus {
 
     /// Returns distance, grey level and weight (0 for no pixel) of the bins from `16 block`.
     pub fn block(&self, block: usize) -> (&[Lane], &[Lane], &[Lane]) {
-        let range = self.slots(block);
+        let range = self.slot_range(block);
         (&self.distance[range.clone()], &self.grey[range.clone()], &self.weight[range])
     }
 
     /// Sorts the pixels of the annulus around `outline` into bins.
     pub fn gather(&mut self, image: ImageView<'_>, outline: &Outline) {
-        self.clear(outline.radius);
+        self.reset(outline.radius);
         self.middle = *outline;
         let outer = outline.radius + BAND_PX + SLACK_PX;
         let inner = (outline.radius - INNER_BAND_PX - SLACK_PX).max(0.0);
-        let rows = clip(outline.y - outer, outline.y + outer, image.height());
+        let rows = pixel_range(outline.y - outer, outline.y + outer, image.height());
         for y in rows {
             let dy = y as f64 - outline.y;
             let reach = (outer * outer - dy * dy).max(0.0).sqrt();
             let hole = (inner * inner - dy * dy).max(0.0).sqrt();
             let row = image.row(y);
-            let left = clip(outline.x - reach, outline.x - hole, row.len());
-            let right = clip(outline.x + hole, outline.x + reach, row.len());
+            let left = pixel_range(outline.x - reach, outline.x - hole, row.len());
+            let right = pixel_range(outline.x + hole, outline.x + reach, row.len());
             let right = right.start.max(left.end)..right.end;
             for run in [left, right] {
                 let first = (run.start as f64 - outline.x) as f32;
-                self.push(&row[run], first, dy as f32);
+                self.sort_run(&row[run], first, dy as f32);
             }
         }
         let highest = maximum(self.grey.as_flattened());
         self.white = if is_saturated(highest) { highest - 0.5 } else { f32::INFINITY };
-        self.measure(outline);
+        self.update_distances(outline);
     }
 
-    /// Updates the distances for `outline`, which must be within [`SLACK_PX`] of the circle of the last gathering.
-    pub fn measure(&mut self, outline: &Outline) {
+    /// Updates the distances and weights for `outline`, which must be within [`SLACK_PX`] of the gathered circle.
+    pub fn update_distances(&mut self, outline: &Outline) {
         let band = Band {
             x: (outline.x - self.middle.x) as f32,
             y: (outline.y - self.middle.y) as f32,
@@ -204,7 +204,7 @@ impl Annulus {
             inner: if self.kind == RimKind::Speckled { SPECKLED_BAND_PX } else { INNER_BAND_PX } as f32,
         };
         for block in 0..self.count.len() / LANES {
-            let range = self.slots(block);
+            let range = self.slot_range(block);
             let [x, y, grey] = [&self.x, &self.y, &self.grey].map(|list| &list[range.clone()]);
             let counts = std::array::from_fn(|lane| self.count[block * LANES + lane] as f32);
             let (distance, weight) = (&mut self.distance[range.clone()], &mut self.weight[range]);
@@ -212,13 +212,15 @@ impl Annulus {
         }
     }
 
-    fn slots(&self, block: usize) -> std::ops::Range<usize> {
+    /// Returns the range of filled slots of a block in the lists.
+    fn slot_range(&self, block: usize) -> std::ops::Range<usize> {
         let bins = &self.count[block * LANES..(block + 1) * LANES];
         let max_count = bins.iter().copied().max().unwrap_or(0) as usize;
         block * SLOTS..block * SLOTS + max_count
     }
 
-    fn clear(&mut self, radius: f64) {
+    /// Sets the number of bins for a radius, px, and empties them.
+    fn reset(&mut self, radius: f64) {
         let bins = ((std::f64::consts::TAU * radius / BIN_PX).round() as usize).max(MIN_BINS);
         let padded = bins.next_multiple_of(LANES);
         if bins != self.bins {
@@ -239,42 +241,46 @@ impl Annulus {
         self.count.resize(padded, 0);
     }
 
-    /// Sorts in a run of pixels, the first at (`first`, `dy`) from the centre.
-    fn push(&mut self, pixels: &[f32], first: f32, dy: f32) {
+    /// Sorts a run of pixels of one row into bins, the first at (`first`, `dy`) from the centre, px.
+    fn sort_run(&mut self, pixels: &[f32], first: f32, dy: f32) {
         self.places.resize(pixels.len(), 0.0);
-        angles(first, dy, self.bins as f32 / std::f32::consts::TAU, &mut self.places);
+        bin_coordinates(first, dy, self.bins as f32 / std::f32::consts::TAU, &mut self.places);
         for (k, (&place, &grey)) in self.places.iter().zip(pixels).enumerate() {
             let bin = (place as i32 as usize).min(self.bins - 1);
             let slot = self.count[bin] as usize;
             if slot < SLOTS {
-                let (at, lane) = (bin / LANES * SLOTS + slot, bin % LANES);
-                self.x[at][lane] = first + k as f32;
-                self.y[at][lane] = dy;
-                self.grey[at][lane] = grey;
+                let (index, lane) = (bin / LANES * SLOTS + slot, bin % LANES);
+                self.x[index][lane] = first + k as f32;
+                self.y[index][lane] = dy;
+                self.grey[index][lane] = grey;
                 self.count[bin] += 1;
             }
         }
     }
 }
 
-/// Computes the bin coordinates of a run of pixels, the first at (`first`, `dy`) from the centre.
+/// Computes the bin coordinates of a run of pixels, the first at (`first`, `dy`) from the centre, px.
+///
+/// `per_radian` is the number of bins per radian.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
-fn angles(first: f32, dy: f32, per_radian: f32, out: &mut [f32]) {
+fn bin_coordinates(first: f32, dy: f32, per_radian: f32, out: &mut [f32]) {
     for (k, out) in out.iter_mut().enumerate() {
-        *out = angle(first + k as i32 as f32, dy) * per_radian;
+        *out = approximate_angle(first + k as i32 as f32, dy) * per_radian;
     }
 }
 
-/// Returns the whole pixels from `low` to `high` within an image of this length.
-fn clip(low: f64, high: f64, length: usize) -> std::ops::Range<usize> {
+/// Returns the range of whole pixels from `low` to `high` within an image of this length.
+fn pixel_range(low: f64, high: f64, length: usize) -> std::ops::Range<usize> {
     let start = low.ceil().max(0.0) as usize;
     let end = if high < 0.0 { 0 } else { (high.floor() as usize + 1).min(length) };
     start.min(end)..end
 }
 
 /// Returns the angle of (`x`, `y`), 0 to 2 pi, within 1e-4 rad, which suffices to choose a bin.
+///
+/// M. Abramowitz and I. A. Stegun, Handbook of Mathematical Functions (1964), formula 4.4.49.
 #[inline(always)]
-fn angle(x: f32, y: f32) -> f32 {
+fn approximate_angle(x: f32, y: f32) -> f32 {
     let (ax, ay) = (x.abs(), y.abs());
     let (small, large) = if ax < ay { (ax, ay) } else { (ay, ax) };
     let t = small / large.max(1e-12);

@@ -59,7 +59,7 @@ pub(super) struct CircleFit {
 impl CircleFit {
     /// Fits a circle to the edges marked in `used`, with at most `rounds` of reweighting; `noise` in grey levels.
     ///
-    /// Returns `None` if the edges do not determine a circle.
+    /// Returns the correction of the gathered circle; `None` if the edges do not determine one.
     pub fn fit(
         &mut self,
         rim: &Annulus,
@@ -70,10 +70,10 @@ impl CircleFit {
     ) -> Option<Correction> {
         self.set_weights(edges, used, noise);
         // The fit starts at the current circle, which already follows most of the rim of one sign.
-        let mut answer = Vector3::zeros();
+        let mut correction = Vector3::zeros();
         for _ in 0..rounds {
-            self.update_residuals(rim, answer);
-            let scale = self.scale()?;
+            self.update_residuals(rim, correction);
+            let scale = self.residual_scale()?;
             let plain = match self.rim_kind {
                 RimKind::Clean => MAX_RESIDUAL_PX,
                 RimKind::Speckled => MAX_RESIDUAL_SPECKLED_PX,
@@ -83,29 +83,34 @@ impl CircleFit {
             let Self { shift, weight, root, robust_weight, residual, .. } = self;
             let sums = reweigh([shift, weight, root, residual], rim.directions(), limits, robust_weight);
             let (normal, right) = normal_equations(&sums);
-            let before = std::mem::replace(&mut answer, normal.cholesky()?.solve(&right));
-            if (answer - before).amax() < f64::from(CONVERGED_PX) {
+            let before = std::mem::replace(&mut correction, normal.cholesky()?.solve(&right));
+            if (correction - before).amax() < f64::from(CONVERGED_PX) {
                 break;
             }
         }
-        self.update_residuals(rim, answer);
-        Some(Correction { dx: answer[0], dy: answer[1], dr: answer[2] })
+        self.update_residuals(rim, correction);
+        Some(Correction { dx: correction[0], dy: correction[1], dr: correction[2] })
     }
 
     /// Counts the used edges within `limit_px` of the fitted circle.
-    pub fn inliers(&self, limit_px: f32) -> usize {
+    pub fn count_inliers(&self, limit_px: f32) -> usize {
         self.residual
             .iter()
             .zip(&self.robust_weight)
-            .filter(|(e, robust_weight)| **robust_weight > 0.0 && e.abs() < limit_px)
+            .filter(|(residual, robust_weight)| **robust_weight > 0.0 && residual.abs() < limit_px)
             .count()
     }
 
     /// Counts the used edges more than `limit_px` outside the fitted circle.
-    pub fn outer_edges(&self, limit_px: f32) -> usize {
-        self.residual.iter().zip(&self.weight).filter(|(e, weight)| **weight > 0.0 && **e > limit_px).count()
+    pub fn count_outer_edges(&self, limit_px: f32) -> usize {
+        self.residual
+            .iter()
+            .zip(&self.weight)
+            .filter(|(residual, weight)| **weight > 0.0 && **residual > limit_px)
+            .count()
     }
 
+    /// Sets the weight of each used edge to its inverse variance: image noise, roughness of the rim and residuals.
     fn set_weights(&mut self, edges: &[Edge], used: &[bool], noise: f32) {
         let padded = edges.len().next_multiple_of(LANES);
         self.shift.clear();
@@ -127,20 +132,22 @@ impl CircleFit {
         self.residual.resize(padded, 0.0);
     }
 
-    fn update_residuals(&mut self, rim: &Annulus, answer: Vector3<f64>) {
-        residuals(&self.shift, rim.directions(), answer.cast().into(), &mut self.residual);
+    /// Computes the residuals of all edges from a corrected circle, px.
+    fn update_residuals(&mut self, rim: &Annulus, correction: Vector3<f64>) {
+        residuals(&self.shift, rim.directions(), correction.cast().into(), &mut self.residual);
     }
 
-    /// Returns the robust standard deviation of the weighted residuals.
-    fn scale(&mut self) -> Option<f32> {
+    /// Returns the robust standard deviation of the residuals in their own sigmas; `None` if there are too few.
+    fn residual_scale(&mut self) -> Option<f32> {
         self.sorted.clear();
         let pairs = self.residual.iter().zip(&self.root).filter(|(_, root)| **root > 0.0);
         self.sorted.extend(pairs.map(|(e, root)| e.abs() * root));
-        let rank = self.rank();
+        let rank = self.scale_rank();
         robust_scale(&mut self.sorted, rank).map(|scale| scale.max(1e-6))
     }
 
-    fn rank(&self) -> ScaleRank {
+    /// Returns the rank of the residual that gives their scale.
+    fn scale_rank(&self) -> ScaleRank {
         match self.rim_kind {
             RimKind::Clean => CLEAN_SCALE,
             RimKind::Speckled => SPECKLED_SCALE,
@@ -167,7 +174,7 @@ impl CircleFit {
                 let (cos, sin) = rim.direction(bin);
                 let row = [cos * cos, cos * sin, cos, sin * sin, sin, 1.0];
                 for (sums, weight) in
-                    sums.iter_mut().zip([weight * self.slope(robust_weight, weight, residual), score * score])
+                    sums.iter_mut().zip([weight * self.score_slope(robust_weight, weight, residual), score * score])
                 {
                     sums.iter_mut().zip(row).for_each(|(sum, each)| *sum += weight * each);
                 }
@@ -182,8 +189,8 @@ impl CircleFit {
         Some(bread * squares * bread * (correlated * (free + 3.0) / free))
     }
 
-    /// Returns the derivative of the robust weight times the residual.
-    fn slope(&self, robust_weight: f64, weight: f64, residual: f64) -> f64 {
+    /// Returns the derivative of the robust weight times the residual by the residual.
+    fn score_slope(&self, robust_weight: f64, weight: f64, residual: f64) -> f64 {
         let (square, [weighted, plain]) =
             (residual * residual, [self.limits.weighted, self.limits.plain].map(f64::from));
         let (near, far) = (1.0 - square * weight / (weighted * weighted), 1.0 - square / (plain * plain));
@@ -208,12 +215,12 @@ impl CircleFit {
         if own > 0.0 { (1.0 + cross / own).max(1.0) } else { 1.0 }
     }
 
-    /// Returns the robust standard deviation of the residuals of the fitted circle, px.
+    /// Returns the robust standard deviation of the edges about the fitted circle, px; `None` if there are too few.
     pub fn scatter_px(&mut self) -> Option<f32> {
         self.sorted.clear();
         let pairs = self.residual.iter().zip(&self.weight).filter(|(_, w)| **w > 0.0);
         self.sorted.extend(pairs.map(|(e, _)| e.abs()));
-        let rank = self.rank();
+        let rank = self.scale_rank();
         robust_scale(&mut self.sorted, rank)
     }
 }

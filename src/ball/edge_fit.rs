@@ -78,7 +78,7 @@ pub(super) fn fit_edges(rim: &Annulus, search: EdgeSearch<'_>, edges: &mut Vec<E
             (slope[lane], shift[lane]) = (search.brightness_slope[bin], edges[bin].shift);
         }
         let (distance, grey, weight) = rim.block(block);
-        let level = mean(grey);
+        let level = reference_level(grey);
         let model = Model { shift, blur: search.blur, slope, level, is_near: search.is_near };
         let fitted = fit_block(distance, grey, weight, model, search.steps);
         for (mut edge, bin) in fitted.into_iter().zip(bins) {
@@ -91,23 +91,23 @@ pub(super) fn fit_edges(rim: &Annulus, search: EdgeSearch<'_>, edges: &mut Vec<E
     }
 }
 
-/// Fits the steps of one block from the shifts in `model`.
+/// Fits the steps of one block, starting from the shifts in `model`, with `steps` Gauss-Newton steps.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
 fn fit_block(distance: &[Lane], grey: &[Lane], weight: &[Lane], mut model: Model, steps: usize) -> [Edge; LANES] {
     for _ in 0..steps {
-        let s = sums::<false>(distance, grey, weight, model);
+        let s = accumulate_sums::<false>(distance, grey, weight, model);
         for i in 0..LANES {
-            model.shift[i] = Centred::new(&s, i).stepped(model.shift[i], model.blur);
+            model.shift[i] = Centred::new(&s, i).stepped_shift(model.shift[i], model.blur);
         }
     }
-    let s = sums::<true>(distance, grey, weight, model);
+    let s = accumulate_sums::<true>(distance, grey, weight, model);
     let mut edges = [Edge::default(); LANES];
     for (i, edge) in edges.iter_mut().enumerate() {
         let c = Centred::new(&s, i);
-        *edge = c.edge(&s, i, model.shift[i], model.blur);
+        *edge = c.to_edge(&s, i, model.shift[i], model.blur);
         // The sums allow one more step for free. Close to the edge it hardly changes the other values.
         if model.is_near && edge.contrast.abs() > 0.0 {
-            edge.shift = c.stepped(model.shift[i], model.blur);
+            edge.shift = c.stepped_shift(model.shift[i], model.blur);
         }
     }
     edges
@@ -123,15 +123,15 @@ struct Model {
     is_near: bool,
 }
 
-/// Returns a grey level near those of the block; subtracting it preserves the precision of the sums.
-fn mean(grey: &[Lane]) -> f32 {
+/// Returns a grey level near those of the block. Subtracting it preserves the precision of the sums.
+fn reference_level(grey: &[Lane]) -> f32 {
     let filled = grey.first().map_or(0.0, |first| first.iter().sum());
     filled / LANES as f32
 }
 
-/// Sums what the position of the edge depends on; with `ALL`, also what the blur and the residuals depend on.
+/// Sums the terms of the normal equations for the position of the edge; with `ALL`, also those of blur and residuals.
 #[inline(always)]
-fn sums<const ALL: bool>(distance: &[Lane], grey: &[Lane], weight: &[Lane], model: Model) -> Sums {
+fn accumulate_sums<const ALL: bool>(distance: &[Lane], grey: &[Lane], weight: &[Lane], model: Model) -> Sums {
     let mut s = Sums::default();
     let scale = 1.0 / model.blur;
     for ((d, v), w) in distance.iter().zip(grey).zip(weight) {
@@ -176,6 +176,7 @@ struct Centred {
 }
 
 impl Centred {
+    /// Eliminates `outside` from the sums of bin `i`.
     fn new(s: &Sums, i: usize) -> Self {
         let n = s.n[i].max(1.0);
         let (p, f, v) = (s.p[i] / n, s.f[i] / n, s.v[i]);
@@ -189,6 +190,7 @@ impl Centred {
         }
     }
 
+    /// Returns the contrast of least squares for the current position of the edge, grey levels.
     fn contrast(&self) -> f32 {
         self.pv / self.pp
     }
@@ -198,19 +200,21 @@ impl Centred {
         self.fv - self.contrast() * self.fp
     }
 
+    /// Returns the curvature of half the residual sum with respect to the position, relative to contrast^2 / blur^2.
     fn curvature(&self) -> f32 {
         self.ff - self.fp * self.fp / self.pp
     }
 
-    /// Returns the edge after a Gauss-Newton step.
-    fn stepped(&self, shift: f32, blur: f32) -> f32 {
+    /// Returns the shift of the edge after a Gauss-Newton step, px, limited to the annulus.
+    fn stepped_shift(&self, shift: f32, blur: f32) -> f32 {
         let limit = BAND_PX as f32 - 0.5;
         let step = (blur * self.gradient() / (self.contrast() * self.curvature())).clamp(-0.7, 0.7);
         // A bin without an edge has no step; NaN fails the comparison.
         if step.abs() <= 0.7 { (shift + step).clamp(-limit, limit) } else { shift }
     }
 
-    fn edge(&self, s: &Sums, i: usize, shift: f32, blur: f32) -> Edge {
+    /// Returns the fitted edge of bin `i`; a default one if its pixels do not determine it.
+    fn to_edge(&self, s: &Sums, i: usize, shift: f32, blur: f32) -> Edge {
         let contrast = self.contrast();
         if !(self.n >= MIN_UNCLIPPED && self.pp > 1e-3 && self.curvature() > 1e-4 && contrast.abs() > 0.0) {
             return Edge::default();
@@ -221,12 +225,12 @@ impl Centred {
         let across = (gf - gp * self.fp / self.pp) / self.curvature();
         let free = gg - gp * gp / self.pp - across * across * self.curvature();
         let gradient = gv - contrast * gp - across * self.gradient();
-        let left = (s.vv[i] - v * v / n - contrast * self.pv).max(0.0);
+        let residual_sum = (s.vv[i] - v * v / n - contrast * self.pv).max(0.0);
         Edge {
             shift,
             contrast,
             inside: (v - contrast * s.p[i]) / n + contrast,
-            rms: (left / (n - 3.0).max(1.0)).sqrt(),
+            rms: (residual_sum / (n - 3.0).max(1.0)).sqrt(),
             sigma_unit: blur / (contrast.abs() * self.curvature().sqrt()),
             blur_gradient: -contrast * gradient / blur,
             blur_curvature: contrast * contrast * free.max(0.0) / (blur * blur),

@@ -68,7 +68,7 @@ impl EdgeSelection {
             if clean == CleanContrast::Estimated || self.clean.len() != self.used.len().div_ceil(STRIDE) {
                 self.estimate_clean_contrast();
             }
-            self.drop_speckle();
+            self.exclude_speckle();
         }
         noise
     }
@@ -87,7 +87,7 @@ impl EdgeSelection {
         nth_smallest(&mut self.sorted, rank).max(0.3)
     }
 
-    /// Estimates the contrast of clean rim all around.
+    /// Estimates the contrast of clean rim all around: a high quantile among the neighbouring bins, every fourth bin.
     fn estimate_clean_contrast(&mut self) {
         let bins = self.used.len();
         let reach = NEIGHBOURS.min(bins) / 2;
@@ -108,7 +108,8 @@ impl EdgeSelection {
         }
     }
 
-    fn drop_speckle(&mut self) {
+    /// Excludes the bins whose contrast is well below that of clean rim next to them.
+    fn exclude_speckle(&mut self) {
         for bin in 0..self.used.len() {
             let nearest = ((bin + STRIDE / 2) / STRIDE) % self.clean.len();
             self.used[bin] &= self.contrast[bin] > CLEAN_FRACTION * self.clean[nearest];

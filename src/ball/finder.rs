@@ -145,7 +145,7 @@ impl BallFinder {
         self.apply_method(image, circle)
     }
 
-    /// Searches the outline everywhere by its edges.
+    /// Searches the outline in the whole region by its edges, with increasing effort, and finally by its texture.
     fn search_everywhere(&mut self, image: ImageView<'_>) -> Option<Circle> {
         self.hough.reduce(image);
         self.peaks.clear();
@@ -154,8 +154,8 @@ impl BallFinder {
         if let Some(circle) = self.leading_candidate(image) {
             return Some(circle);
         }
-        self.rank(image, QUICK);
-        let min_inliers = if self.is_ahead(CLEAR_LEAD) { MIN_INLIERS_OF_LEADER } else { CERTAIN_INLIERS };
+        self.rank_peaks(image, QUICK);
+        let min_inliers = if self.leads_by(CLEAR_LEAD) { MIN_INLIERS_OF_LEADER } else { CERTAIN_INLIERS };
         self.candidates.truncate(LIKELY_CANDIDATES);
         if let Some(circle) = self.first_certain(image, min_inliers) {
             return Some(circle);
@@ -177,7 +177,7 @@ impl BallFinder {
         let roi = self.params.roi_px.map_or([0, 0, image.width(), image.height()], |roi| roi.map(|v| v as usize));
         let ranges = self.radius_ranges();
         let circle = self.textured.find(image, roi, &ranges)?;
-        self.is_sized(&circle).then_some(circle)
+        self.has_allowed_radius(&circle).then_some(circle)
     }
 
     /// Returns the ranges of radii for the search by texture, the most likely first.
@@ -216,7 +216,7 @@ impl BallFinder {
             Presence::Certain => 0.0,
             Presence::Uncertain => CERTAIN_INLIERS,
         };
-        let circle = self.fit_at(image, near, min_inliers)?;
+        let circle = self.fit_prediction(image, near, min_inliers)?;
         self.apply_method(image, circle)
     }
 
@@ -243,53 +243,59 @@ impl BallFinder {
     fn search_around(&mut self, image: ImageView<'_>, near: RoughCircle) -> Option<Circle> {
         let params = RansacParams { reach_px: FOLLOW_REACH_PX, tolerance_px: 0.7, draws: 60, rays: 120 };
         let candidate = self.ransac.search(image, near, params)?;
-        if let Some(measured) = self.measure(image, &candidate) {
+        if let Some(measured) = self.measure_candidate(image, &candidate) {
             return Some(measured.circle);
         }
         // If speckle outnumbers the rim, the prediction itself may be the better candidate.
         [Polarity::Brighter, Polarity::Darker].into_iter().find_map(|polarity| {
             let candidate = Candidate::at(near, polarity);
-            self.measure(image, &candidate).map(|m| m.circle)
+            self.measure_candidate(image, &candidate).map(|m| m.circle)
         })
     }
 
     /// Fits the outline at its prediction; accepts it above an inlier fraction of `min_inliers`.
-    fn fit_at(&mut self, image: ImageView<'_>, near: RoughCircle, min_inliers: f64) -> Option<Circle> {
-        let candidate = Candidate::at(near, polarity(image, near)?);
-        let measured = self.fit.circle_at(image, &candidate, PREDICTION_REACH_PX)?;
-        self.accept(measured, min_inliers)
+    fn fit_prediction(&mut self, image: ImageView<'_>, near: RoughCircle, min_inliers: f64) -> Option<Circle> {
+        let candidate = Candidate::at(near, rim_polarity(image, near)?);
+        let measured = self.fit.fit_prediction(image, &candidate, PREDICTION_REACH_PX)?;
+        self.accept_measured(measured, min_inliers)
     }
 
-    /// Fits the outline at a candidate; accepts it above an inlier fraction of `min_inliers`.
-    fn fit_about(&mut self, image: ImageView<'_>, candidate: &Candidate, min_inliers: f64) -> Option<Circle> {
+    /// Fits the outline at an examined candidate; accepts it above an inlier fraction of `min_inliers`.
+    fn fit_examined(&mut self, image: ImageView<'_>, candidate: &Candidate, min_inliers: f64) -> Option<Circle> {
         if candidate.support < MIN_SUPPORT {
             return None;
         }
-        let measured = self.fit.circle_about(image, candidate, PREDICTION_REACH_PX)?;
-        self.accept(measured, min_inliers)
+        let measured = self.fit.fit_examined(image, candidate, PREDICTION_REACH_PX)?;
+        self.accept_measured(measured, min_inliers)
     }
 
-    fn accept(&self, measured: Measured, min_inliers: f64) -> Option<Circle> {
-        (measured.inlier_fraction > min_inliers && self.is_sized(&measured.circle)).then_some(measured.circle)
+    /// Returns a measured circle with more than `min_inliers` of inliers (a fraction) and an allowed radius.
+    fn accept_measured(&self, measured: Measured, min_inliers: f64) -> Option<Circle> {
+        (measured.inlier_fraction > min_inliers && self.has_allowed_radius(&measured.circle)).then_some(measured.circle)
     }
 
     /// Applies the outline method to a circle found by its edges.
     fn apply_method(&mut self, image: ImageView<'_>, circle: Circle) -> Option<Circle> {
         match self.params.outline {
             OutlineMethod::Edges => Some(circle),
-            OutlineMethod::Marked => self.paper_hough.circle(image, &circle),
+            OutlineMethod::Marked => self.paper_hough.find_circle(image, &circle),
         }
     }
 
+    /// Checks the size of an image.
+    ///
+    /// # Panics
+    ///
+    /// If it differs from the planned size.
     fn check_shape(&self, image: ImageView<'_>) {
         assert_eq!((image.width(), image.height()), self.shape, "the finder was planned for another image shape");
     }
 
-    /// Ranks the peaks by their rim.
-    fn rank(&mut self, image: ImageView<'_>, effort: Effort) {
+    /// Replaces the candidates by the best circles near the peaks, ranked by their rim.
+    fn rank_peaks(&mut self, image: ImageView<'_>, effort: Effort) {
         self.candidates.clear();
         self.peaks.sort_by(|a, b| b.score.total_cmp(&a.score));
-        let peaks = if self.hough.bands() > 1 { effort.peaks.1 } else { effort.peaks.0 };
+        let peaks = if self.hough.band_count() > 1 { effort.peaks.1 } else { effort.peaks.0 };
         for peak in self.peaks.iter().take(peaks) {
             let reach_px = (peak.spread + 3.0).max(REACH_PX);
             let params =
@@ -303,22 +309,22 @@ impl BallFinder {
         self.keep_finalists();
     }
 
-    /// Whether the first candidate has `times` the support of any other.
-    fn is_ahead(&self, times: f32) -> bool {
+    /// Whether the first candidate has more than `factor` times the support of any other.
+    fn leads_by(&self, factor: f32) -> bool {
         let support = |index: usize| self.candidates.get(index).map_or(0.0, |candidate| candidate.support);
-        support(0) > times * support(1).max(MIN_SUPPORT)
+        support(0) > factor * support(1).max(MIN_SUPPORT)
     }
 
     /// Returns the ball if it leads among the first peaks and its edges make it certain.
     fn leading_candidate(&mut self, image: ImageView<'_>) -> Option<Circle> {
-        self.rank(image, FIRST);
+        self.rank_peaks(image, FIRST);
         // Other peaks may hold another candidate, unless their scores are far lower, too.
-        let examined = if self.hough.bands() > 1 { FIRST.peaks.1 } else { FIRST.peaks.0 };
+        let examined = if self.hough.band_count() > 1 { FIRST.peaks.1 } else { FIRST.peaks.0 };
         let score = |index: usize| self.peaks.get(index).map_or(0.0, |peak| peak.score);
-        let is_alone = self.is_ahead(CLEAR_LEAD) && score(0) > CLEAR_LEAD * score(examined);
-        let candidate = self.candidates.first().copied().filter(|_| self.is_ahead(LEAD))?;
+        let is_alone = self.leads_by(CLEAR_LEAD) && score(0) > CLEAR_LEAD * score(examined);
+        let candidate = self.candidates.first().copied().filter(|_| self.leads_by(LEAD))?;
         let candidate = self.examine(image, candidate);
-        self.fit_about(image, &candidate, if is_alone { MIN_INLIERS_OF_LEADER } else { CERTAIN_INLIERS })
+        self.fit_examined(image, &candidate, if is_alone { MIN_INLIERS_OF_LEADER } else { CERTAIN_INLIERS })
     }
 
     /// Examines the candidates closely and returns the first certain one, which mostly is among the first.
@@ -328,7 +334,7 @@ impl BallFinder {
         for i in 0..self.candidates.len() {
             self.candidates[i] = self.examine(image, self.candidates[i]);
             if i < LIKELY_CANDIDATES
-                && let Some(measured) = self.measure(image, &self.candidates[i].clone())
+                && let Some(measured) = self.measure_candidate(image, &self.candidates[i].clone())
                 && measured.inlier_fraction > min_inliers
             {
                 return Some(measured.circle);
@@ -339,7 +345,7 @@ impl BallFinder {
 
     /// Ranks the peaks by their rim and measures the best.
     fn best_of_peaks(&mut self, image: ImageView<'_>, effort: Effort) -> Option<Circle> {
-        self.rank(image, effort);
+        self.rank_peaks(image, effort);
         if let Some(circle) = self.first_certain(image, CERTAIN_INLIERS) {
             return Some(circle);
         }
@@ -358,7 +364,7 @@ impl BallFinder {
         let mut best: Option<Measured> = None;
         for i in 0..self.candidates.len() {
             let candidate = self.candidates[i];
-            let Some(measured) = self.measure(image, &candidate) else { continue };
+            let Some(measured) = self.measure_candidate(image, &candidate) else { continue };
             if best.is_none_or(|b| measured.inlier_fraction > b.inlier_fraction) {
                 best = Some(measured);
             }
@@ -369,7 +375,7 @@ impl BallFinder {
         best.map(|b| b.circle)
     }
 
-    /// Searches a candidate again with all rays; its support is zero if there is nothing.
+    /// Searches a candidate again with all rays. Returns it with zero support if no circle is found.
     fn examine(&mut self, image: ImageView<'_>, candidate: Candidate) -> Candidate {
         let wide = RansacParams { reach_px: REACH_PX, tolerance_px: 0.7, ..CLOSE };
         let is_near = candidate.support > GOOD_SUPPORT;
@@ -417,22 +423,23 @@ impl BallFinder {
         self.candidates.truncate(kept);
     }
 
-    fn measure(&mut self, image: ImageView<'_>, candidate: &Candidate) -> Option<Measured> {
+    /// Measures the circle of a candidate; `None` if its support is too low or its rim does not determine a circle.
+    fn measure_candidate(&mut self, image: ImageView<'_>, candidate: &Candidate) -> Option<Measured> {
         if candidate.support < MIN_SUPPORT {
             return None;
         }
-        self.fit.circle(image, candidate).filter(|measured| self.is_sized(&measured.circle))
+        self.fit.fit_candidate(image, candidate).filter(|measured| self.has_allowed_radius(&measured.circle))
     }
 
     /// Whether the radius of a circle lies in the searched range.
-    fn is_sized(&self, circle: &Circle) -> bool {
+    fn has_allowed_radius(&self, circle: &Circle) -> bool {
         let range = self.params.min_radius_px - 1.0..=self.params.max_radius_px + 1.0;
         range.contains(&circle.radius_px)
     }
 }
 
 /// Returns the polarity of a circle's rim; `None` if hardly any of the rim lies in the image.
-fn polarity(image: ImageView<'_>, circle: RoughCircle) -> Option<Polarity> {
+fn rim_polarity(image: ImageView<'_>, circle: RoughCircle) -> Option<Polarity> {
     let RoughCircle { x, y, radius } = circle;
     const DIRECTIONS: usize = 48;
     let (mut difference, mut count) = (0.0, 0);

@@ -9,6 +9,7 @@ use super::annulus::{Directions, LANES};
 pub(super) struct Limits {
     /// The limit of residuals times the root of their weight.
     pub weighted: f32,
+    /// The limit of residuals.
     pub plain: f32,
 }
 

@@ -91,9 +91,10 @@ pub(super) struct HoughSearch {
 }
 
 impl HoughSearch {
+    /// Plans the search in images of `width` x `height` pixels.
     pub fn new(params: &BallParams, width: usize, height: usize) -> Self {
         let roi = params.roi_px.map_or([0, 0, width, height], |r| r.map(|v| v as usize));
-        let bands = bands(params.min_radius_px as f32, params.max_radius_px as f32);
+        let bands = split_radii(params.min_radius_px as f32, params.max_radius_px as f32);
         let deepest = bands.iter().map(|b| b.level).max().unwrap_or(0);
         Self {
             roi,
@@ -106,7 +107,7 @@ impl HoughSearch {
     }
 
     /// The number of radius ranges, which are searched one after the other.
-    pub fn bands(&self) -> usize {
+    pub fn band_count(&self) -> usize {
         self.bands.len()
     }
 
@@ -135,7 +136,7 @@ impl HoughSearch {
     pub fn search(&mut self, found: &mut Vec<HoughPeak>) {
         for band in 0..self.bands.len() {
             blur(&self.levels[self.bands[band].level], &mut self.scratch, &mut self.smooth);
-            self.vote(band, found);
+            self.find_centers(band, found);
         }
     }
 
@@ -149,7 +150,7 @@ impl HoughSearch {
                 Marks::Bright => remove_bright_marks(level, &mut self.scratch, filtered),
             }
             blur(filtered, &mut self.scratch, &mut self.smooth);
-            self.vote(band, found);
+            self.find_centers(band, found);
         }
     }
 
@@ -172,19 +173,22 @@ impl HoughSearch {
         (reduced(x, self.roi[0]), reduced(y, self.roi[1]))
     }
 
-    fn vote(&mut self, band: usize, found: &mut Vec<HoughPeak>) {
+    /// Appends the peaks of one radius range in the smoothed image.
+    ///
+    /// The votes of brighter and of darker balls are searched separately and together.
+    fn find_centers(&mut self, band: usize, found: &mut Vec<HoughPeak>) {
         if self.smooth.width < 5 || self.smooth.height < 5 {
             return;
         }
-        self.gradients();
+        self.select_edges();
         self.cast_votes(self.bands[band]);
         self.peaks.clear();
         let (width, height) = (self.smooth.width, self.smooth.height);
-        for which in 0..3 {
-            if which == 2 {
+        for pass in 0..3 {
+            if pass == 2 {
                 self.lighter.iter_mut().zip(&self.darker).for_each(|(votes, more)| *votes += more);
             }
-            let votes = if which == 1 { &self.darker } else { &self.lighter };
+            let votes = if pass == 1 { &self.darker } else { &self.lighter };
             sum_3x3(votes, width, height, &mut self.box_rows, &mut self.box_sum);
             pick_peaks(&self.box_sum, width, height, &mut self.peaks);
         }
@@ -196,7 +200,7 @@ impl HoughSearch {
     }
 
     /// Computes the gradients of the smoothed image and selects the pixels that vote.
-    fn gradients(&mut self) {
+    fn select_edges(&mut self) {
         let (width, height) = (self.smooth.width, self.smooth.height);
         let grey = &self.smooth.data;
         for list in [&mut self.gx, &mut self.gy, &mut self.size] {
@@ -228,7 +232,7 @@ impl HoughSearch {
         }
     }
 
-    /// Lets every edge vote for the centres of circles through it.
+    /// Adds the votes of every edge for the centres of circles through it, on both sides.
     fn cast_votes(&mut self, band: Band) {
         let (width, height) = (self.smooth.width, self.smooth.height);
         for list in [&mut self.lighter, &mut self.darker] {
@@ -259,10 +263,10 @@ impl HoughSearch {
     }
 
     /// Appends one peak with the radii that its surroundings suggest.
-    fn add_peak(&mut self, number: usize, x: f32, y: f32, found: &mut Vec<HoughPeak>) {
-        let band = self.bands[number];
+    fn add_peak(&mut self, band_index: usize, x: f32, y: f32, found: &mut Vec<HoughPeak>) {
+        let band = self.bands[band_index];
         let scale = (1 << band.level) as f32;
-        let (full_x, full_y) = self.to_full(number, x, y);
+        let (full_x, full_y) = self.to_full(band_index, x, y);
         let half = 0.5 * (band.high - band.low);
         let (low, high) = ((band.low / scale).floor() as usize, (band.high / scale).ceil() as usize);
         self.radial_score(x, y, low, high);
@@ -280,19 +284,25 @@ impl HoughSearch {
                         radius: 0.5 * (band.low + band.high),
                         spread: half,
                         score,
-                        band: number,
+                        band: band_index,
                     },
                 );
                 return;
             }
             let radius = ((low + best) as f32 * scale).clamp(band.low, band.high);
-            add_distinct(found, HoughPeak { x: full_x, y: full_y, radius, spread: 2.0 * scale, score, band: number });
+            add_distinct(
+                found,
+                HoughPeak { x: full_x, y: full_y, radius, spread: 2.0 * scale, score, band: band_index },
+            );
             let clear = best.saturating_sub(2)..(best + 3).min(self.score.len());
             self.score[clear].fill(0.0);
         }
     }
 
-    /// Computes the consistency of the sign of the radial gradient at every distance from (`x`, `y`).
+    /// Computes the consistency of the sign of the radial gradient, 0 to 1, at the distances `low` to `high` from
+    /// (`x`, `y`).
+    ///
+    /// All lengths are in pixels of the reduced image.
     fn radial_score(&mut self, x: f32, y: f32, low: usize, high: usize) {
         let (width, height) = (self.smooth.width as i32, self.smooth.height as i32);
         self.sums.clear();
@@ -319,8 +329,8 @@ impl HoughSearch {
     }
 }
 
-/// Splits the radii into ranges that one accumulator resolves from noise.
-fn bands(low: f32, high: f32) -> Vec<Band> {
+/// Splits the radii, px, into ranges that one accumulator resolves from noise.
+fn split_radii(low: f32, high: f32) -> Vec<Band> {
     let count = ((high / low).ln() / BAND_RATIO.ln()).ceil().max(1.0);
     let ratio = (high / low).powf(1.0 / count);
     (0..count as usize)
@@ -332,6 +342,7 @@ fn bands(low: f32, high: f32) -> Vec<Band> {
         .collect()
 }
 
+/// Adds a peak, or replaces one of nearly the same circle if its score is higher.
 fn add_distinct(found: &mut Vec<HoughPeak>, peak: HoughPeak) {
     let near = |other: &HoughPeak| {
         let (dx, dy, dr) = (other.x - peak.x, other.y - peak.y, other.radius - peak.radius);
@@ -344,6 +355,7 @@ fn add_distinct(found: &mut Vec<HoughPeak>, peak: HoughPeak) {
     }
 }
 
+/// Sums the votes over 3 x 3 cells; zero at the border.
 fn sum_3x3(votes: &[f32], width: usize, height: usize, rows: &mut Vec<f32>, sums: &mut Vec<f32>) {
     rows.clear();
     rows.resize(width * height, 0.0);
@@ -369,6 +381,7 @@ fn differences(above: &[f32], here: &[f32], below: &[f32], gx: &mut [f32], gy: &
     }
 }
 
+/// Adds three lists.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
 fn add_three(a: &[f32], b: &[f32], c: &[f32], out: &mut [f32]) {
     for (((out, a), b), c) in out.iter_mut().zip(a).zip(b).zip(c) {

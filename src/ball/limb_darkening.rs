@@ -73,6 +73,7 @@ struct Points {
 }
 
 impl Points {
+    /// Adds a point (x, y, 1 - depth) to the point of one cell.
     fn add(&mut self, lane: usize, point: [f32; 3]) {
         let [x, y, shallow] = point;
         self.x[lane] += x;
@@ -111,12 +112,13 @@ struct Light {
 }
 
 impl Light {
+    /// Returns the brightness at one point of each cell, grey levels.
     #[inline(always)]
-    fn at(&self, points: &Points) -> Lane {
+    fn levels_at(&self, points: &Points) -> Lane {
         // Never zero, since grey levels are divided by it.
-        let least = MIN_LIGHT_FRACTION * self.middle;
+        let min_level = MIN_LIGHT_FRACTION * self.middle;
         std::array::from_fn(|i| {
-            (self.middle + self.x * points.x[i] + self.y * points.y[i] - self.limb * points.shallow[i]).max(least)
+            (self.middle + self.x * points.x[i] + self.y * points.y[i] - self.limb * points.shallow[i]).max(min_level)
         })
     }
 }
@@ -166,43 +168,52 @@ impl LimbDarkening {
     /// between the marks, at a high rank in every cell, or at a low one if the marks are brighter than the ball.
     /// `visible` limits the cells. Returns `None` if too little of the ball is visible.
     pub fn darkening(&mut self, image: ImageView<'_>, outline: &Outline, visible: VisibleRim) -> Option<Estimate> {
-        let grey: [_; BLOCKS] = std::array::from_fn(|block| self.gather(image, outline, block));
+        let grey: [_; BLOCKS] = std::array::from_fn(|block| self.sample_levels(image, outline, block));
         let limit = 1.0 - (BLUR_MARGIN * visible.blur_px + PIXEL_MARGIN_PX) / outline.radius;
-        let cells = usable(&grey, visible.sectors, RINGS.map(|[_, outer]| outer <= limit));
+        let cells = usable_cells(&grey, visible.sectors, RINGS.map(|[_, outer]| outer <= limit));
         let flat = Light { x: 0.0, y: 0.0, limb: 0.0, middle: 1.0 };
-        let (light, first) = self.estimate(&grey, cells, flat)?;
+        let (light, first) = self.estimate_under_light(&grey, cells, flat)?;
         let is_uneven = light.x.hypot(light.y) > MAX_SIDE_LIGHT * light.middle;
         // In an uneven cell the highest pixel is where the light is, so a second pass divides by the light.
-        if is_uneven { self.estimate(&grey, cells, light).map(|(_, second)| second) } else { Some(first) }
+        if is_uneven { self.estimate_under_light(&grey, cells, light).map(|(_, second)| second) } else { Some(first) }
     }
 
-    /// Estimates the darkening after each pixel is scaled to the middle of its cell under `light`.
-    fn estimate(&mut self, grey: &[Pixels; BLOCKS], cells: [Lane; BLOCKS], light: Light) -> Option<(Light, Estimate)> {
+    /// Estimates the light and the darkening after each pixel is scaled to the middle of its cell under `light`.
+    ///
+    /// The more certain estimate of dark and bright marks is returned.
+    fn estimate_under_light(
+        &mut self,
+        grey: &[Pixels; BLOCKS],
+        cells: [Lane; BLOCKS],
+        light: Light,
+    ) -> Option<(Light, Estimate)> {
         let levels: [[Lane; 2]; BLOCKS] =
-            std::array::from_fn(|block| rank(&grey[block], &self.samples[block], &self.means[block], light));
-        let high = self.fit(&levels.map(|[high, _]| high), cells);
+            std::array::from_fn(|block| extreme_levels(&grey[block], &self.samples[block], &self.means[block], light));
+        let high = self.fit_light(&levels.map(|[high, _]| high), cells);
         if high.is_some_and(|(_, high)| high.sigma < GOOD_SIGMA) {
             return high;
         }
-        let low = self.fit(&levels.map(|[_, low]| low), cells);
+        let low = self.fit_light(&levels.map(|[_, low]| low), cells);
         [high, low].into_iter().flatten().min_by(|a, b| a.1.sigma.total_cmp(&b.1.sigma))
     }
 
     /// Returns the grey levels of the samples of a block; NaN outside the image.
-    fn gather(&self, image: ImageView<'_>, outline: &Outline, block: usize) -> Pixels {
+    fn sample_levels(&self, image: ImageView<'_>, outline: &Outline, block: usize) -> Pixels {
         let circle =
             RoughCircle { x: outline.x as f32 + 0.5, y: outline.y as f32 + 0.5, radius: outline.radius as f32 };
-        let places = places(&self.samples[block], circle, image.width(), image.height());
+        let places = sample_indices(&self.samples[block], circle, image.width(), image.height());
         places.map(|places| places.map(|at| image.data().get(at as usize).copied().unwrap_or(f32::NAN)))
     }
 
-    /// Fits the levels of all cells by reweighted least squares.
-    fn fit(&mut self, levels: &[Lane; BLOCKS], cells: [Lane; BLOCKS]) -> Option<(Light, Estimate)> {
+    /// Fits the light to the levels of all cells by reweighted least squares, and the darkening that it contains.
+    ///
+    /// `None` if too few cells agree or the ball is too dark.
+    fn fit_light(&mut self, levels: &[Lane; BLOCKS], cells: [Lane; BLOCKS]) -> Option<(Light, Estimate)> {
         let mut weights = cells;
         for _ in 0..ROUNDS {
             let (answer, _) = self.solve(levels, &weights)?;
             self.update_residuals(levels, answer);
-            let scale = self.scale(&cells)?;
+            let scale = self.residual_scale(&cells)?;
             for (block, weight) in weights.iter_mut().enumerate() {
                 for (lane, weight) in weight.iter_mut().enumerate() {
                     let z = self.residual[block][lane] / (TUKEY * scale);
@@ -214,25 +225,26 @@ impl LimbDarkening {
         self.update_residuals(levels, answer);
         let each = || weights.iter().flatten().zip(self.residual.iter().flatten());
         let count: f64 = each().map(|(weight, _)| f64::from(*weight)).sum();
-        let left: f64 = each().map(|(weight, residual)| f64::from(weight * residual * residual)).sum();
+        let residual_sum: f64 = each().map(|(weight, residual)| f64::from(weight * residual * residual)).sum();
         if count < MIN_CELLS || answer[3] < MIN_LEVEL_DN {
             return None;
         }
-        let scatter = (left / (count - 4.0)).sqrt().max(MIN_SCATTER_DN);
+        let scatter = (residual_sum / (count - 4.0)).sqrt().max(MIN_SCATTER_DN);
         let covariance = normal.try_inverse()?;
         let limb = -answer[2] / answer[3];
         // The variance of the quotient of two correlated values.
         let variance = covariance[(2, 2)] + limb * (2.0 * covariance[(2, 3)] + limb * covariance[(3, 3)]);
-        let [x, y, of_depth, middle]: [f32; 4] = answer.cast().into();
-        let light = Light { x, y, limb: -of_depth, middle };
+        let [x, y, depth_slope, middle]: [f32; 4] = answer.cast().into();
+        let light = Light { x, y, limb: -depth_slope, middle };
         Some((
             light,
             Estimate { value: limb, sigma: (scatter * variance.max(0.0).sqrt() / answer[3]).hypot(MODEL_SIGMA) },
         ))
     }
 
-    /// Fits level = a x + b y + c (1 - depth) + d by weighted least squares. Returns (a, b, c, d) and the normal matrix;
-    /// `None` if that is not positive definite.
+    /// Fits level = a x + b y + c (1 - depth) + d by weighted least squares.
+    ///
+    /// Returns (a, b, c, d) and the normal matrix; `None` if that is not positive definite.
     fn solve(&self, levels: &[Lane; BLOCKS], weights: &[Lane; BLOCKS]) -> Option<(Vector4<f64>, Matrix4<f64>)> {
         let mut sums = [[0.0_f32; LANES]; 14];
         for ((level, weight), means) in levels.iter().zip(weights).zip(&self.means) {
@@ -256,18 +268,20 @@ impl LimbDarkening {
         Some((normal.cholesky()?.solve(&Vector4::from(right)), normal))
     }
 
+    /// Computes the residuals of the levels from a fit (a, b, c, d), grey levels; 0 for excluded cells without a
+    /// level.
     fn update_residuals(&mut self, levels: &[Lane; BLOCKS], answer: Vector4<f64>) {
         let [a, b, c, d]: [f32; 4] = answer.cast().into();
         for ((residual, level), means) in self.residual.iter_mut().zip(levels).zip(&self.means) {
             for i in 0..LANES {
-                let left = level[i] - (a * means.x[i] + b * means.y[i] + c * means.shallow[i] + d);
-                residual[i] = if left.is_finite() { left } else { 0.0 };
+                let difference = level[i] - (a * means.x[i] + b * means.y[i] + c * means.shallow[i] + d);
+                residual[i] = if difference.is_finite() { difference } else { 0.0 };
             }
         }
     }
 
-    /// Returns the robust standard deviation of the residuals, grey levels.
-    fn scale(&mut self, cells: &[Lane; BLOCKS]) -> Option<f32> {
+    /// Returns the robust standard deviation of the residuals, grey levels; `None` without cells.
+    fn residual_scale(&mut self, cells: &[Lane; BLOCKS]) -> Option<f32> {
         let each = self.residual.iter().flatten().zip(cells.iter().flatten());
         self.sorted.clear();
         self.sorted.extend(each.filter(|(_, cell)| **cell > 0.0).map(|(residual, _)| residual.abs()));
@@ -278,7 +292,7 @@ impl LimbDarkening {
 
 /// Returns the indices of the samples in the data of the image; -1 outside the image, which no index matches.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
-fn places(samples: &[Points], circle: RoughCircle, width: usize, height: usize) -> [[i32; LANES]; SAMPLES] {
+fn sample_indices(samples: &[Points], circle: RoughCircle, width: usize, height: usize) -> [[i32; LANES]; SAMPLES] {
     let (right, bottom, row) = (width as f32, height as f32, width as i32);
     let mut places = [[-1; LANES]; SAMPLES];
     for (places, Points { x: dx, y: dy, .. }) in places.iter_mut().zip(samples) {
@@ -296,7 +310,7 @@ fn places(samples: &[Points], circle: RoughCircle, width: usize, height: usize) 
 /// Returns 1 for usable cells, 0 for cells that are occluded, blurred by the rim, across the border or clipped.
 ///
 /// If the brightest pixels of a cell equal the brightest on the ball, they may be saturated. A clipped ball looks flat.
-fn usable(grey: &[Pixels; BLOCKS], is_visible: [bool; SECTORS], is_clear: [bool; RINGS.len()]) -> [Lane; BLOCKS] {
+fn usable_cells(grey: &[Pixels; BLOCKS], is_visible: [bool; SECTORS], is_clear: [bool; RINGS.len()]) -> [Lane; BLOCKS] {
     let brightest = grey.iter().flatten().flatten().copied().fold(f32::NEG_INFINITY, f32::max);
     std::array::from_fn(|block| {
         let pixels = &grey[block];
@@ -318,12 +332,12 @@ fn usable(grey: &[Pixels; BLOCKS], is_visible: [bool; SECTORS], is_clear: [bool;
 
 /// Returns the third highest and the third lowest pixel of each cell, each scaled to the middle of its cell.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
-fn rank(grey: &Pixels, samples: &[Points], middle: &Points, light: Light) -> [Lane; 2] {
+fn extreme_levels(grey: &Pixels, samples: &[Points], middle: &Points, light: Light) -> [Lane; 2] {
     let mut high = [[f32::NEG_INFINITY; LANES]; RANK];
     let mut low = [[f32::INFINITY; LANES]; RANK];
-    let middles = light.at(middle);
+    let middles = light.levels_at(middle);
     for (grey, sample) in grey.iter().zip(samples) {
-        let here = light.at(sample);
+        let here = light.levels_at(sample);
         for i in 0..LANES {
             let level = grey[i] * middles[i] / here[i];
             let (mut top, mut bottom) = (level, level);
@@ -361,25 +375,28 @@ impl Shift {
     }
 }
 
-/// Computes the shift of the edge by limb darkening and by blur, which pulls a disc's edge in by blur^2 / (2 radius).
-pub(super) fn shift_px(darkening: Option<Estimate>, radius_px: f64, step: Step) -> Shift {
+/// Computes the shift of the edge by limb darkening and by blur, px.
+///
+/// Blur pulls the edge of a disc in by blur^2 / (2 radius). The darkening is combined with its prior.
+pub(super) fn edge_shift(darkening: Option<Estimate>, radius_px: f64, step: Step) -> Shift {
     let bend_px = step.blur_px.powi(2) / (2.0 * radius_px);
-    let seen = darkening.map_or(Estimate { value: 0.0, sigma: PRIOR_SIGMA }, |seen| {
-        let share = PRIOR_SIGMA.powi(2) / (PRIOR_SIGMA.powi(2) + seen.sigma.powi(2));
-        Estimate { value: share * seen.value, sigma: share.sqrt() * seen.sigma }
+    let posterior = darkening.map_or(Estimate { value: 0.0, sigma: PRIOR_SIGMA }, |measured| {
+        let share = PRIOR_SIGMA.powi(2) / (PRIOR_SIGMA.powi(2) + measured.sigma.powi(2));
+        Estimate { value: share * measured.value, sigma: share.sqrt() * measured.sigma }
     });
-    let limb = seen.value.clamp(0.0, 1.0);
+    let limb = posterior.value.clamp(0.0, 1.0);
     let bare = step.inside / (1.0 - limb * (1.0 - (2.0 * INSIDE_DEPTH_PX / radius_px).sqrt().min(1.0)));
     let outside = step.inside - step.contrast;
     // The fraction of the contrast left at the rim.
-    let left = (bare * (1.0 - BLURRED_DARKENING * limb) - outside) / step.contrast;
+    let contrast_fraction = (bare * (1.0 - BLURRED_DARKENING * limb) - outside) / step.contrast;
     let pull_px = (SHIFT_COEFFICIENTS[0] + SHIFT_COEFFICIENTS[1] * step.blur_px) / radius_px.sqrt() * bare
-        / (step.contrast * left.max(MIN_CONTRAST_FRACTION));
-    let darkening_px = if left >= MIN_CONTRAST_FRACTION { pull_px * limb } else { 0.0 };
-    let model_error_px = if left >= MIN_CONTRAST_FRACTION { SHIFT_MODEL_ERROR * darkening_px } else { pull_px * limb };
-    let of_darkening = Estimate { value: darkening_px, sigma: (pull_px * seen.sigma).hypot(model_error_px) };
-    let by_level = -outside / (step.inside.max(1.0) * step.contrast * left.max(MIN_CONTRAST_FRACTION));
-    Shift { rim: Estimate { value: bend_px + darkening_px, ..of_darkening }, darkening: of_darkening, by_level }
+        / (step.contrast * contrast_fraction.max(MIN_CONTRAST_FRACTION));
+    let darkening_px = if contrast_fraction >= MIN_CONTRAST_FRACTION { pull_px * limb } else { 0.0 };
+    let model_error_px =
+        if contrast_fraction >= MIN_CONTRAST_FRACTION { SHIFT_MODEL_ERROR * darkening_px } else { pull_px * limb };
+    let darkening_shift = Estimate { value: darkening_px, sigma: (pull_px * posterior.sigma).hypot(model_error_px) };
+    let by_level = -outside / (step.inside.max(1.0) * step.contrast * contrast_fraction.max(MIN_CONTRAST_FRACTION));
+    Shift { rim: Estimate { value: bend_px + darkening_px, ..darkening_shift }, darkening: darkening_shift, by_level }
 }
 
 #[cfg(test)]
@@ -450,14 +467,14 @@ mod tests {
     #[test]
     fn without_a_visible_surface_the_shift_is_as_uncertain_as_balls_differ() {
         let step = Step { inside: 150.0, contrast: 110.0, blur_px: 0.8 };
-        let (blind, seen) = (shift_px(None, 57.0, step).rim, |limb| Some(Estimate { value: limb, sigma: 0.01 }));
-        let flat = shift_px(seen(0.0), 57.0, step).rim;
-        let dark = shift_px(seen(0.3), 57.0, step).rim;
+        let (blind, seen) = (edge_shift(None, 57.0, step).rim, |limb| Some(Estimate { value: limb, sigma: 0.01 }));
+        let flat = edge_shift(seen(0.0), 57.0, step).rim;
+        let dark = edge_shift(seen(0.3), 57.0, step).rim;
         assert!((blind.value - flat.value).abs() < 1e-12 && blind.sigma > 10.0 * flat.sigma);
         assert!(dark.value > flat.value + 0.04 && dark.value < flat.value + 0.15, "{dark:?}");
         // On a background brighter than the ball the same pull acts inwards.
-        let darker = shift_px(seen(0.3), 57.0, Step { contrast: -110.0, ..step }).rim;
+        let darker = edge_shift(seen(0.3), 57.0, Step { contrast: -110.0, ..step }).rim;
         assert!(darker.value < flat.value, "{darker:?}");
-        assert!(shift_px(seen(0.3), 57.0, Step { contrast: 30.0, ..step }).rim.sigma > dark.sigma);
+        assert!(edge_shift(seen(0.3), 57.0, Step { contrast: 30.0, ..step }).rim.sigma > dark.sigma);
     }
 }

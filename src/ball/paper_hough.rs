@@ -52,12 +52,12 @@ struct Cell {
 
 impl PaperHough {
     /// Returns the circle with the most votes; `None` if too little of it is marked, or too many marks lie elsewhere.
-    pub(super) fn circle(&mut self, image: ImageView<'_>, detected: &Circle) -> Option<Circle> {
+    pub(super) fn find_circle(&mut self, image: ImageView<'_>, detected: &Circle) -> Option<Circle> {
         let rays = (std::f64::consts::TAU * detected.radius_px).ceil();
-        self.mark(image, detected, rays as usize);
+        self.mark_boundary(image, detected, rays as usize);
         let best = self.transform(detected.radius_px)?;
-        let on = |(x, y): &&(f64, f64)| ((x - best.x).hypot(y - best.y) - best.radius).abs() < 1.0;
-        let marked = self.marks.iter().filter(on).count() as f64;
+        let is_on_circle = |(x, y): &&(f64, f64)| ((x - best.x).hypot(y - best.y) - best.radius).abs() < 1.0;
+        let marked = self.marks.iter().filter(is_on_circle).count() as f64;
         if marked < MIN_MARKED_FRACTION * rays || marked < MIN_INLIER_FRACTION * self.marks.len() as f64 {
             return None;
         }
@@ -76,29 +76,30 @@ impl PaperHough {
     }
 
     /// Marks the boundary pixel of every ray that has one.
-    fn mark(&mut self, image: ImageView<'_>, detected: &Circle, rays: usize) {
+    fn mark_boundary(&mut self, image: ImageView<'_>, detected: &Circle, rays: usize) {
         self.marks.clear();
-        let Some(ball) = self.level(image, detected) else { return };
+        let Some(ball) = self.ball_level(image, detected) else { return };
         let steps = (2.0 * REACH_PX / STRIDE_PX) as usize + 1;
         for ray in 0..rays {
             let (sin, cos) = (ray as f64 * std::f64::consts::TAU / rays as f64).sin_cos();
             self.levels.clear();
             let inner = detected.radius_px - FILTER_DEPTH_PX;
-            let Some(inside) = bilinear(image, detected.x_px + inner * cos, detected.y_px + inner * sin) else {
+            let Some(inside) = interpolate_bilinear(image, detected.x_px + inner * cos, detected.y_px + inner * sin)
+            else {
                 continue;
             };
             for step in 0..steps {
                 let along = detected.radius_px - REACH_PX + STRIDE_PX * step as f64;
                 let level = match along < inner {
                     true => Some(ball),
-                    false => bilinear(image, detected.x_px + along * cos, detected.y_px + along * sin),
+                    false => interpolate_bilinear(image, detected.x_px + along * cos, detected.y_px + along * sin),
                 };
                 self.levels.extend(level);
             }
             if self.levels.len() < steps {
                 continue;
             }
-            if let Some(at) = boundary(&self.levels, ball, inside) {
+            if let Some(at) = boundary_sample(&self.levels, ball, inside) {
                 let along = detected.radius_px - REACH_PX + STRIDE_PX * at as f64;
                 let pixel = |middle: f64, part: f64| (middle + along * part).round() - middle;
                 let mark = (pixel(detected.x_px, cos), pixel(detected.y_px, sin));
@@ -109,8 +110,8 @@ impl PaperHough {
         }
     }
 
-    /// Returns the grey level of the filtered ball: the median well inside.
-    fn level(&mut self, image: ImageView<'_>, detected: &Circle) -> Option<f32> {
+    /// Returns the grey level of the filtered ball, the median well inside; `None` if no pixel lies there.
+    fn ball_level(&mut self, image: ImageView<'_>, detected: &Circle) -> Option<f32> {
         self.levels.clear();
         let depth = detected.radius_px - FILTER_DEPTH_PX;
         let rows =
@@ -126,6 +127,8 @@ impl PaperHough {
     }
 
     /// Computes the Hough transform: each mark votes, for every centre, for the radius of the circle through it.
+    ///
+    /// Returns the mean of the circles with the most votes; `None` without marks.
     fn transform(&mut self, radius_px: f64) -> Option<Cell> {
         let side = (REACH_PX / CELL_PX) as i32;
         let bins = 2 * side as usize + 1;
@@ -164,8 +167,10 @@ impl PaperHough {
     }
 }
 
-/// Returns the sample of the strongest change towards the background along a ray from the ball, if there is one.
-fn boundary(levels: &[f32], ball: f32, inside: f32) -> Option<usize> {
+/// Returns the index of the strongest change towards the background along a ray, if there is one.
+///
+/// `ball` is the filtered level and `inside` the level next to the rim.
+fn boundary_sample(levels: &[f32], ball: f32, inside: f32) -> Option<usize> {
     let ground = levels.last()? - ball;
     if (inside - ball).abs() > MAX_SPECKLE_FRACTION * ground.abs() {
         return None;
@@ -175,7 +180,8 @@ fn boundary(levels: &[f32], ball: f32, inside: f32) -> Option<usize> {
     (change(at) > MIN_CONTRAST_FRACTION * ground.abs() && ground.abs() > 1.0).then_some(at)
 }
 
-fn bilinear(image: ImageView<'_>, x: f64, y: f64) -> Option<f32> {
+/// Interpolates the grey level bilinearly at a position, px; `None` outside the image.
+fn interpolate_bilinear(image: ImageView<'_>, x: f64, y: f64) -> Option<f32> {
     if !within(image, x as f32, y as f32) {
         return None;
     }

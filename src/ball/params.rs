@@ -39,6 +39,10 @@ impl BallParams {
     }
 
     /// Checks the parameters for images of this size.
+    ///
+    /// # Errors
+    ///
+    /// Returns [`BallError::Range`] for the first parameter out of its range.
     pub(super) fn check(&self, width_px: usize, height_px: usize) -> Result<(), BallError> {
         let (min, max) = (MIN_RADIUS_PX, MAX_RADIUS_PX);
         if !(min..=max).contains(&self.min_radius_px) {

@@ -11,11 +11,13 @@ pub(super) struct GreyImage {
 }
 
 impl GreyImage {
+    /// Sets the size and keeps the memory; the pixels are not defined afterwards.
     pub fn reshape(&mut self, width: usize, height: usize) {
         self.data.resize(width * height, 0.0);
         (self.width, self.height) = (width, height);
     }
 
+    /// Returns a view of the image; `None` if it is empty.
     pub fn view(&self) -> Option<ImageView<'_>> {
         ImageView::new(&self.data, self.width, self.height).ok()
     }
@@ -74,14 +76,15 @@ pub(super) fn blur(from: &GreyImage, scratch: &mut GreyImage, to: &mut GreyImage
     }
 }
 
-/// Closes (greyscale morphology) with a disc of radius 2: removes dark marks up to 5 px wide and keeps straight and
-/// gently curved edges.
+/// Closes an image (greyscale morphology) with a disc of radius 2 px.
+///
+/// This removes dark marks up to 5 px wide and keeps straight and gently curved edges.
 pub(super) fn remove_dark_marks(from: &GreyImage, scratch: &mut GreyImage, to: &mut GreyImage) {
     disc_filter(from, scratch, larger);
     disc_filter(scratch, to, smaller);
 }
 
-/// Opens (greyscale morphology) with a disc of radius 2: removes bright marks.
+/// Opens an image (greyscale morphology) with a disc of radius 2 px, which removes bright marks up to 5 px wide.
 pub(super) fn remove_bright_marks(from: &GreyImage, scratch: &mut GreyImage, to: &mut GreyImage) {
     disc_filter(from, scratch, smaller);
     disc_filter(scratch, to, larger);
@@ -96,7 +99,7 @@ fn smaller(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// Applies `pick` over a 5 x 5 square without its corners; the border repeats.
+/// Applies `pick` (a minimum or a maximum) over a 5 x 5 square without its corners; the border repeats.
 fn disc_filter(from: &GreyImage, to: &mut GreyImage, pick: impl Fn(f32, f32) -> f32 + Copy) {
     let (width, height) = (from.width, from.height);
     to.reshape(width, height);

@@ -34,14 +34,14 @@ impl SideLight {
     /// The brightness inside along the rim is `a + b cos + c sin`. Illumination that changes linearly across the disc
     /// then falls by `(b cos + c sin) / R` per pixel inwards. The slope is zero if the used bins do not surround the
     /// centre.
-    pub fn slope(&mut self, rim: &Annulus, edges: &[Edge], used: &[bool], radius: f64, slope: &mut Vec<f32>) {
+    pub fn estimate_slope(&mut self, rim: &Annulus, edges: &[Edge], used: &[bool], radius: f64, slope: &mut Vec<f32>) {
         slope.clear();
         slope.resize(rim.bins(), 0.0);
         self.amplitude = [0.0; 2];
         if max_gap(used) * std::f64::consts::TAU / rim.bins() as f64 > MAX_GAP_RAD {
             return;
         }
-        let Some(harmonic) = self.harmonic(rim, edges, used) else { return };
+        let Some(harmonic) = self.fit_harmonic(rim, edges, used) else { return };
         self.amplitude = [harmonic[0], harmonic[1]];
         let [x, y] = self.amplitude.map(|v| (-v / radius) as f32);
         let Directions { cos, sin } = rim.directions();
@@ -50,8 +50,11 @@ impl SideLight {
         }
     }
 
-    /// Fits the brightness inside by `b cos + c sin + a`, with reweighted least squares.
-    fn harmonic(&mut self, rim: &Annulus, edges: &[Edge], used: &[bool]) -> Option<Vector3<f64>> {
+    /// Fits the brightness inside by `b cos + c sin + a` with reweighted least squares. Returns (b, c, a), grey
+    /// levels.
+    ///
+    /// `None` if the used bins do not determine it.
+    fn fit_harmonic(&mut self, rim: &Annulus, edges: &[Edge], used: &[bool]) -> Option<Vector3<f64>> {
         let Self { level, weight, residual, robust_weight, sorted, .. } = self;
         let padded = edges.len().next_multiple_of(LANES);
         level.clear();

@@ -5,7 +5,7 @@ use super::annulus::{Annulus, ClippedPixels, Outline, SLACK_PX};
 use super::circle_fit::{CircleFit, Correction};
 use super::edge_fit::{Edge, EdgeSearch, fit_edges};
 use super::edge_selection::{self, CleanContrast, EdgeSelection};
-use super::limb_darkening::{LimbDarkening, SECTORS, Shift, Step, VisibleRim, shift_px};
+use super::limb_darkening::{LimbDarkening, SECTORS, Shift, Step, VisibleRim, edge_shift};
 use super::ransac::Candidate;
 use super::side_light::SideLight;
 use super::significance::evidence;
@@ -161,7 +161,8 @@ const NEAR: Effort = Effort {
     is_near: true,
 };
 
-fn distance(a: &Outline, b: &Outline) -> f64 {
+/// Returns the distance between two circles, px: the larger of the distances of centres and radii.
+fn circle_distance(a: &Outline, b: &Outline) -> f64 {
     (a.x - b.x).hypot(a.y - b.y).max((a.radius - b.radius).abs())
 }
 
@@ -180,7 +181,7 @@ pub(super) struct SubpixelFit {
 
 impl SubpixelFit {
     /// Fits the circle near a candidate; `None` if its rim does not determine one.
-    pub fn circle(&mut self, image: ImageView<'_>, candidate: &Candidate) -> Option<Measured> {
+    pub fn fit_candidate(&mut self, image: ImageView<'_>, candidate: &Candidate) -> Option<Measured> {
         let effort = Effort {
             first: (4, 8),
             later: (2, 4),
@@ -193,13 +194,18 @@ impl SubpixelFit {
         self.fit_unclipped_or_all(image, candidate, effort)
     }
 
-    /// Fits the circle near an accurate candidate, off by at most `max_shift_px`.
-    pub fn circle_at(&mut self, image: ImageView<'_>, candidate: &Candidate, max_shift_px: f64) -> Option<Measured> {
+    /// Fits the circle near an accurate prediction, off by at most `max_shift_px`.
+    pub fn fit_prediction(
+        &mut self,
+        image: ImageView<'_>,
+        candidate: &Candidate,
+        max_shift_px: f64,
+    ) -> Option<Measured> {
         self.fit_unclipped_or_all(image, candidate, Effort { max_shift_px, ..NEAR })
     }
 
-    /// Fits the circle near a candidate that may be off by more than the noise of an outline.
-    pub fn circle_about(&mut self, image: ImageView<'_>, candidate: &Candidate, max_shift_px: f64) -> Option<Measured> {
+    /// Fits the circle near an examined candidate, which may be off by more than the noise of an outline.
+    pub fn fit_examined(&mut self, image: ImageView<'_>, candidate: &Candidate, max_shift_px: f64) -> Option<Measured> {
         self.fit_unclipped_or_all(
             image,
             candidate,
@@ -244,11 +250,15 @@ impl SubpixelFit {
         speckled.or(clean)
     }
 
+    /// Sets the kind of the rim for the gathering and for the fit.
     fn set_rim_kind(&mut self, kind: RimKind) {
         self.rim.set_kind(kind);
         self.fit.rim_kind = kind;
     }
 
+    /// Fits the circle in rounds of gathering pixels, fitting edges and fitting a circle.
+    ///
+    /// `None` if the circle moves too far or is rejected.
     fn fit_circle(&mut self, image: ImageView<'_>, candidate: &Candidate, effort: Effort) -> Option<Measured> {
         let start = Outline { x: candidate.x.into(), y: candidate.y.into(), radius: candidate.radius.into() };
         let mut outline = start;
@@ -259,12 +269,12 @@ impl SubpixelFit {
         self.gather(image, &start);
         for round in 0..MAX_ROUNDS {
             // The second gathering makes the bins independent of the start, if that was far off.
-            let apart = distance(&outline, &gathered);
+            let apart = circle_distance(&outline, &gathered);
             if (round == 2 && apart > effort.regather_px) || apart > SLACK_PX {
                 self.gather(image, &outline);
                 gathered = outline;
             } else if round > 0 {
-                self.rim.measure(&outline);
+                self.rim.update_distances(&outline);
             }
             let (steps, reweightings) = if round == 0 { effort.first } else { effort.later };
             fit_edges(
@@ -279,7 +289,7 @@ impl SubpixelFit {
             outline =
                 Outline { x: outline.x + fitted.dx, y: outline.y + fitted.dy, radius: outline.radius + fitted.dr };
             // NaN fails the comparison.
-            let near = distance(&outline, &start) <= effort.max_shift_px;
+            let near = circle_distance(&outline, &start) <= effort.max_shift_px;
             if !near {
                 return None;
             }
@@ -288,7 +298,13 @@ impl SubpixelFit {
             }
             self.move_edges(&fitted);
             blur = self.refine_blur(blur);
-            self.side_light.slope(&self.rim, &self.edges, &self.selection.used, outline.radius, &mut self.slope);
+            self.side_light.estimate_slope(
+                &self.rim,
+                &self.edges,
+                &self.selection.used,
+                outline.radius,
+                &mut self.slope,
+            );
         }
         self.accept_circle(image, outline, blur)
     }
@@ -314,7 +330,7 @@ impl SubpixelFit {
         }
     }
 
-    /// Returns the blur after a step towards the best fit of all used bins.
+    /// Returns the blur, px, after a Gauss-Newton step towards the best fit of all used bins.
     fn refine_blur(&self, blur: f32) -> f32 {
         let (mut gradient, mut curvature) = (0.0_f32, 0.0_f32);
         for (bin, edge) in self.edges.iter().enumerate() {
@@ -338,7 +354,7 @@ impl SubpixelFit {
     /// uncertain. The radius is corrected for the shift of the edges from the rim, and the centre for that under side
     /// light. The uncertainties are those of the fit, increased for blur, occlusion, marks and clipped pixels.
     fn accept_circle(&mut self, image: ImageView<'_>, outline: Outline, blur: f32) -> Option<Measured> {
-        let inliers = self.fit.inliers(INLIER_PX);
+        let inliers = self.fit.count_inliers(INLIER_PX);
         let inside = (0..self.rim.bins()).filter(|&bin| self.rim.count(bin) > 0).count().max(1) as f64;
         let inlier_fraction = inliers as f64 / inside;
         let used = self.selection.used.iter().filter(|used| **used).count();
@@ -361,7 +377,7 @@ impl SubpixelFit {
             return None;
         }
         let c = self.fit.covariance(&self.rim)?;
-        let [of_center, of_radius] =
+        let [center_sigma, radius_sigma] =
             [0.5 * (c[(0, 0)] + c[(1, 1)]), c[(2, 2)]].map(|variance| blur_factor * variance.sqrt());
         let visible_fraction = self.visible_fraction(image, outline);
         let max_sigma_px = match inliers {
@@ -369,7 +385,7 @@ impl SubpixelFit {
             _ if visible_fraction > MOSTLY_VISIBLE => MAX_SIGMA_VISIBLE_PX,
             _ => MAX_SIGMA_PX,
         } * may_scatter;
-        if !(of_center < max_sigma_px && of_radius < max_sigma_px) {
+        if !(center_sigma < max_sigma_px && radius_sigma < max_sigma_px) {
             return None;
         }
         let clipped = self.clipped_sigma_px()?;
@@ -385,7 +401,7 @@ impl SubpixelFit {
             (RADIUS_FACTOR + RADIUS_FACTOR_OCCLUDED * (1.0 - visible_fraction)) * marks[1],
         ]
         .map(|factor| factor * blur_factor.sqrt());
-        let shift = self.shift(image, &outline, blur);
+        let shift = self.edge_shift(image, &outline, blur);
         // Under side light, the edges of the brighter limb are shifted more.
         let [amplitude_x, amplitude_y] = self.side_light.amplitude;
         let amplitude = amplitude_x.hypot(amplitude_y).max(f64::MIN_POSITIVE);
@@ -394,8 +410,14 @@ impl SubpixelFit {
             x_px: outline.x + side_shift.value * amplitude_x / amplitude,
             y_px: outline.y + side_shift.value * amplitude_y / amplitude,
             radius_px: outline.radius + shift.rim.value,
-            sigma_center_px: (center * of_center).hypot(clipped[0]).hypot(side_shift.sigma).hypot(MIN_CENTER_SIGMA_PX),
-            sigma_radius_px: (radius * of_radius).hypot(clipped[1]).hypot(shift.rim.sigma).hypot(MIN_RADIUS_SIGMA_PX),
+            sigma_center_px: (center * center_sigma)
+                .hypot(clipped[0])
+                .hypot(side_shift.sigma)
+                .hypot(MIN_CENTER_SIGMA_PX),
+            sigma_radius_px: (radius * radius_sigma)
+                .hypot(clipped[1])
+                .hypot(shift.rim.sigma)
+                .hypot(MIN_RADIUS_SIGMA_PX),
             visible_fraction,
         };
         Some(Measured { circle, inlier_fraction, scatter_px })
@@ -411,7 +433,7 @@ impl SubpixelFit {
         // An edge of the opposite sign might as well have agreed.
         let nats = || {
             evidence(used + self.selection.opposite_sign, edge_selection::MAX_DISTANCE_PX, |within_px| {
-                self.fit.inliers(within_px)
+                self.fit.count_inliers(within_px)
             })
         };
         enough && (inliers >= FEW_INLIERS || nats() > MIN_EVIDENCE_NATS * blur_factor)
@@ -424,7 +446,7 @@ impl SubpixelFit {
             ..FEW_INLIERS_FOR_OUTER => MAX_OUTER_OF_FEW,
             _ => MAX_OUTER,
         };
-        self.fit.outer_edges(distance_px) as f64 <= max_fraction * inliers as f64
+        self.fit.count_outer_edges(distance_px) as f64 <= max_fraction * inliers as f64
     }
 
     /// Whether the levels outside the rim hardly vary along it.
@@ -464,8 +486,8 @@ impl SubpixelFit {
         (over <= MAX_CLIPPED_FRACTION).then(|| CLIPPED_SIGMA_PX.map(|each| each * over))
     }
 
-    /// Computes the distance of the ball's rim from its fitted edges.
-    fn shift(&mut self, image: ImageView<'_>, outline: &Outline, blur: f32) -> Shift {
+    /// Computes the distance of the rim of the ball from its fitted edges, px.
+    fn edge_shift(&mut self, image: ImageView<'_>, outline: &Outline, blur: f32) -> Shift {
         let (bins, robust_weight) = (self.edges.len(), &self.fit.robust_weight[..self.edges.len()]);
         let mut trusted = [0.0; SECTORS];
         let (mut inside, mut contrast, mut total) = (0.0, 0.0, 0.0);
@@ -478,9 +500,10 @@ impl SubpixelFit {
         let visible = VisibleRim { sectors: trusted.map(|share| share > MIN_VISIBLE_RIM), blur_px: blur.into() };
         let darkening = self.limb.darkening(image, outline, visible);
         let [inside, contrast] = [inside, contrast].map(|sum| f64::from(sum / total));
-        shift_px(darkening, outline.radius, Step { inside, contrast, blur_px: blur.into() })
+        edge_shift(darkening, outline.radius, Step { inside, contrast, blur_px: blur.into() })
     }
 
+    /// Returns the visible fraction of the disc, 0 to 1: neither occluded nor outside the image.
     fn visible_fraction(&mut self, image: ImageView<'_>, outline: Outline) -> f64 {
         self.rim_bins.clear();
         for bin in 0..self.rim.bins() {

@@ -51,6 +51,9 @@ fn visible_rate_outside(bins: &[RimBin], run: Run) -> f64 {
 }
 
 /// Returns the run with the most evidence of an occluder; length 0 if there is too little.
+///
+/// `visible` is the rate of visible rim outside the occluder. The run is the maximum subarray of log likelihood
+/// ratios (J. B. Kadane's algorithm).
 fn likeliest_run(bins: &[RimBin], visible: f64) -> Run {
     let count = bins.len();
     let (rim, missing) = ((FALSE_RIM_RATE / visible).ln(), ((1.0 - FALSE_RIM_RATE) / (1.0 - visible)).ln());

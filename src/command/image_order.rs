@@ -11,7 +11,7 @@ pub struct ImageOrder {
 }
 
 impl ImageOrder {
-    /// Returns the order.
+    /// Returns the order of the images.
     pub fn order(self) -> Order {
         if self.reverse { Order::Reversed } else { Order::Forward }
     }

@@ -2,9 +2,9 @@
 
 use std::collections::VecDeque;
 
-use super::contact_onset::{mirrored, onset};
-use super::departure::{Departure, departure, plausible_curves, residual};
-use super::trajectory::{NORMAL, SurfaceNode, between, samples};
+use super::contact_onset::{fit_onset, time_reversed};
+use super::departure::{Departure, plausible_curves, residual, test_departure};
+use super::trajectory::{NORMAL, SurfaceNode, nodes_between, samples};
 use crate::motion::{AUTO_AHEAD_FRAMES, Regime};
 use crate::numeric::Polynomial;
 use crate::results::{Estimate, Phase};
@@ -29,7 +29,7 @@ const CERTAIN_FRAMES: f64 = 9.0;
 const ACCELERATION_NODES: usize = 7;
 /// The maximum deviation of the acceleration from gravity after a contact, as a share of the peak acceleration.
 const QUIET_SHARE: f64 = 0.02;
-/// The maximum number of nodes that the end of a contact is judged by.
+/// The maximum number of nodes that the end of a contact is tested by.
 const QUIET_NODES: usize = 40;
 /// The number of nodes after a possible contact that decide whether a force acts, where [`QUIET_SHARE`] cannot be
 /// resolved.
@@ -104,8 +104,9 @@ impl Break {
 /// The contact ends when the acceleration has returned to gravity's. No threshold is in px.
 #[derive(Debug, Clone)]
 pub struct Detector {
-    trail: Vec<SurfaceNode>,
+    nodes: Vec<SurfaceNode>,
     flight_from: f64,
+    /// The undecided departure: the time of its first node (frames), its side (-1 or 1) and its number of nodes.
     off: Option<(f64, f64, u32)>,
     contact: Option<Contact>,
     /// The start of the force-free stretch after a contact, and the frames since then.
@@ -117,7 +118,7 @@ impl Detector {
     /// Creates a detector without any node.
     pub fn new() -> Self {
         Self {
-            trail: Vec::new(),
+            nodes: Vec::new(),
             flight_from: f64::NEG_INFINITY,
             off: None,
             contact: None,
@@ -126,9 +127,9 @@ impl Detector {
         }
     }
 
-    /// Returns the stored nodes in order.
-    pub fn trail(&self) -> &[SurfaceNode] {
-        &self.trail
+    /// Returns the stored nodes in order of time.
+    pub fn nodes(&self) -> &[SurfaceNode] {
+        &self.nodes
     }
 
     /// Returns the current contact, or the last one until [`Detector::release`].
@@ -144,46 +145,49 @@ impl Detector {
     }
 
     /// Whether a contact, or an undecided departure, may be acting on the body.
-    pub fn is_suspicious(&self) -> bool {
+    pub fn may_be_in_contact(&self) -> bool {
         self.off.is_some() || self.contact.is_some_and(|c| c.end_frames.is_none())
     }
 
-    /// Takes the next node; `gravity` along the normal in px/frame^2 where the scale is known.
-    pub fn push(&mut self, node: SurfaceNode, gravity: Option<f64>) -> Event {
-        self.trail.push(node);
+    /// Adds the next node and returns its effect. `gravity` is along the normal, px/frame^2; `None` without a scale.
+    pub fn add_node(&mut self, node: SurfaceNode, gravity: Option<f64>) -> Event {
+        self.nodes.push(node);
         match self.contact {
-            Some(contact) if contact.end_frames.is_none() => self.watch_contact(contact, gravity.unwrap_or(0.0)),
+            Some(contact) if contact.end_frames.is_none() => self.check_for_end(contact, gravity.unwrap_or(0.0)),
             _ => {
-                self.prune();
+                self.discard_old_nodes();
                 self.refine_end(gravity);
-                self.watch_flight(gravity)
+                self.check_for_contact(gravity)
             }
         }
     }
 
     /// Discards the oldest nodes, but none of a contact or of the flight before it.
-    fn prune(&mut self) {
+    fn discard_old_nodes(&mut self) {
         let keep_from = self.contact.map(|c| c.flight_from_frames);
-        let old = self.trail.len().saturating_sub(KEPT_NODES);
-        let old = keep_from.map_or(old, |t| old.min(self.trail.partition_point(|n| n.time_frames < t)));
+        let old = self.nodes.len().saturating_sub(KEPT_NODES);
+        let old = keep_from.map_or(old, |t| old.min(self.nodes.partition_point(|n| n.time_frames < t)));
         // In blocks, because every removal moves all later nodes.
         if old >= KEPT_NODES {
-            self.trail.drain(..old);
+            self.nodes.drain(..old);
         }
     }
 
-    fn watch_flight(&mut self, gravity: Option<f64>) -> Event {
-        let first = self.trail.partition_point(|n| n.time_frames < self.flight_from);
+    /// Tests whether the newest node has departed from the flight, and whether the departure is a contact.
+    ///
+    /// A departure inwards, of a body that does not approach, or like a jump restarts the flight.
+    fn check_for_contact(&mut self, gravity: Option<f64>) -> Event {
+        let first = self.nodes.partition_point(|n| n.time_frames < self.flight_from);
         let end = match self.off {
-            Some((from, ..)) => self.trail.partition_point(|n| n.time_frames < from),
-            None => self.trail.len() - 1,
+            Some((from, ..)) => self.nodes.partition_point(|n| n.time_frames < from),
+            None => self.nodes.len() - 1,
         };
         let end = end.saturating_sub(GUARD_NODES).max(first);
-        let flight = samples(&self.trail[first.max(end.saturating_sub(FLIGHT_NODES))..end], NORMAL);
-        let since = samples(&self.trail[end..], NORMAL);
-        let judged = if flight.len() < FLIGHT_MIN_NODES { None } else { departure(&flight, &since, gravity) };
-        let time = self.trail[self.trail.len() - 1].time_frames;
-        let Some(Departure { sigmas, rate }) = judged else { return Event::None };
+        let flight = samples(&self.nodes[first.max(end.saturating_sub(FLIGHT_NODES))..end], NORMAL);
+        let since = samples(&self.nodes[end..], NORMAL);
+        let tested = if flight.len() < FLIGHT_MIN_NODES { None } else { test_departure(&flight, &since, gravity) };
+        let time = self.nodes[self.nodes.len() - 1].time_frames;
+        let Some(Departure { sigmas, rate }) = tested else { return Event::None };
         if sigmas.abs() <= OFF_SIGMAS {
             self.off = None;
             return Event::None;
@@ -198,39 +202,40 @@ impl Detector {
         }
         let approaching = rate.value < -APPROACH_SIGMAS * rate.sigma;
         if side < 0.0 || !approaching {
-            self.restart(from);
+            self.restart_flight(from);
             return Event::None;
         }
-        let back = self.trail.partition_point(|n| n.time_frames < from - 15.0).max(first);
-        let recent = samples(&self.trail[back..], NORMAL);
-        let begun = plausible_curves(&flight, gravity).first().and_then(|curve| onset(curve, &recent, from));
-        match begun {
+        let back = self.nodes.partition_point(|n| n.time_frames < from - 15.0).max(first);
+        let recent = samples(&self.nodes[back..], NORMAL);
+        let onset = plausible_curves(&flight, gravity).first().and_then(|curve| fit_onset(curve, &recent, from));
+        match onset {
             Some(o) if !o.gradual && count < JUMP_FRAMES => Event::None,
             Some(o) if !o.gradual => {
-                self.restart(from);
+                self.restart_flight(from);
                 Event::None
             }
-            begun => {
+            onset => {
                 // Without a common offset (lost frames), the onset lies anywhere between the last node and this one.
                 let between = 0.5 * (flight[flight.len() - 1].time_frames + from);
-                self.begin(begun.map_or(between, |o| o.start_frames), from, rate);
+                self.begin_contact(onset.map_or(between, |o| o.start_frames), from, rate);
                 Event::Began
             }
         }
     }
 
     /// Restarts the flight at `from_frames`, after a release or a wrong step.
-    fn restart(&mut self, from_frames: f64) {
+    fn restart_flight(&mut self, from_frames: f64) {
         self.flight_from = from_frames;
         self.off = None;
         let from = self.frame_at(from_frames);
-        self.remember(Break { from, to: Some(from), published_after: None, speed: 0.0, acceleration: 0.0 });
+        self.store_break(Break { from, to: Some(from), published_after: None, speed: 0.0, acceleration: 0.0 });
     }
 
-    fn begin(&mut self, start_frames: f64, departed_frames: f64, approach: Estimate) {
+    /// Begins a contact. `approach` is the normal velocity before it, px/frame.
+    fn begin_contact(&mut self, start_frames: f64, departed_frames: f64, approach: Estimate) {
         (self.off, self.quiet) = (None, None);
-        let first = self.trail.partition_point(|n| n.time_frames < self.flight_from);
-        let flight_from_frames = self.trail[first].time_frames;
+        let first = self.nodes.partition_point(|n| n.time_frames < self.flight_from);
+        let flight_from_frames = self.nodes[first].time_frames;
         self.contact = Some(Contact {
             flight_from_frames,
             flight_to_frames: departed_frames - CERTAIN_FRAMES,
@@ -241,21 +246,33 @@ impl Detector {
             end_frames: None,
         });
         let from = self.frame_at(start_frames);
-        self.remember(Break { from, to: None, published_after: None, speed: approach.value.abs(), acceleration: 0.0 });
+        self.store_break(Break {
+            from,
+            to: None,
+            published_after: None,
+            speed: approach.value.abs(),
+            acceleration: 0.0,
+        });
     }
 
-    fn watch_contact(&mut self, mut contact: Contact, gravity: f64) -> Event {
-        let since = samples(between(&self.trail, contact.start_frames, f64::INFINITY), NORMAL);
+    /// Tests whether the force of the contact has ended; `gravity` along the normal, px/frame^2.
+    ///
+    /// A contact that never ends, or after which the body still approaches, is dismissed.
+    fn check_for_end(&mut self, mut contact: Contact, gravity: f64) -> Event {
+        let since = samples(nodes_between(&self.nodes, contact.start_frames, f64::INFINITY), NORMAL);
         let newest = &since[since.len().saturating_sub(ACCELERATION_NODES)..];
-        if let Some(acceleration) = curvature(newest) {
+        if let Some(acceleration) = fit_acceleration(newest) {
             contact.acceleration_max = contact.acceleration_max.max(acceleration.value - gravity);
         }
         self.contact = Some(contact);
         if let Some(b) = self.breaks.back_mut() {
             b.acceleration = contact.acceleration_max;
         }
-        let forceless = || forceless(between(&self.trail, contact.departed_frames, f64::INFINITY), gravity);
-        if let Some((from, rate)) = quiet(&since, gravity, contact.acceleration_max).unwrap_or_else(forceless) {
+        let forceless =
+            || find_forceless_stretch(nodes_between(&self.nodes, contact.departed_frames, f64::INFINITY), gravity);
+        if let Some((from, rate)) =
+            find_quiet_stretch(&since, gravity, contact.acceleration_max).unwrap_or_else(forceless)
+        {
             if rate.value < -APPROACH_SIGMAS * rate.sigma {
                 // Free of force but still approaching: it was no collision.
                 return self.dismiss(from);
@@ -266,12 +283,13 @@ impl Detector {
             self.quiet = Some((from, since.iter().filter(|s| s.time_frames >= from).count() as u32));
             return Event::Ended;
         }
-        if self.trail.len() >= MAX_NODES { self.dismiss(since[since.len() - 1].time_frames) } else { Event::None }
+        if self.nodes.len() >= MAX_NODES { self.dismiss(since[since.len() - 1].time_frames) } else { Event::None }
     }
 
+    /// Sets the end of the contact, or corrects it, and restarts the flight there.
     fn set_end(&mut self, end_frames: f64) {
         self.flight_from = end_frames;
-        let (to, newest) = (self.frame_at(end_frames), self.trail[self.trail.len() - 1].frame);
+        let (to, newest) = (self.frame_at(end_frames), self.nodes[self.nodes.len() - 1].frame);
         if let Some(b) = self.breaks.back_mut() {
             // Frames this old have been published already.
             let was_published = b.to.filter(|before| before + AUTO_AHEAD_FRAMES < newest);
@@ -292,33 +310,36 @@ impl Detector {
         let count = count + 1;
         self.quiet = (count < END_AGAIN_FRAMES[3] && self.off.is_none()).then_some((from, count));
         let Some(contact) = self.contact.filter(|_| END_AGAIN_FRAMES.contains(&count)) else { return };
-        let after = samples(between(&self.trail, from + QUIET_EARLY_FRAMES, f64::INFINITY), NORMAL);
-        let all = mirrored(&samples(between(&self.trail, contact.start_frames, f64::INFINITY), NORMAL));
-        let curve = plausible_curves(&mirrored(&after), gravity).into_iter().next();
+        let after = samples(nodes_between(&self.nodes, from + QUIET_EARLY_FRAMES, f64::INFINITY), NORMAL);
+        let all = time_reversed(&samples(nodes_between(&self.nodes, contact.start_frames, f64::INFINITY), NORMAL));
+        let curve = plausible_curves(&time_reversed(&after), gravity).into_iter().next();
         let Some(curve) = curve.filter(|_| after.len() >= FLIGHT_MIN_NODES) else { return };
         let is_off =
             |s: &&crate::numeric::Sample| residual(&curve, &[], s).is_some_and(|r| r.value > OFF_SIGMAS * r.sigma);
         let Some(departed) = all.iter().find(is_off).map(|s| s.time_frames) else { return };
         let near = &all[..all.partition_point(|s| s.time_frames <= departed + 2.0)];
-        if let Some(o) = onset(&curve, near, departed) {
+        if let Some(o) = fit_onset(&curve, near, departed) {
             self.set_end(-o.start_frames);
         }
     }
 
+    /// Withdraws the contact and restarts the flight at `from_frames`.
     fn dismiss(&mut self, from_frames: f64) -> Event {
         self.contact = None;
         self.breaks.pop_back();
-        self.restart(from_frames);
-        self.prune();
+        self.restart_flight(from_frames);
+        self.discard_old_nodes();
         Event::Dismissed
     }
 
+    /// Returns the sequence number of the first node at or after a time.
     fn frame_at(&self, time_frames: f64) -> u64 {
-        let i = self.trail.partition_point(|n| n.time_frames < time_frames).min(self.trail.len() - 1);
-        self.trail[i].frame
+        let i = self.nodes.partition_point(|n| n.time_frames < time_frames).min(self.nodes.len() - 1);
+        self.nodes[i].frame
     }
 
-    fn remember(&mut self, new: Break) {
+    /// Stores a change of regime and discards the oldest beyond [`KEPT_BREAKS`].
+    fn store_break(&mut self, new: Break) {
         if self.breaks.len() == KEPT_BREAKS {
             self.breaks.pop_front();
         }
@@ -357,22 +378,29 @@ impl Default for Detector {
     }
 }
 
-fn curvature(nodes: &[crate::numeric::Sample]) -> Option<Estimate> {
+/// Fits the acceleration of the nodes by a parabola, px/frame^2; `None` if they do not determine one.
+fn fit_acceleration(nodes: &[crate::numeric::Sample]) -> Option<Estimate> {
     let middle = 0.5 * (nodes.first()?.time_frames + nodes.last()?.time_frames);
     let fit = Polynomial::fit(nodes, middle, 2, 0.0)?;
     let a = fit.curvature();
     Some(Estimate { value: a.value, sigma: a.sigma * fit.excess() })
 }
 
-/// Whether the newest nodes are free of force; if so, since when and at which speed. `None` where the data cannot
-/// decide.
-fn quiet(since: &[crate::numeric::Sample], gravity: f64, strongest: f64) -> Option<Option<(f64, Estimate)>> {
+/// Returns the start of the force-free stretch of the newest nodes (frames) and its velocity (px/frame).
+///
+/// `Some(None)` if a force still acts, `None` where the data cannot decide. `acceleration_max` is the peak
+/// acceleration so far, px/frame^2.
+fn find_quiet_stretch(
+    since: &[crate::numeric::Sample],
+    gravity: f64,
+    acceleration_max: f64,
+) -> Option<Option<(f64, Estimate)>> {
     let mut width = 5;
     while width <= QUIET_NODES.min(since.len()) {
         let newest = &since[since.len() - width..];
-        let acceleration = curvature(newest).filter(|a| a.sigma <= QUIET_SHARE * strongest);
+        let acceleration = fit_acceleration(newest).filter(|a| a.sigma <= QUIET_SHARE * acceleration_max);
         if let Some(a) = acceleration {
-            let still = (a.value - gravity).abs() <= QUIET_SHARE * strongest + 2.0 * a.sigma;
+            let still = (a.value - gravity).abs() <= QUIET_SHARE * acceleration_max + 2.0 * a.sigma;
             let middle = 0.5 * (newest[0].time_frames + newest[width - 1].time_frames);
             let fit = Polynomial::fit(newest, middle, 1, gravity)?;
             let rate = fit.rate(middle);
@@ -383,15 +411,16 @@ fn quiet(since: &[crate::numeric::Sample], gravity: f64, strongest: f64) -> Opti
     None
 }
 
-/// Whether the nodes since a departure are consistent with no force; if so, since when and at which speed.
+/// Returns the start (frames) and the velocity (px/frame) of nodes that are consistent with no force; `None` if one
+/// acts.
 ///
 /// An impact between two frames, or poses that drift, may look like the onset of a contact.
-fn forceless(since: &[SurfaceNode], gravity: f64) -> Option<(f64, Estimate)> {
+fn find_forceless_stretch(since: &[SurfaceNode], gravity: f64) -> Option<(f64, Estimate)> {
     let newest = samples(&since[since.len().saturating_sub(QUIET_NODES)..], NORMAL);
     if newest.len() < FORCELESS_NODES {
         return None;
     }
-    let acceleration = curvature(&newest)?;
+    let acceleration = fit_acceleration(&newest)?;
     let middle = 0.5 * (newest[0].time_frames + newest[newest.len() - 1].time_frames);
     let rate = Polynomial::fit(&newest, middle, 1, gravity)?.rate(middle);
     (acceleration.value - gravity <= FORCE_SIGMAS * acceleration.sigma).then_some((newest[0].time_frames, rate))
@@ -417,7 +446,7 @@ mod tests {
                 sigma: [sigma; 3],
                 walk_share: [0.0; 3],
             };
-            match detector.push(node, Some(0.0)) {
+            match detector.add_node(node, Some(0.0)) {
                 Event::None => (),
                 event => events.push((frame, event)),
             }

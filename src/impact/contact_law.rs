@@ -31,12 +31,12 @@ pub enum Family {
 /// The maximum number of parameters of a law: start, speed, ln A, c, n, m, b1 to b7.
 pub const MAX_PARAMETERS: usize = 13;
 
-/// Parameters in the order of `MAX_PARAMETERS`; the first [`Family::count`] are free, the rest follow.
+/// Parameters in the order of `MAX_PARAMETERS`; the first [`Family::parameter_count`] are free, the rest follow.
 pub type Parameters = [f64; MAX_PARAMETERS];
 
 impl Family {
     /// Returns the number of free parameters.
-    pub fn count(self) -> usize {
+    pub fn parameter_count(self) -> usize {
         match self {
             Self::KelvinVoigt | Self::HuntCrossley => 4,
             Self::Power => 5,
@@ -55,7 +55,7 @@ impl Family {
             Self::Stiffness { dashpot: true, .. } => p[5] = 0.0,
             Self::TwoExponents | Self::Stiffness { .. } => {}
         }
-        p[self.count().max(6)..].fill(0.0);
+        p[self.parameter_count().max(6)..].fill(0.0);
         p
     }
 }
@@ -134,7 +134,7 @@ impl<const SETS: usize> Law<SETS> {
     }
 
     /// Returns the states at first contact.
-    pub(super) fn start(&self) -> States<SETS> {
+    pub(super) fn initial_states(&self) -> States<SETS> {
         let zero = [0.0; SETS];
         let touch = States { time: zero, depth: zero, speed: self.p[1], force: zero };
         // A step of zero length computes the force.
@@ -143,15 +143,18 @@ impl<const SETS: usize> Law<SETS> {
         start
     }
 
-    /// Advances each set by one fourth-order Runge-Kutta step of its own length in frames.
+    /// Advances each set from one state by a fourth-order Runge-Kutta step of its own length, frames.
     pub(super) fn advance(&self, from: &States<SETS>, step: &Row<SETS>, to: &mut States<SETS>) {
         advance(self, from, step, to);
     }
 
-    /// Returns the force on the body of one set, px/frame^2.
+    /// Returns the force on the body of one set over its mass, px/frame^2, outwards positive; the formula is that of
+    /// [`Family`].
+    ///
+    /// `depth` in px and `speed` in px/frame are inwards positive.
     #[inline(always)]
     fn force<const FORM: u8>(&self, set: usize, depth: f64, speed: f64) -> f64 {
-        let [_, _, size, damping, n, m, stiffness @ ..] = &self.p;
+        let [_, _, amplitude, damping, n, m, stiffness @ ..] = &self.p;
         let y = depth / self.units.depth;
         let y = if y > 0.0 { y } else { 0.0 };
         let (spring, dash) = match FORM {
@@ -164,54 +167,59 @@ impl<const SETS: usize> Law<SETS> {
             }
         };
         let dash = if FORM == DASHPOT { 1.0 } else { dash };
-        let factor = if FORM >= STIFFNESS { chebyshev(stiffness, set, 2.0 * y - 1.0) } else { 1.0 };
+        let factor = if FORM >= STIFFNESS { chebyshev_factor(stiffness, set, 2.0 * y - 1.0) } else { 1.0 };
         let damped = if FORM == DASHPOT { 1.0 } else { factor };
-        size[set] * (factor * spring + damped * damping[set] * dash * speed / self.units.speed)
+        amplitude[set] * (factor * spring + damped * damping[set] * dash * speed / self.units.speed)
     }
 
+    /// Advances each set by the classical Runge-Kutta method of fourth order, for one form of the law.
     #[inline(always)]
-    fn advance_by<const FORM: u8>(&self, from: &States<SETS>, step: &Row<SETS>, to: &mut States<SETS>) {
+    fn runge_kutta_step<const FORM: u8>(&self, from: &States<SETS>, step: &Row<SETS>, to: &mut States<SETS>) {
         let gravity = self.units.gravity;
         let States { depth, speed, force, .. } = from;
         let mut speeds = [[0.0; SETS]; 3];
-        let mut pulls = [[0.0; SETS]; 3];
+        let mut accelerations = [[0.0; SETS]; 3];
         for i in 0..SETS {
             speeds[0][i] = speed[i] + 0.5 * step[i] * (gravity - force[i]);
-            pulls[0][i] = gravity - self.force::<FORM>(i, depth[i] + 0.5 * step[i] * speed[i], speeds[0][i]);
+            accelerations[0][i] = gravity - self.force::<FORM>(i, depth[i] + 0.5 * step[i] * speed[i], speeds[0][i]);
         }
         for i in 0..SETS {
-            speeds[1][i] = speed[i] + 0.5 * step[i] * pulls[0][i];
-            pulls[1][i] = gravity - self.force::<FORM>(i, depth[i] + 0.5 * step[i] * speeds[0][i], speeds[1][i]);
+            speeds[1][i] = speed[i] + 0.5 * step[i] * accelerations[0][i];
+            accelerations[1][i] =
+                gravity - self.force::<FORM>(i, depth[i] + 0.5 * step[i] * speeds[0][i], speeds[1][i]);
         }
         for i in 0..SETS {
-            speeds[2][i] = speed[i] + step[i] * pulls[1][i];
-            pulls[2][i] = gravity - self.force::<FORM>(i, depth[i] + step[i] * speeds[1][i], speeds[2][i]);
+            speeds[2][i] = speed[i] + step[i] * accelerations[1][i];
+            accelerations[2][i] = gravity - self.force::<FORM>(i, depth[i] + step[i] * speeds[1][i], speeds[2][i]);
         }
         for i in 0..SETS {
             let sixth = step[i] / 6.0;
             to.time[i] = from.time[i] + step[i];
             to.depth[i] = depth[i] + sixth * (speed[i] + 2.0 * (speeds[0][i] + speeds[1][i]) + speeds[2][i]);
-            to.speed[i] = speed[i] + sixth * ((gravity - force[i]) + 2.0 * (pulls[0][i] + pulls[1][i]) + pulls[2][i]);
+            to.speed[i] = speed[i]
+                + sixth
+                    * ((gravity - force[i]) + 2.0 * (accelerations[0][i] + accelerations[1][i]) + accelerations[2][i]);
             to.force[i] = self.force::<FORM>(i, to.depth[i], to.speed[i]);
         }
     }
 }
 
+/// Advances each set by one step, with the widest vectors of the processor.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
 fn advance<const SETS: usize>(law: &Law<SETS>, from: &States<SETS>, step: &Row<SETS>, to: &mut States<SETS>) {
     match law.form {
-        LINEAR => law.advance_by::<LINEAR>(from, step, to),
-        HERTZ => law.advance_by::<HERTZ>(from, step, to),
-        POWER => law.advance_by::<POWER>(from, step, to),
-        EXPONENTS => law.advance_by::<EXPONENTS>(from, step, to),
-        STIFFNESS => law.advance_by::<STIFFNESS>(from, step, to),
-        _ => law.advance_by::<DASHPOT>(from, step, to),
+        LINEAR => law.runge_kutta_step::<LINEAR>(from, step, to),
+        HERTZ => law.runge_kutta_step::<HERTZ>(from, step, to),
+        POWER => law.runge_kutta_step::<POWER>(from, step, to),
+        EXPONENTS => law.runge_kutta_step::<EXPONENTS>(from, step, to),
+        STIFFNESS => law.runge_kutta_step::<STIFFNESS>(from, step, to),
+        _ => law.runge_kutta_step::<DASHPOT>(from, step, to),
     }
 }
 
-/// Returns 1 + b1 T1 + ... + b7 T7 of one set at `x`.
+/// Returns the stiffness factor 1 + b1 T1 + ... + b7 T7 of one set at `x`, -1 to 1.
 #[inline(always)]
-fn chebyshev<const SETS: usize>(b: &[Row<SETS>; MAX_PARAMETERS - 6], set: usize, x: f64) -> f64 {
+fn chebyshev_factor<const SETS: usize>(b: &[Row<SETS>; MAX_PARAMETERS - 6], set: usize, x: f64) -> f64 {
     let (mut sum, mut lower, mut here) = (1.0, 1.0, x);
     for row in b {
         sum += row[set] * here;

@@ -19,29 +19,31 @@ pub struct Onset {
     pub gradual: bool,
 }
 
-/// Returns the same samples with time reversed, so that an end becomes an onset.
-pub fn mirrored(samples: &[Sample]) -> Vec<Sample> {
+/// Returns the samples with time reversed, so that an end becomes an onset.
+pub fn time_reversed(samples: &[Sample]) -> Vec<Sample> {
     samples.iter().rev().map(|s| Sample { time_frames: -s.time_frames, ..*s }).collect()
 }
 
-/// Fits a hinge and a jump to the samples' distances from `curve`; `departed_frames` is the first departed sample.
-pub fn onset(curve: &Polynomial, since: &[Sample], departed_frames: f64) -> Option<Onset> {
-    let off: Vec<(f64, f64, f64)> = since
+/// Fits a hinge and a jump to the distances of the samples from `curve`.
+///
+/// `departed_frames` is the time of the first departed sample. `None` if no sample can be compared with the curve.
+pub fn fit_onset(curve: &Polynomial, since: &[Sample], departed_frames: f64) -> Option<Onset> {
+    let residuals: Vec<(f64, f64, f64)> = since
         .iter()
         .filter_map(|s| {
             let r = residual(curve, &[], s)?;
             Some((s.time_frames, r.value, s.sigma.powi(-2)))
         })
         .collect();
-    let last = off.last()?.0;
+    let last = residuals.last()?.0;
     let chi2 = |shape: &dyn Fn(f64) -> f64| {
         let (mut bb, mut br) = (0.0, 0.0);
-        for (t, r, w) in &off {
+        for (t, r, w) in &residuals {
             bb += w * shape(*t).powi(2);
             br += w * shape(*t) * r;
         }
-        let size = if bb > 0.0 { (br / bb).max(0.0) } else { 0.0 };
-        off.iter().map(|(t, r, w)| w * (r - size * shape(*t)).powi(2)).sum::<f64>()
+        let amplitude = if bb > 0.0 { (br / bb).max(0.0) } else { 0.0 };
+        residuals.iter().map(|(t, r, w)| w * (r - amplitude * shape(*t)).powi(2)).sum::<f64>()
     };
     let mut best = (f64::INFINITY, departed_frames);
     let mut t0 = departed_frames - BACK_FRAMES;
@@ -54,6 +56,7 @@ pub fn onset(curve: &Polynomial, since: &[Sample], departed_frames: f64) -> Opti
         }
         t0 += STEP_FRAMES;
     }
-    let jump = off.iter().map(|(from, ..)| chi2(&|t| f64::from(u8::from(t >= *from)))).fold(f64::INFINITY, f64::min);
+    let jump =
+        residuals.iter().map(|(from, ..)| chi2(&|t| f64::from(u8::from(t >= *from)))).fold(f64::INFINITY, f64::min);
     Some(Onset { start_frames: best.1, gradual: best.0 < jump })
 }

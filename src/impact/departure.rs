@@ -16,8 +16,11 @@ pub struct Departure {
     pub rate: Estimate,
 }
 
-/// Returns the curves that the flight may follow: with gravity, without acceleration (held, or rolling on a level), or,
-/// where neither agrees with the measured acceleration, with the measured one.
+/// Returns the curves that a flight may follow.
+///
+/// They are the parabola of `gravity` (px/frame^2) and the straight line of a body that is held or rolls on a level.
+/// Where neither agrees with the measured acceleration, the curve with the measured one is returned. Empty for too
+/// few samples.
 pub fn plausible_curves(flight: &[Sample], gravity: Option<f64>) -> Vec<Polynomial> {
     let (Some(first), Some(last)) = (flight.first(), flight.last()) else { return Vec::new() };
     let middle = 0.5 * (first.time_frames + last.time_frames);
@@ -33,12 +36,17 @@ pub fn plausible_curves(flight: &[Sample], gravity: Option<f64>) -> Vec<Polynomi
     if curves.is_empty() { free.into_iter().collect() } else { curves }
 }
 
-/// Returns sample minus curve with its uncertainty, including the curve's. In a component without an offset in the
-/// curve's fit, it is measured from the component's first sample in `since`.
+/// Returns sample minus curve, with the uncertainty of both.
+///
+/// In a component without an offset in the fit of the curve, it is measured from the first sample of the component in
+/// `since`. `None` without such a sample.
 pub fn residual(curve: &Polynomial, since: &[Sample], sample: &Sample) -> Option<Estimate> {
     let excess = curve.excess();
-    if let Some(at) = curve.predict(sample.time_frames, sample.component) {
-        return Some(Estimate { value: sample.value - at.value, sigma: excess * at.sigma.hypot(sample.sigma) });
+    if let Some(predicted) = curve.predict(sample.time_frames, sample.component) {
+        return Some(Estimate {
+            value: sample.value - predicted.value,
+            sigma: excess * predicted.sigma.hypot(sample.sigma),
+        });
     }
     let first = since.iter().find(|s| s.component == sample.component && s.time_frames < sample.time_frames)?;
     let advance = curve.advance(first.time_frames, sample.time_frames);
@@ -47,15 +55,18 @@ pub fn residual(curve: &Polynomial, since: &[Sample], sample: &Sample) -> Option
 }
 
 /// Compares the last of `since` with the `flight` before it; `None` where they have no component in common.
-pub fn departure(flight: &[Sample], since: &[Sample], gravity: Option<f64>) -> Option<Departure> {
+///
+/// `gravity` is along the normal, px/frame^2. If the plausible curves lie on both sides of the sample, its distance
+/// is 0.
+pub fn test_departure(flight: &[Sample], since: &[Sample], gravity: Option<f64>) -> Option<Departure> {
     let (end, sample) = (flight.last()?, since.last()?);
-    let mut out: Option<Departure> = None;
+    let mut nearest: Option<Departure> = None;
     for curve in plausible_curves(flight, gravity) {
         let off = residual(&curve, since, sample)?;
         let rate = curve.rate(end.time_frames);
         let rate = Estimate { value: rate.value, sigma: rate.sigma * curve.excess() };
         let (sigmas, certainty) = (off.value / off.sigma, rate.value / rate.sigma);
-        out = Some(match out {
+        nearest = Some(match nearest {
             None => Departure { sigmas, rate },
             Some(o) => Departure {
                 sigmas: if o.sigmas * sigmas <= 0.0 {
@@ -70,5 +81,5 @@ pub fn departure(flight: &[Sample], since: &[Sample], gravity: Option<f64>) -> O
             },
         });
     }
-    out
+    nearest
 }

@@ -4,22 +4,22 @@ use super::trajectory::{NORMAL, SurfaceNode, TANGENTIAL, samples};
 use crate::numeric::Polynomial;
 use crate::results::Estimate;
 
-/// Estimates the acceleration along gravity in several flights, px/frame^2, without assuming another acceleration.
-/// `None` where gravity is switched off or no flight is long enough to curve.
+/// Estimates the acceleration along gravity in several flights, px/frame^2, as the weighted mean of their fits.
 ///
-/// A relative error of the scale appears as the same relative error of gravity.
-pub fn fall(flights: &[&[SurfaceNode]], gravity_px: [f64; 2]) -> Option<Estimate> {
+/// `None` where gravity is switched off or no flight is long enough to curve. A relative error of the scale appears
+/// as the same relative error of gravity.
+pub fn free_fall_acceleration(flights: &[&[SurfaceNode]], gravity_px: [f64; 2]) -> Option<Estimate> {
     let strength = gravity_px[NORMAL].hypot(gravity_px[TANGENTIAL]);
     if strength <= 0.0 {
         return None;
     }
     let (mut sum, mut weight) = (0.0, 0.0);
     for flight in flights {
-        let Some(acceleration_along) = acceleration_along(flight, gravity_px.map(|part| part / strength)) else {
+        let Some(acceleration) = acceleration_along(flight, gravity_px.map(|part| part / strength)) else {
             continue;
         };
-        sum += acceleration_along.value / acceleration_along.sigma.powi(2);
-        weight += acceleration_along.sigma.powi(-2);
+        sum += acceleration.value / acceleration.sigma.powi(2);
+        weight += acceleration.sigma.powi(-2);
     }
     (weight > 0.0).then(|| Estimate { value: sum / weight, sigma: weight.powf(-0.5) })
 }
@@ -30,9 +30,9 @@ fn acceleration_along(flight: &[SurfaceNode], direction: [f64; 2]) -> Option<Est
     let (mut value, mut variance) = (0.0, 0.0_f64);
     for (k, part) in [NORMAL, TANGENTIAL].into_iter().zip(direction) {
         let fit = Polynomial::fit(&samples(flight, k), middle, 2, 0.0)?;
-        let acceleration_along = fit.curvature();
-        value += part * acceleration_along.value;
-        variance += (part * acceleration_along.sigma * fit.excess()).powi(2);
+        let acceleration = fit.curvature();
+        value += part * acceleration.value;
+        variance += (part * acceleration.sigma * fit.excess()).powi(2);
     }
     (variance > 0.0).then(|| Estimate { value, sigma: variance.sqrt() })
 }

@@ -7,9 +7,9 @@ use super::law_motion::LawMotions;
 use crate::numeric::Sample;
 
 /// The maximum number of iterations of one fit.
-const ROUNDS: usize = 60;
+const MAX_ITERATIONS: usize = 60;
 /// The number of iterations after which only a large gain justifies another.
-const USUAL_ROUNDS: usize = 15;
+const USUAL_ITERATIONS: usize = 15;
 /// A large gain of chi2 per iteration.
 const LARGE_GAIN: f64 = 0.5;
 /// The gain of chi2 below which a fit has converged: for a law with few parameters, and for one with many, whose
@@ -60,6 +60,7 @@ pub(super) struct Data<'a> {
 }
 
 impl<'a> Data<'a> {
+    /// Groups samples by their component.
     pub(super) fn new(samples: &'a [Sample]) -> Self {
         let mut ids: Vec<u32> = Vec::new();
         let mut weight: Vec<f64> = Vec::new();
@@ -76,7 +77,7 @@ impl<'a> Data<'a> {
         Self { samples, group, weight }
     }
 
-    /// Returns values relative to their component's mean, in sigmas.
+    /// Returns values of the samples relative to the weighted mean of their component, in sigmas.
     pub(super) fn whiten(&self, mut values: Vec<f64>) -> Vec<f64> {
         let mut mean = vec![0.0; self.weight.len()];
         for (i, s) in self.samples.iter().enumerate() {
@@ -121,7 +122,7 @@ struct Motions {
     /// Depths at each sample.
     depths: Vec<[f64; MANY]>,
     findings: Vec<Findings>,
-    /// Whether the law allows the set and the body rebounds.
+    /// Whether the law is_physical the set and the body rebounds.
     sound: Vec<bool>,
 }
 
@@ -134,80 +135,85 @@ struct Problem<'a> {
 }
 
 impl Problem<'_> {
-    /// Computes the motion and its derivatives, by forward differences, or backward ones where a forward step yields no
-    /// motion.
-    fn outcome(&self, p: &Parameters) -> Option<Outcome> {
+    /// Computes the motion and its derivatives; `None` if the law is not physical or the body does not rebound.
+    ///
+    /// The differences are forward, or backward where a forward step yields no motion.
+    fn evaluate(&self, p: &Parameters) -> Option<Outcome> {
         let p = self.family.complete(p);
-        let mut steps: Vec<f64> = (0..self.family.count()).map(|k| self.step_of(k)).collect();
-        let mut motions = self.allows(&p).then(|| self.motions(&p, &steps)).filter(|motions| motions.sound[0])?;
+        let mut steps: Vec<f64> = (0..self.family.parameter_count()).map(|k| self.difference_step(k)).collect();
+        let mut motions =
+            self.is_physical(&p).then(|| self.integrate_motions(&p, &steps)).filter(|motions| motions.sound[0])?;
         let is_sound = |motions: &Motions, k: usize| motions.sound[k + 1];
         if !(0..steps.len()).all(|k| is_sound(&motions, k)) {
             (0..steps.len()).filter(|k| !is_sound(&motions, *k)).for_each(|k| steps[k] = -steps[k]);
-            motions = self.motions(&p, &steps);
+            motions = self.integrate_motions(&p, &steps);
         }
-        let slopes = (0..steps.len()).all(|k| is_sound(&motions, k)).then(|| self.slopes(&motions, &steps));
+        let slopes = (0..steps.len()).all(|k| is_sound(&motions, k)).then(|| self.differentiate(&motions, &steps));
         let depths = motions.depths.iter().map(|row| row[0]).collect();
         Some(Outcome { depths, findings: motions.findings[0], slopes })
     }
 
     /// Whether the law is physical with these parameters.
-    fn allows(&self, p: &Parameters) -> bool {
+    fn is_physical(&self, p: &Parameters) -> bool {
         let exponents = p[4..6].iter().all(|n| (EXPONENTS.0..=EXPONENTS.1).contains(n));
         exponents && p[1] > 0.0 && p.iter().all(|x| x.is_finite())
     }
 
     /// Computes the motion at `p`, and with each of its parameters changed by a step.
-    fn motions(&self, p: &Parameters, steps: &[f64]) -> Motions {
+    fn integrate_motions(&self, p: &Parameters, steps: &[f64]) -> Motions {
         let (mut sets, mut sound) = (vec![*p], vec![true]);
         for (k, step) in steps.iter().enumerate() {
             let mut moved = *p;
             moved[k] += step;
             let moved = self.family.complete(&moved);
-            sound.push(self.allows(&moved));
+            sound.push(self.is_physical(&moved));
             sets.push(if sound[k + 1] { moved } else { *p });
         }
         let mut motions = Motions { depths: Vec::new(), findings: Vec::new(), sound };
         match sets.len() <= FEW {
-            true => self.follow::<FEW>(&sets, &mut motions),
-            false => self.follow::<MANY>(&sets, &mut motions),
+            true => self.integrate_sets::<FEW>(&sets, &mut motions),
+            false => self.integrate_sets::<MANY>(&sets, &mut motions),
         }
         motions
     }
 
-    fn follow<const SETS: usize>(&self, sets: &[Parameters], motions: &mut Motions) {
-        let passages = LawMotions::<SETS>::new(self.family, sets, &self.units);
-        motions.sound.iter_mut().enumerate().for_each(|(set, sound)| *sound &= passages.comes_back(set));
+    /// Integrates the motions of several sets of parameters in parallel and appends them to `motions`.
+    fn integrate_sets<const SETS: usize>(&self, sets: &[Parameters], motions: &mut Motions) {
+        let law_motions = LawMotions::<SETS>::new(self.family, sets, &self.units);
+        motions.sound.iter_mut().enumerate().for_each(|(set, sound)| *sound &= law_motions.rebounds(set));
         let starts: [f64; SETS] = std::array::from_fn(|set| sets[set.min(sets.len() - 1)][0]);
-        motions.findings.extend(passages.findings(&starts));
+        motions.findings.extend(law_motions.findings(&starts));
         motions.depths.extend(self.data.samples.iter().map(|s| {
             let mut row = [0.0; MANY];
-            row[..SETS].copy_from_slice(&passages.depths(&starts.map(|start| s.time_frames - start)));
+            row[..SETS].copy_from_slice(&law_motions.depths(&starts.map(|start| s.time_frames - start)));
             row
         }));
     }
 
-    /// Returns the residuals in sigmas, followed by those of the priors.
+    /// Returns the residuals of the positions in sigmas, followed by those of the priors.
     fn residuals(&self, p: &Parameters, outcome: &Outcome) -> DVector<f64> {
         // The depth grows against the normal, so position plus depth is constant.
         let sum = self.data.samples.iter().zip(&outcome.depths).map(|(s, d)| s.value + d).collect();
         let mut rows = self.data.whiten(sum);
-        rows.extend((4..self.family.count()).map(|k| {
-            let [mean, size] = self.expected(k);
+        rows.extend((4..self.family.parameter_count()).map(|k| {
+            let [mean, size] = self.prior(k);
             (p[k] - mean) / size
         }));
         DVector::from_vec(rows)
     }
 
-    /// Returns the prior of a free parameter after the fourth: the first per cent of a force constrain its exponent and
-    /// its onset only jointly.
-    fn expected(&self, parameter: usize) -> Expected {
+    /// Returns the expected value and spread of a free parameter after the fourth.
+    ///
+    /// The first per cent of a force constrain its exponent and its onset only jointly.
+    fn prior(&self, parameter: usize) -> Expected {
         match parameter {
             4 | 5 => self.exponents[parameter - 4],
             _ => [0.0, RIPPLES[parameter - 6]],
         }
     }
 
-    fn step_of(&self, parameter: usize) -> f64 {
+    /// Returns the step of a parameter for its finite difference, in units of the parameter.
+    fn difference_step(&self, parameter: usize) -> f64 {
         match parameter {
             0 => 1e-5 * self.units.depth / self.units.speed,
             1 => 1e-6 * self.units.speed,
@@ -215,8 +221,8 @@ impl Problem<'_> {
         }
     }
 
-    /// Returns the differences of the motions over the steps.
-    fn slopes(&self, motions: &Motions, steps: &[f64]) -> Slopes {
+    /// Returns the difference quotients of residuals and predicted quantities over the steps.
+    fn differentiate(&self, motions: &Motions, steps: &[f64]) -> Slopes {
         let (samples, count) = (self.data.samples.len(), steps.len());
         let mut jacobian = DMatrix::zeros(samples + count - 4, count);
         let mut gradients = DMatrix::zeros(motions.findings[0].len(), count);
@@ -226,7 +232,7 @@ impl Problem<'_> {
                 jacobian[(i, k)] = x;
             }
             if k >= 4 {
-                jacobian[(samples + k - 4, k)] = 1.0 / self.expected(k)[1];
+                jacobian[(samples + k - 4, k)] = 1.0 / self.prior(k)[1];
             }
             for (i, (a, b)) in motions.findings[k + 1].iter().zip(&motions.findings[0]).enumerate() {
                 gradients[(i, k)] = (a - b) / h;
@@ -235,13 +241,16 @@ impl Problem<'_> {
         Slopes { jacobian, gradients }
     }
 
-    /// Minimises by Levenberg-Marquardt (Marquardt 1963, doi:10.1137/0111030).
-    fn solve(&self, start: &Parameters) -> Option<LawFit> {
+    /// Minimises the sum of squared residuals by the Levenberg-Marquardt method.
+    ///
+    /// `None` where a motion or its derivatives do not exist. D. W. Marquardt, J. Soc. Ind. Appl. Math. 11 (1963)
+    /// 431, <https://doi.org/10.1137/0111030>.
+    fn minimize(&self, start: &Parameters) -> Option<LawFit> {
         let mut p = self.family.complete(start);
-        let mut outcome = self.outcome(&p)?;
+        let mut outcome = self.evaluate(&p)?;
         let mut residuals = self.residuals(&p, &outcome);
         let mut damping = 1e-3;
-        for round in 0..ROUNDS {
+        for iteration in 0..MAX_ITERATIONS {
             let Slopes { jacobian, .. } = outcome.slopes.as_ref()?;
             let normal = jacobian.tr_mul(jacobian);
             let right = jacobian.tr_mul(&residuals);
@@ -256,7 +265,7 @@ impl Problem<'_> {
                     let mut moved = p;
                     change.iter().enumerate().for_each(|(k, x)| moved[k] -= x);
                     let moved = self.family.complete(&moved);
-                    let outcome = self.outcome(&moved)?;
+                    let outcome = self.evaluate(&moved)?;
                     Some((moved, self.residuals(&moved, &outcome), outcome))
                 });
                 match trial {
@@ -269,18 +278,19 @@ impl Problem<'_> {
                     _ => damping *= 10.0,
                 }
             }
-            let settled = SETTLED[usize::from(self.family.count() > 5)];
-            let is_settled = fell < if round < USUAL_ROUNDS { settled } else { LARGE_GAIN };
+            let settled = SETTLED[usize::from(self.family.parameter_count() > 5)];
+            let is_settled = fell < if iteration < USUAL_ITERATIONS { settled } else { LARGE_GAIN };
             let is_hopeless = before > HOPELESS_SIGMAS.powi(2) * self.data.samples.len() as f64;
             if is_settled || (is_hopeless && fell < HOPELESS_GAIN * before) {
                 break;
             }
             damping = damping.max(1e-9);
         }
-        self.conclude(&p, &outcome, residuals.norm_squared())
+        self.finish(&p, &outcome, residuals.norm_squared())
     }
 
-    fn conclude(&self, p: &Parameters, outcome: &Outcome, chi2: f64) -> Option<LawFit> {
+    /// Returns the fit with propagated uncertainties; `None` where the positions do not determine the parameters.
+    fn finish(&self, p: &Parameters, outcome: &Outcome, chi2: f64) -> Option<LawFit> {
         let Slopes { jacobian, gradients } = outcome.slopes.as_ref()?;
         let normal = jacobian.tr_mul(jacobian);
         // Parameters are scaled by their own effect, so that the inverse is well conditioned.
@@ -299,7 +309,7 @@ impl Problem<'_> {
             *sigma = (row.dot(&weights).max(0.0) + self.data.walk_variance(&(jacobian * per_row))).sqrt();
         }
         let rows = jacobian.nrows() as f64;
-        let freedom = rows - self.data.weight.len() as f64 - self.family.count() as f64;
+        let freedom = rows - self.data.weight.len() as f64 - self.family.parameter_count() as f64;
         let sound = freedom > 0.0 && sigmas.iter().chain(&outcome.findings).all(|x| x.is_finite());
         sound.then_some(LawFit {
             family: self.family,
@@ -315,20 +325,24 @@ impl Problem<'_> {
 
 impl Problem<'_> {
     /// Computes [`LawFit::narrowing`] from the covariance of all parameters, divided by `scale` on both sides.
+    ///
+    /// `None` if the covariance is not positive definite.
     fn narrowing(&self, inverse: &DMatrix<f64>, scale: &DVector<f64>) -> Option<f64> {
-        let free = self.family.count() - 4;
+        let free = self.family.parameter_count() - 4;
         if free == 0 {
             return Some(0.0);
         }
-        let of = |k: usize| scale[k + 4] / self.expected(k + 4)[1];
-        let narrowed = DMatrix::from_fn(free, free, |i, j| inverse[(i + 4, j + 4)] * of(i) * of(j));
+        let relative_scale = |k: usize| scale[k + 4] / self.prior(k + 4)[1];
+        let narrowed =
+            DMatrix::from_fn(free, free, |i, j| inverse[(i + 4, j + 4)] * relative_scale(i) * relative_scale(j));
         Some(-2.0 * narrowed.cholesky()?.l_dirty().diagonal().map(f64::ln).sum())
     }
 }
 
-/// Fits one family to positions along the outward normal, starting at `start`, with its free exponents expected near
-/// `exponents`. Returns `None` where the fit does not converge to a contact that ends, or the positions do not
-/// determine it.
+/// Fits one family of laws to positions along the outward normal (px), starting at `start`.
+///
+/// The free exponents are expected near `exponents`. `None` where the fit does not converge to a contact that ends,
+/// or the positions do not determine it.
 pub fn fit_law(
     family: Family,
     start: &Parameters,
@@ -336,5 +350,5 @@ pub fn fit_law(
     units: &Units,
     samples: &[Sample],
 ) -> Option<LawFit> {
-    Problem { family, exponents, units: *units, data: Data::new(samples) }.solve(start)
+    Problem { family, exponents, units: *units, data: Data::new(samples) }.minimize(start)
 }

@@ -5,9 +5,9 @@ use std::f64::consts::FRAC_PI_2;
 use super::contact_law::{Family, Findings, Law, Parameters, Row, States, Units};
 
 /// Integration steps per time unit.
-const STEPS: f64 = 64.0;
+const STEPS_PER_UNIT: f64 = 64.0;
 /// The maximum duration of a contact, time units.
-const LONGEST: f64 = 6.0;
+const MAX_UNITS: f64 = 6.0;
 
 /// The motions through one contact for up to `SETS` parameter sets of one law; times since its start, depths along the
 /// inward normal.
@@ -32,16 +32,17 @@ impl<const SETS: usize> LawMotions<SETS> {
     pub fn new(family: Family, sets: &[Parameters], units: &Units) -> Self {
         assert!((1..=SETS).contains(&sets.len()), "{} sets of parameters", sets.len());
         let law = Law::new(family, sets, units);
-        let step = FRAC_PI_2 * units.depth / units.speed / STEPS;
-        let first = law.start();
+        let step = FRAC_PI_2 * units.depth / units.speed / STEPS_PER_UNIT;
+        let first = law.initial_states();
         let mut own = Self { law, states: vec![first], end: first, counts: [0; SETS], step };
         own.integrate();
-        own.end();
+        own.locate_end();
         own
     }
 
+    /// Integrates all sets in equal steps until each has rebounded, sinks for good or lasts too long.
     fn integrate(&mut self) {
-        let (steps, longest) = ([self.step; SETS], LONGEST * STEPS * self.step);
+        let (steps, longest) = ([self.step; SETS], MAX_UNITS * STEPS_PER_UNIT * self.step);
         let mut open = [true; SETS];
         let mut next = self.end;
         while open.contains(&true) {
@@ -64,36 +65,38 @@ impl<const SETS: usize> LawMotions<SETS> {
         }
     }
 
-    /// Finds the moment within one step at which the force, or the depth, reaches zero (Illinois false position).
-    fn end(&mut self) {
+    /// Locates the moment within one step at which the force, or the depth, reaches zero, by the Illinois method.
+    ///
+    /// M. Dowell and P. Jarratt, BIT 11 (1971) 168, <https://doi.org/10.1007/BF01934364>.
+    fn locate_end(&mut self) {
         let (from, steps) = (self.gather(|own, set| own.counts[set].max(1) - 1), [self.step; SETS]);
-        let whole = self.advanced(&from, &steps);
+        let whole = self.stepped_from(&from, &steps);
         // Without depth there is no force, and its zero would be flat.
-        let left = |s: &States<SETS>, set: usize| if whole.force[set] < 0.0 { s.force[set] } else { s.depth[set] };
-        let mut low: [_; SETS] = std::array::from_fn(|set| (0.0, left(&from, set)));
-        let mut high: [_; SETS] = std::array::from_fn(|set| (self.step, left(&whole, set)));
+        let remainder = |s: &States<SETS>, set: usize| if whole.force[set] < 0.0 { s.force[set] } else { s.depth[set] };
+        let mut low: [_; SETS] = std::array::from_fn(|set| (0.0, remainder(&from, set)));
+        let mut high: [_; SETS] = std::array::from_fn(|set| (self.step, remainder(&whole, set)));
         let (mut best, mut open) = (whole, self.counts.map(|count| count > 0));
-        let mut at = steps;
+        let mut times = steps;
         for _ in 0..30 {
             for set in 0..SETS {
                 let share = low[set].1 / (low[set].1 - high[set].1);
                 open[set] &= share.is_finite() && high[set].0 - low[set].0 >= 1e-12 * self.step;
                 if open[set] {
-                    at[set] = low[set].0 + share * (high[set].0 - low[set].0);
+                    times[set] = low[set].0 + share * (high[set].0 - low[set].0);
                 }
             }
             if !open.contains(&true) {
                 break;
             }
-            best = self.advanced(&from, &at);
+            best = self.stepped_from(&from, &times);
             for set in 0..SETS {
                 if !open[set] {
                     continue;
                 }
-                let value = left(&best, set);
-                open[set] = value.abs() >= 1e-13 * left(&from, set);
+                let value = remainder(&best, set);
+                open[set] = value.abs() >= 1e-13 * remainder(&from, set);
                 let (near, far) = if value > 0.0 { (&mut low, &mut high) } else { (&mut high, &mut low) };
-                near[set] = (at[set], value);
+                near[set] = (times[set], value);
                 far[set].1 *= 0.5;
             }
         }
@@ -106,17 +109,18 @@ impl<const SETS: usize> LawMotions<SETS> {
         self.end = best;
     }
 
-    fn advanced(&self, from: &States<SETS>, step: &Row<SETS>) -> States<SETS> {
+    /// Returns the states one step after others; each set has its own step, frames.
+    fn stepped_from(&self, from: &States<SETS>, step: &Row<SETS>) -> States<SETS> {
         let mut to = *from;
         self.law.advance(from, step, &mut to);
         to
     }
 
-    /// Returns the state of each set at some index; the index after the last one before the end is the end itself.
+    /// Returns the state of each set at an index of its own; see [`state_at`](Self::state_at).
     fn gather(&self, place: impl Fn(&Self, usize) -> usize) -> States<SETS> {
         let mut out = self.end;
         for set in 0..SETS {
-            let from = self.state(place(self, set), set);
+            let from = self.state_at(place(self, set), set);
             out.time[set] = from.time[set];
             out.depth[set] = from.depth[set];
             out.speed[set] = from.speed[set];
@@ -125,16 +129,18 @@ impl<const SETS: usize> LawMotions<SETS> {
         out
     }
 
-    fn state(&self, place: usize, set: usize) -> &States<SETS> {
+    /// Returns the state of a set at an index; from its last one on, the end of its contact.
+    fn state_at(&self, place: usize, set: usize) -> &States<SETS> {
         if place < self.counts[set].max(1) { &self.states[place] } else { &self.end }
     }
 
     /// Whether the force of a set returns to zero.
-    pub fn comes_back(&self, set: usize) -> bool {
+    pub fn rebounds(&self, set: usize) -> bool {
         self.counts[set] > 0
     }
 
-    /// Returns the depth of each set at its own time since the start.
+    /// Returns the depth of each set at its own time since the start (frames), px. Free fall before and after the
+    /// contact.
     pub fn depths(&self, times: &[f64; SETS]) -> [f64; SETS] {
         let fall = |from: &States<SETS>, set: usize| {
             let dt = times[set] - from.time[set];
@@ -149,7 +155,7 @@ impl<const SETS: usize> LawMotions<SETS> {
                 fall(&self.end, set)
             } else {
                 let place = place(set);
-                between(&self.states[place], self.state(place + 1, set), set, times[set])
+                interpolate_depth(&self.states[place], self.state_at(place + 1, set), set, times[set])
             };
         }
         out
@@ -177,9 +183,8 @@ impl<const SETS: usize> LawMotions<SETS> {
         })
     }
 
-    /// Finds the deepest state, where the speed is zero, by Newton's method.
-    ///
-    /// It starts from the line between the neighbouring states.
+    /// Finds the deepest state, where the speed is zero, by Newton's method from the line between the neighbouring
+    /// states.
     fn deepest(&self) -> States<SETS> {
         let indices: [usize; SETS] = std::array::from_fn(|set| {
             let count = self.counts[set].max(1);
@@ -187,18 +192,18 @@ impl<const SETS: usize> LawMotions<SETS> {
         });
         let (a, b) = (self.gather(|_, set| indices[set] - 1), self.gather(|_, set| indices[set]));
         let step = |set: usize| (b.time[set] - a.time[set]) * a.speed[set] / (a.speed[set] - b.speed[set]);
-        let mut state = self.advanced(&a, &std::array::from_fn(step));
+        let mut state = self.stepped_from(&a, &std::array::from_fn(step));
         for _ in 0..2 {
             let step = |set: usize| {
                 let at = state.time[set] + state.speed[set] / (state.force[set] - self.law.units.gravity);
                 at.max(a.time[set]).min(b.time[set]) - a.time[set]
             };
-            state = self.advanced(&a, &std::array::from_fn(step));
+            state = self.stepped_from(&a, &std::array::from_fn(step));
         }
         state
     }
 
-    /// Returns the first and the last time at which the forces have these values.
+    /// Returns the first and the last time at which the force of each set has its level, frames.
     fn level_times(&self, levels: &Row<SETS>) -> (Row<SETS>, Row<SETS>) {
         let mut rises = [0; SETS];
         let mut falls = [0; SETS];
@@ -221,8 +226,9 @@ impl<const SETS: usize> LawMotions<SETS> {
         (rise, fall)
     }
 
-    /// Finds the time at which the force crosses a level between two neighbouring states, by false position; forces
-    /// curve strongly near zero.
+    /// Finds the time at which the force of each set crosses its level between two neighbouring states, frames.
+    ///
+    /// Uses false position, because forces curve strongly near zero.
     fn level_crossing(&self, levels: &Row<SETS>, a: &States<SETS>, b: &States<SETS>) -> Row<SETS> {
         let ends = |s: &States<SETS>| -> [(f64, f64); SETS] {
             std::array::from_fn(|set| (s.time[set], s.force[set] - levels[set]))
@@ -233,7 +239,7 @@ impl<const SETS: usize> LawMotions<SETS> {
                 let ((t0, f0), (t1, f1)) = (low[set], high[set]);
                 t0 - f0 * (t1 - t0) / (f1 - f0)
             });
-            let there = self.advanced(a, &std::array::from_fn(|set| at[set] - a.time[set]));
+            let there = self.stepped_from(a, &std::array::from_fn(|set| at[set] - a.time[set]));
             for set in (0..SETS).filter(|set| at[*set].is_finite()) {
                 let found = (at[set], there.force[set] - levels[set]);
                 let is_low = (found.1 < 0.0) == (low[set].1 < 0.0);
@@ -243,12 +249,12 @@ impl<const SETS: usize> LawMotions<SETS> {
         std::array::from_fn(|set| if low[set].1.abs() < high[set].1.abs() { low[set].0 } else { high[set].0 })
     }
 
-    /// Returns the largest of the states' forces, and the peak force of the parabola through the three states around
-    /// it.
+    /// Returns the largest force of the states, and the peak of the parabola through the three states around it,
+    /// px/frame^2.
     fn peak_force(&self) -> [(f64, f64); SETS] {
         std::array::from_fn(|set| {
             let count = self.counts[set].max(1);
-            let f = |place: usize| self.state(place, set).force[set];
+            let f = |place: usize| self.state_at(place, set).force[set];
             let peak = (0..=count).max_by(|a, b| f(*a).total_cmp(&f(*b))).unwrap_or(0);
             let max = f(peak).max(0.0);
             if peak == 0 || peak + 1 >= count {
@@ -269,9 +275,9 @@ fn is_in_contact<const SETS: usize>(s: &States<SETS>) -> bool {
     all
 }
 
-/// Returns the depth of a set between two of its states (Hermite interpolation).
+/// Interpolates the depth of a set between two of its states by a cubic Hermite polynomial, px.
 #[inline(always)]
-fn between<const SETS: usize>(a: &States<SETS>, b: &States<SETS>, set: usize, time: f64) -> f64 {
+fn interpolate_depth<const SETS: usize>(a: &States<SETS>, b: &States<SETS>, set: usize, time: f64) -> f64 {
     let h = b.time[set] - a.time[set];
     let u = ((time - a.time[set]) / h).clamp(0.0, 1.0);
     let (u2, u3) = (u * u, u * u * u);
@@ -291,7 +297,7 @@ mod tests {
     fn findings(family: Family, p: &Parameters, units: &Units, start: f64) -> Option<(Findings, LawMotions<SETS>)> {
         let other = Parameters::from(*p).map(|x| 1.01 * x);
         let passages = LawMotions::new(family, &[family.complete(&other), *p], units);
-        passages.comes_back(1).then(|| (passages.findings(&[start; SETS])[1], passages))
+        passages.rebounds(1).then(|| (passages.findings(&[start; SETS])[1], passages))
     }
 
     #[test]

@@ -74,7 +74,7 @@ pub struct FirstGuess {
 
 /// The combined result of the laws that passed.
 #[derive(Debug, Clone)]
-pub struct Verdict {
+pub struct ForceLawPosterior {
     /// The most probable law.
     pub best: Family,
     /// The probability of each law that passed; the sum is 1.
@@ -86,8 +86,8 @@ pub struct Verdict {
     pub sigmas: Findings,
 }
 
-impl Verdict {
-    /// Returns the result with larger standard uncertainties.
+impl ForceLawPosterior {
+    /// Returns the result with standard uncertainties multiplied by `factor`.
     #[must_use]
     pub fn widened(self, factor: f64) -> Self {
         Self { sigmas: self.sigmas.map(|sigma| factor * sigma), ..self }
@@ -95,17 +95,18 @@ impl Verdict {
 
     /// Returns the name of the most probable law in the results.
     pub fn law(&self) -> ForceLaw {
-        law_of(self.best)
+        force_law(self.best)
     }
 
     /// Returns the probability of that name, 0 to 1.
     pub fn probability(&self) -> f64 {
-        let same = self.probabilities.iter().filter(|(family, _)| law_of(*family) == self.law());
+        let same = self.probabilities.iter().filter(|(family, _)| force_law(*family) == self.law());
         same.map(|(_, probability)| probability).sum::<f64>().min(1.0)
     }
 }
 
-fn law_of(family: Family) -> ForceLaw {
+/// Returns the name of a family in the results.
+fn force_law(family: Family) -> ForceLaw {
     match family {
         Family::KelvinVoigt => ForceLaw::KelvinVoigt,
         Family::HuntCrossley => ForceLaw::HuntCrossley,
@@ -115,18 +116,19 @@ fn law_of(family: Family) -> ForceLaw {
 }
 
 impl FirstGuess {
-    /// Returns the parameters of a law with exponents `n` and `m`, and their units. `ratio` is the time to the deepest
-    /// point over depth/speed (1.57 for a spring, 1.47 for n = 3/2).
-    fn parameters(&self, n: f64, m: f64, ratio: f64) -> (Parameters, Units) {
+    /// Returns start parameters of a law with exponents `n` and `m`, and their units.
+    ///
+    /// `ratio` is the time to the deepest point over depth / speed: 1.57 for a spring, 1.47 for n = 3/2.
+    fn start_parameters(&self, n: f64, m: f64, ratio: f64) -> (Parameters, Units) {
         let depth = self.shortfall / (ratio - 1.0);
         let units = Units { depth, speed: self.speed, gravity: self.gravity };
         let e = self.restitution.clamp(0.05, 1.0);
         let root_e = e.sqrt();
         // The energy at the deepest point is about v^2 e / 2; the damper takes the rest.
-        let size = 0.5 * (n + 1.0) * self.speed.powi(2) * root_e / depth;
+        let amplitude = 0.5 * (n + 1.0) * self.speed.powi(2) * root_e / depth;
         let damping = 1.5 * (1.0 - e) * if m > 0.5 { 1.0 } else { 0.4 };
         let start = self.deepest - ratio * depth / self.speed;
-        ([start, self.speed, size.ln(), damping, n, m, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], units)
+        ([start, self.speed, amplitude.ln(), damping, n, m, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], units)
     }
 }
 
@@ -137,17 +139,17 @@ impl FirstGuess {
 /// flights' scatter to their sigmas. Among the laws that pass, the evidence decides. If none passes, the law with free
 /// stiffness is taken if its misfit is within three sigmas; the misfit then enters the uncertainties. Otherwise the
 /// result is `None`.
-pub fn judge(guess: &FirstGuess, samples: &[Sample], excess: f64) -> Option<Verdict> {
+pub fn select_law(guess: &FirstGuess, samples: &[Sample], excess: f64) -> Option<ForceLawPosterior> {
     let fits = fit_all(guess, samples);
-    let mut passed: Vec<&LawFit> = fits.iter().filter(|f| passes(f, excess)).collect();
+    let mut passed: Vec<&LawFit> = fits.iter().filter(|f| is_acceptable(f, excess)).collect();
     if passed.is_empty() {
         // No law passes, but one with a free stiffness may follow the motion closely enough to yield times.
         let close = |f: &&LawFit| f.chi2 / f.freedom <= (CLOSE_SIGMAS * excess).powi(2);
         passed.extend(fits.iter().filter(|f| matches!(f.family, Family::Stiffness { .. })).filter(close));
     }
-    let least = fits.iter().filter(|f| matches!(f.family, Family::Stiffness { .. })).map(|f| f.narrowing);
-    let least = least.fold(f64::INFINITY, f64::min);
-    let criterion = |f: &LawFit| f.chi2 / excess.powi(2) + cost(f, least);
+    let min_narrowing = fits.iter().filter(|f| matches!(f.family, Family::Stiffness { .. })).map(|f| f.narrowing);
+    let min_narrowing = min_narrowing.fold(f64::INFINITY, f64::min);
+    let criterion = |f: &LawFit| f.chi2 / excess.powi(2) + parameter_cost(f, min_narrowing);
     let best = passed.iter().min_by(|a, b| criterion(a).total_cmp(&criterion(b)))?;
     let weights: Vec<f64> = passed.iter().map(|f| (0.5 * (criterion(best) - criterion(f))).exp()).collect();
     let total: f64 = weights.iter().sum();
@@ -157,47 +159,52 @@ pub fn judge(guess: &FirstGuess, samples: &[Sample], excess: f64) -> Option<Verd
     let sigmas = std::array::from_fn(|k| {
         let laws: Vec<_> =
             weighed().map(|(f, w)| [w, f.findings[k] - findings[k], own_variance(f, k, drift_px).sqrt()]).collect();
-        spread(&laws)
+        central_half_width(&laws)
     });
     let probabilities = weighed().map(|(f, w)| (f.family, w)).collect();
-    Some(Verdict { best: best.family, probabilities, findings, sigmas })
+    Some(ForceLawPosterior { best: best.family, probabilities, findings, sigmas })
 }
 
-/// Returns half the width of the interval about zero that holds 68.3 % of a mixture of normal distributions. Each is
-/// given by `[weight, mean, sigma]`; the weights sum to 1.
+/// Returns half the width of the interval about zero that holds 68.3 % of a mixture of normal distributions.
 ///
-/// A law of small weight and large uncertainty would otherwise dominate the standard deviation.
-fn spread(laws: &[[f64; 3]]) -> f64 {
-    let farthest = laws.iter().map(|[_, mean, sigma]| mean.abs() + 4.0 * sigma).fold(0.0, f64::max);
-    let held = |half: f64| -> f64 {
+/// Each is given by `[weight, mean, sigma]`; the weights sum to 1. A law of small weight and large uncertainty would
+/// otherwise dominate the standard deviation.
+fn central_half_width(laws: &[[f64; 3]]) -> f64 {
+    let reach = laws.iter().map(|[_, mean, sigma]| mean.abs() + 4.0 * sigma).fold(0.0, f64::max);
+    let mass_within = |half: f64| -> f64 {
         let below = |x: f64, sigma: f64| 0.5 * libm::erfc(-x / (sigma.max(f64::MIN_POSITIVE) * SQRT_2));
         laws.iter().map(|[w, mean, sigma]| w * (below(half - mean, *sigma) - below(-half - mean, *sigma))).sum()
     };
-    let (mut low, mut high) = (0.0, farthest);
+    let (mut low, mut high) = (0.0, reach);
     for _ in 0..40 {
         let middle = 0.5 * (low + high);
-        if held(middle) < ONE_SIGMA { low = middle } else { high = middle }
+        if mass_within(middle) < ONE_SIGMA { low = middle } else { high = middle }
     }
     high
 }
 
-/// Returns the cost of a law's free parameters, including the prior odds of the known laws. Fitted exponents constrain
-/// the onset of the force no better than a fitted stiffness, which costs at least `least`. Neither is therefore
-/// preferred for having fewer parameters.
-fn cost(f: &LawFit, least: f64) -> f64 {
+/// Returns the cost of the free parameters of a law in units of chi2, including the prior odds of the known laws.
+///
+/// Fitted exponents constrain the onset of the force no better than a fitted stiffness, which costs at least
+/// `min_narrowing`. Neither is therefore preferred for having fewer parameters.
+fn parameter_cost(f: &LawFit, min_narrowing: f64) -> f64 {
     match f.family {
         Family::KelvinVoigt | Family::HuntCrossley => 0.0,
-        Family::Power | Family::TwoExponents if least.is_finite() => f.narrowing.max(least) + 2.0 * KNOWN_ODDS.ln(),
+        Family::Power | Family::TwoExponents if min_narrowing.is_finite() => {
+            f.narrowing.max(min_narrowing) + 2.0 * KNOWN_ODDS.ln()
+        }
         _ => f.narrowing + 2.0 * KNOWN_ODDS.ln(),
     }
 }
 
-fn passes(f: &LawFit, excess: f64) -> bool {
+/// Whether a law explains the positions: chi2 per degree of freedom is at most `excess^2` (1 + 4 sqrt(2 / freedom)).
+fn is_acceptable(f: &LawFit, excess: f64) -> bool {
     f.chi2 / f.freedom <= excess.powi(2) * (1.0 + 4.0 * (2.0 / f.freedom).sqrt())
 }
 
-/// Returns a law's own variance of one quantity, including its misfit and its freedom at both ends, where each step
-/// drifts by `drift_px`.
+/// Returns the variance of quantity `k` of one law, in the units of [`Findings`].
+///
+/// It contains the misfit of the law and its freedom at both ends. Each step drifts by `drift_px`.
 fn own_variance(f: &LawFit, k: usize, drift_px: f64) -> f64 {
     let own = f.sigmas[k].powi(2) * (f.chi2 / f.freedom).max(MIN_SCATTER);
     // Under free exponents or stiffness, start and end depend on the first and last two per cent of the force, which
@@ -242,9 +249,10 @@ fn own_variance(f: &LawFit, k: usize, drift_px: f64) -> f64 {
     own + unknown.powi(2) + residual.powi(2)
 }
 
+/// Fits all families, simple ones first, each starting from a simpler neighbour.
 fn fit_all(guess: &FirstGuess, samples: &[Sample]) -> Vec<LawFit> {
     let from_guess = |family, n, m, ratio| {
-        let (start, units) = guess.parameters(n, m, ratio);
+        let (start, units) = guess.start_parameters(n, m, ratio);
         fit_law(family, &start, ANY, &units, samples).map(|fit| (fit, units))
     };
     let spring = from_guess(Family::KelvinVoigt, 1.0, 0.0, 1.57);
@@ -253,28 +261,30 @@ fn fit_all(guess: &FirstGuess, samples: &[Sample]) -> Vec<LawFit> {
         Some((fit, units)) => fit_law(Family::Power, &fit.parameters, ANY, units, samples).map(|fit| (fit, *units)),
         None => from_guess(Family::Power, 1.3, 1.3, 1.5),
     };
-    let two = two_exponents(&spring, &power, samples);
+    let two = fit_two_exponents(&spring, &power, samples);
     // The better of the simple laws fixes the onset of the force, which the positions hardly constrain. Starting from
     // two free exponents, or from the other law, the free stiffness may reach the same motion with a force that begins
     // frames apart.
     let chi2 = |law: &Option<(LawFit, Units)>| law.as_ref().map_or(f64::INFINITY, |(fit, _)| fit.chi2);
     let near = if chi2(&hertz) < chi2(&spring) { &hertz } else { &spring };
     let near = near.as_ref().or(two.as_ref());
-    let free = near.map_or_else(Vec::new, |near| free(near, samples));
+    let free = near.map_or_else(Vec::new, |near| fit_free_stiffness(near, samples));
     [spring, hertz, power, two].into_iter().flatten().map(|(fit, _)| fit).chain(free).collect()
 }
 
-/// Fits laws with a free stiffness, starting from a neighbour. The degree rises until the motion is followed; at least
-/// two degrees are fitted, so that their disagreement is visible.
-fn free(neighbour: &(LawFit, Units), samples: &[Sample]) -> Vec<LawFit> {
+/// Fits laws with a free stiffness, starting from a neighbour.
+///
+/// The degree rises until the motion is followed. At least two degrees are fitted, so that their disagreement is
+/// visible.
+fn fit_free_stiffness(neighbour: &(LawFit, Units), samples: &[Sample]) -> Vec<LawFit> {
     let (fit, units) = neighbour;
     // The factor is a polynomial over the stroke, so its unit is the depth reached.
-    let (start, units) = rescale(&fit.parameters, units, fit.findings[7]);
+    let (start, units) = change_depth_unit(&fit.parameters, units, fit.findings[7]);
     let dashpot = fit.family == Family::KelvinVoigt;
     let exponents = [[start[4], NEAR[0]], [start[5], NEAR[1]]];
     let mut fits: Vec<LawFit> = Vec::new();
     for degree in DEGREES {
-        if fits.len() > 1 && fits.iter().any(|fit| passes(fit, 1.0)) {
+        if fits.len() > 1 && fits.iter().any(|fit| is_acceptable(fit, 1.0)) {
             break;
         }
         fits.extend(fit_law(Family::Stiffness { degree, dashpot }, &start, exponents, &units, samples));
@@ -282,9 +292,10 @@ fn free(neighbour: &(LawFit, Units), samples: &[Sample]) -> Vec<LawFit> {
     fits
 }
 
-/// Fits the law with two free exponents, starting from the better of its two neighbours, and from the other if that
-/// fails.
-fn two_exponents(
+/// Fits the law with two free exponents, starting from the better of its two neighbours.
+///
+/// Starts from the other one if that fails.
+fn fit_two_exponents(
     spring: &Option<(LawFit, Units)>,
     power: &Option<(LawFit, Units)>,
     samples: &[Sample],
@@ -293,7 +304,7 @@ fn two_exponents(
     starts.sort_by(|a, b| a.0.chi2.total_cmp(&b.0.chi2));
     let mut best: Option<(LawFit, Units)> = None;
     for (near, units) in starts {
-        if best.as_ref().is_some_and(|(fit, _)| passes(fit, 1.0)) {
+        if best.as_ref().is_some_and(|(fit, _)| is_acceptable(fit, 1.0)) {
             break;
         }
         let mut start = near.parameters;
@@ -307,8 +318,8 @@ fn two_exponents(
     best
 }
 
-/// Returns the same law with another unit of depth.
-fn rescale(p: &Parameters, units: &Units, depth: f64) -> (Parameters, Units) {
+/// Returns the same law with `depth` (px) as its unit of depth.
+fn change_depth_unit(p: &Parameters, units: &Units, depth: f64) -> (Parameters, Units) {
     let ratio = depth / units.depth;
     let mut out = *p;
     out[2] += p[4] * ratio.ln();

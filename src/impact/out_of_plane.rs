@@ -7,7 +7,7 @@
 
 use super::contact_detector::Contact;
 use super::solver::{FLIGHT_FRAMES, ImpactContext};
-use super::trajectory::{ANGLE, NORMAL, SurfaceNode, TANGENTIAL, between};
+use super::trajectory::{ANGLE, NORMAL, SurfaceNode, TANGENTIAL, nodes_between};
 use crate::motion::{Axes, OutlineDrift, SizeChange, significant};
 use crate::results::{Estimate, Impact};
 
@@ -46,7 +46,7 @@ pub struct OutOfPlane<'a> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DilatationRates {
     /// The measured rates.
-    seen: [Option<Estimate>; 2],
+    measured: [Option<Estimate>; 2],
     /// The significant part of the rates with its uncertainty.
     rates: [Estimate; 2],
     /// Start and end of the contact.
@@ -65,12 +65,12 @@ pub struct DilatationRates {
 impl DilatationRates {
     /// Estimates the rates for a contact that has ended, from data up to `known_to_frames`; `None` while it has not
     /// ended.
-    pub fn of(motion: &OutOfPlane<'_>, contact: &Contact, known_to_frames: f64) -> Option<Self> {
+    pub fn estimate(motion: &OutOfPlane<'_>, contact: &Contact, known_to_frames: f64) -> Option<Self> {
         let (start, end) = (contact.start_frames, contact.end_frames?);
         let from = contact.flight_from_frames.max(start - FLIGHT_FRAMES);
         let to = known_to_frames.min(end + FLIGHT_FRAMES);
         let flights = [(from, contact.flight_to_frames), (end + EARLY_FRAMES, to)];
-        let seen = flights.map(|(from, to)| motion.growth.rate(from, to));
+        let measured = flights.map(|(from, to)| motion.growth.rate(from, to));
         // Unlike a pose, the distance between pose and outline is not changed by the first small forces.
         let drifts =
             [motion.drift.expected(from, start - ONSET_FRAMES), motion.drift.significant(end + EARLY_FRAMES, to)];
@@ -78,15 +78,15 @@ impl DilatationRates {
             let [x, y, turn] = drift?;
             let (value, sigma) = (motion.axes.surface(x.value, y.value), motion.axes.surface_sigma(x.sigma, y.sigma));
             let along = |value: f64, sigma: f64| Estimate { value, sigma };
-            Some([along(value.normal, sigma.normal), along(value.tangential, sigma.tangential), times(turn, RAD)])
+            Some([along(value.normal, sigma.normal), along(value.tangential, sigma.tangential), multiply(turn, RAD)])
         });
         // The unobserved part of the flight after is bounded by the flight before.
         let [before, after] = drift;
         let before = before.unwrap_or([NONE; 3]);
         let after = after.unwrap_or(before.map(|drift| Estimate { sigma: drift.value.hypot(drift.sigma), ..drift }));
         Some(Self {
-            seen,
-            rates: approach_rates(seen),
+            measured,
+            rates: approach_rates(measured),
             contact_frames: [start, end],
             flight_frames: [start - from, to - end],
             drift: [before, after],
@@ -97,32 +97,34 @@ impl DilatationRates {
 
     /// Returns the positions as if the body had kept its distance at first contact.
     pub fn at_constant_distance(&self, nodes: &[SurfaceNode]) -> Vec<SurfaceNode> {
-        let even = |node: &SurfaceNode| {
-            let larger = self.magnification(node.time_frames).exp();
+        let corrected = |node: &SurfaceNode| {
+            let larger = self.log_magnification(node.time_frames).exp();
             let mut value = node.value;
-            value[ANGLE] += self.left(ANGLE, node.time_frames);
+            value[ANGLE] += self.drift_since_contact(ANGLE, node.time_frames);
             for k in [NORMAL, TANGENTIAL] {
-                let center_px = value[k] + self.left(k, node.time_frames);
+                let center_px = value[k] + self.drift_since_contact(k, node.time_frames);
                 value[k] = (self.place_px[k] + center_px) / larger - self.place_px[k];
             }
             SurfaceNode { value, ..*node }
         };
-        nodes.iter().map(even).collect()
+        nodes.iter().map(corrected).collect()
     }
 
     /// Returns the logarithm of the magnification relative to first contact. The flattening of the ball is not
     /// included.
-    fn magnification(&self, time_frames: f64) -> f64 {
-        self.integrated(self.rates.map(|rate| rate.value), time_frames)
+    fn log_magnification(&self, time_frames: f64) -> f64 {
+        self.integrate_rates(self.rates.map(|rate| rate.value), time_frames)
     }
 
-    /// Returns the drift of a ball relative to its pose since first contact: px, px and rad.
-    fn left(&self, k: usize, time_frames: f64) -> f64 {
-        self.integrated(self.drift.map(|drift| drift[k].value), time_frames)
+    /// Returns the drift of coordinate `k` of a ball relative to its pose since first contact, px or rad.
+    fn drift_since_contact(&self, k: usize, time_frames: f64) -> f64 {
+        self.integrate_rates(self.drift.map(|drift| drift[k].value), time_frames)
     }
 
-    /// Returns the sum since first contact of a quantity with these rates per frame before and after.
-    fn integrated(&self, rates: [f64; 2], time_frames: f64) -> f64 {
+    /// Integrates a quantity with these rates per frame before and after, from first contact to a time.
+    ///
+    /// During contact its rate is the mean of both.
+    fn integrate_rates(&self, rates: [f64; 2], time_frames: f64) -> f64 {
         let [before, after] = rates;
         let [start, end] = self.contact_frames;
         let between = 0.5 * (before + after);
@@ -136,30 +138,32 @@ impl DilatationRates {
     /// Returns the collision with the dilatation rates, and with their uncertainty included in every sigma.
     ///
     /// `nodes` are the uncorrected positions.
-    pub fn correct(&self, mut impact: Impact, nodes: &[SurfaceNode], world: &ImpactContext) -> Impact {
-        let touch = between(nodes, self.contact_frames[0], f64::INFINITY).first();
+    pub fn correct(&self, mut impact: Impact, nodes: &[SurfaceNode], context: &ImpactContext) -> Impact {
+        let touch = nodes_between(nodes, self.contact_frames[0], f64::INFINITY).first();
         let touch_px = touch.map_or([0.0; 3], |node| node.value);
-        let per_second = |seen: Option<Estimate>| seen.map(|seen| times(seen, 1.0 / world.period_s));
-        [impact.growth_before_per_s, impact.growth_after_per_s] = self.seen.map(per_second);
-        let speed = world.metres_per_px.value / world.period_s;
+        let per_second =
+            |measured: Option<Estimate>| measured.map(|measured| multiply(measured, 1.0 / context.period_s));
+        [impact.growth_before_per_s, impact.growth_after_per_s] = self.measured.map(per_second);
+        let speed = context.metres_per_px.value / context.period_s;
         // One component before and after, px/frame.
         let uncertainty = |k: usize, side: usize, velocity: Option<Estimate>| {
             let Estimate { value, sigma } = self.rates[side];
-            let far_px = (self.place_px[k] + touch_px[k]).abs();
+            let distance_px = (self.place_px[k] + touch_px[k]).abs();
             let path_px = velocity.map_or(0.0, |v| (v.value / speed).abs()) * self.flight_frames[side];
-            let middle_px = self.middle_sigma_px.hypot(CROSSTALK * world.radius_px.map_or(0.0, |radius| radius.value));
-            (sigma * (far_px + path_px)).hypot(value * middle_px).hypot(self.drift[side][k].sigma) * speed
+            let middle_px =
+                self.middle_sigma_px.hypot(CROSSTALK * context.radius_px.map_or(0.0, |radius| radius.value));
+            (sigma * (distance_px + path_px)).hypot(value * middle_px).hypot(self.drift[side][k].sigma) * speed
         };
         let normal = [uncertainty(NORMAL, 0, impact.vn_before_m_s), uncertainty(NORMAL, 1, impact.vn_after_m_s)];
         let along = [uncertainty(TANGENTIAL, 0, impact.vt_before_m_s), uncertainty(TANGENTIAL, 1, impact.vt_after_m_s)];
         // A change of another spin component within the contact cannot be timed.
         let spun = 0.5 * (self.drift[1][NORMAL].value - self.drift[0][NORMAL].value).abs() * speed;
-        let spins = [0, 1].map(|side| self.drift[side][ANGLE].sigma / world.period_s);
-        widen(&mut impact, &SpeedErrors { normal, spun, along, spins }, world);
+        let spins = [0, 1].map(|side| self.drift[side][ANGLE].sigma / context.period_s);
+        widen_by_speed_errors(&mut impact, &SpeedErrors { normal, spun, along, spins }, context);
         for (side, spin) in [&mut impact.omega_before_rad_s, &mut impact.omega_after_rad_s].into_iter().enumerate() {
             widen_sigma(
                 spin,
-                (CROSSTALK_RAD * self.rates[side].value).hypot(self.drift[side][ANGLE].sigma) / world.period_s,
+                (CROSSTALK_RAD * self.rates[side].value).hypot(self.drift[side][ANGLE].sigma) / context.period_s,
             );
         }
         let [start, end] = self.contact_frames;
@@ -170,12 +174,12 @@ impl DilatationRates {
     }
 }
 
-/// Returns the assumed approach rates before and after, with uncertainties.
+/// Returns the assumed rates of approach before and after per frame, with uncertainties.
 ///
 /// Both flights are combined. A dilatation that rotates with the body is no approach: the scale of the image varies
 /// from place to place.
-fn approach_rates(seen: [Option<Estimate>; 2]) -> [Estimate; 2] {
-    let [before, after] = seen.map(|seen| seen.map_or(NONE, significant));
+fn approach_rates(measured: [Option<Estimate>; 2]) -> [Estimate; 2] {
+    let [before, after] = measured.map(|measured| measured.map_or(NONE, significant));
     if before.value * after.value < 0.0 {
         return [before, after].map(|rate| Estimate { value: 0.0, sigma: rate.value.hypot(rate.sigma) });
     }
@@ -183,15 +187,15 @@ fn approach_rates(seen: [Option<Estimate>; 2]) -> [Estimate; 2] {
         let changed = |other: Estimate| Estimate { sigma: other.sigma.hypot(APPROACH_LOSS * other.value), ..other };
         match (own, other) {
             (Some(a), Some(b)) => {
-                let (of_a, of_b) = (a.sigma.powi(-2), changed(b).sigma.powi(-2));
-                let value = (of_a * a.value + of_b * b.value) / (of_a + of_b);
-                significant(Estimate { value, sigma: (of_a + of_b).powf(-0.5) })
+                let (weight_a, weight_b) = (a.sigma.powi(-2), changed(b).sigma.powi(-2));
+                let value = (weight_a * a.value + weight_b * b.value) / (weight_a + weight_b);
+                significant(Estimate { value, sigma: (weight_a + weight_b).powf(-0.5) })
             }
             (Some(own), None) => significant(own),
             (None, other) => other.map_or(NONE, |other| changed(significant(other))),
         }
     };
-    [both(seen[0], seen[1]), both(seen[1], seen[0])]
+    [both(measured[0], measured[1]), both(measured[1], measured[0])]
 }
 
 /// Errors of the speeds before and after, m/s and rad/s.
@@ -204,14 +208,14 @@ struct SpeedErrors {
 }
 
 /// Adds the uncertainty of the speeds before and after to everything that follows from them.
-fn widen(impact: &mut Impact, errors: &SpeedErrors, world: &ImpactContext) {
+fn widen_by_speed_errors(impact: &mut Impact, errors: &SpeedErrors, context: &ImpactContext) {
     let SpeedErrors { normal, spun, along, spins } = *errors;
     let value = |number: Option<Estimate>| number.map_or(0.0, |number| number.value);
     let (vn, vt) = (
         [value(impact.vn_before_m_s), value(impact.vn_after_m_s)],
         [value(impact.vt_before_m_s), value(impact.vt_after_m_s)],
     );
-    let rim = world.radius_px.map_or(0.0, |radius| radius.value * world.metres_per_px.value);
+    let rim = context.radius_px.map_or(0.0, |radius| radius.value * context.metres_per_px.value);
     let slide = vt[0] + value(impact.omega_before_rad_s) * rim;
     widen_sigma(&mut impact.vn_before_m_s, normal[0]);
     widen_sigma(&mut impact.vn_after_m_s, normal[1]);
@@ -226,8 +230,8 @@ fn widen(impact: &mut Impact, errors: &SpeedErrors, world: &ImpactContext) {
     let ratio = value(impact.impulse_ratio).abs();
     let turned = along[0] + along[1] + ratio * (normal[0] + normal[1]);
     widen_sigma(&mut impact.impulse_ratio, turned / (vn[1] - vn[0]).abs());
-    let lost = |v: [f64; 2], doubt: [f64; 2]| (v[0] * doubt[0]).abs() + (v[1] * doubt[1]).abs();
-    widen_sigma(&mut impact.energy_lost_j, world.mass_kg.unwrap_or(0.0) * lost(vn, normal).hypot(lost(vt, along)));
+    let lost = |v: [f64; 2], error: [f64; 2]| (v[0] * error[0]).abs() + (v[1] * error[1]).abs();
+    widen_sigma(&mut impact.energy_lost_j, context.mass_kg.unwrap_or(0.0) * lost(vn, normal).hypot(lost(vt, along)));
     let within = normal[0].hypot(spun);
     let share = within / vn[0].abs();
     for number in [&mut impact.compression_max_mm, &mut impact.acceleration_max_m_s2, &mut impact.force_max_n] {
@@ -242,16 +246,17 @@ fn widen(impact: &mut Impact, errors: &SpeedErrors, world: &ImpactContext) {
     }
 }
 
-/// Adds to the sigma of a number.
-fn widen_sigma(number: &mut Option<Estimate>, doubt: f64) {
+/// Adds an independent error to the sigma of a number, in quadrature; an error that is not finite is ignored.
+fn widen_sigma(number: &mut Option<Estimate>, error: f64) {
     if let Some(number) = number
-        && doubt.is_finite()
+        && error.is_finite()
     {
-        number.sigma = number.sigma.hypot(doubt);
+        number.sigma = number.sigma.hypot(error);
     }
 }
 
-fn times(number: Estimate, factor: f64) -> Estimate {
+/// Returns an estimate multiplied by an exact factor.
+fn multiply(number: Estimate, factor: f64) -> Estimate {
     Estimate { value: number.value * factor, sigma: number.sigma * factor.abs() }
 }
 
@@ -259,28 +264,28 @@ fn times(number: Estimate, factor: f64) -> Estimate {
 mod tests {
     use super::*;
 
-    fn seen(value: f64) -> Option<Estimate> {
+    fn measured(value: f64) -> Option<Estimate> {
         Some(Estimate { value, sigma: 1e-6 })
     }
 
     #[test]
     fn what_both_flights_show_is_put_together_and_chance_is_left_out() {
-        assert_eq!(approach_rates([seen(1.5e-6), seen(-1e-6)]), [NONE; 2]);
+        assert_eq!(approach_rates([measured(1.5e-6), measured(-1e-6)]), [NONE; 2]);
         assert_eq!(approach_rates([None, None]), [NONE; 2]);
-        let [before, after] = approach_rates([seen(3e-5), seen(2.6e-5)]);
+        let [before, after] = approach_rates([measured(3e-5), measured(2.6e-5)]);
         assert!((before.value - 3e-5).abs() < 1e-6 && (after.value - 2.6e-5).abs() < 1e-6, "{before:?} {after:?}");
         // Not significant by itself, but with the flight after.
         let weak = Some(Estimate { value: 1.5e-5, sigma: 1e-5 });
-        let [before, _] = approach_rates([weak, seen(3e-5)]);
+        let [before, _] = approach_rates([weak, measured(3e-5)]);
         assert!((1.2e-5..3e-5).contains(&before.value) && before.sigma > 4e-6, "{before:?}");
         // Not measured yet.
-        let [_, after] = approach_rates([seen(3e-5), None]);
+        let [_, after] = approach_rates([measured(3e-5), None]);
         assert!((after.value - 3e-5).abs() < 1e-6 && after.sigma > 5e-6, "{after:?}");
     }
 
     #[test]
     fn growth_that_turns_with_the_body_widens_the_sigma() {
-        let [before, after] = approach_rates([seen(3e-5), seen(-4e-5)]);
+        let [before, after] = approach_rates([measured(3e-5), measured(-4e-5)]);
         assert!(before.value.abs() <= 0.0 && after.value.abs() <= 0.0);
         assert!((before.sigma - 3e-5).abs() < 1e-6 && (after.sigma - 4e-5).abs() < 1e-6);
     }
@@ -288,7 +293,7 @@ mod tests {
     #[test]
     fn positions_are_those_of_a_body_that_kept_its_distance() {
         let approach = DilatationRates {
-            seen: [None; 2],
+            measured: [None; 2],
             rates: [Estimate { value: 1e-4, sigma: 0.0 }; 2],
             contact_frames: [20.0, 40.0],
             flight_frames: [20.0, 20.0],
@@ -312,10 +317,10 @@ mod tests {
                 node(f64::from(k), [(way[0] - 60.0) * larger + 60.0, (way[1] + 90.0) * larger - 90.0, 0.2])
             })
             .collect();
-        for (k, even) in approach.at_constant_distance(&nodes).iter().enumerate() {
-            let off = [even.value[0] + 0.3 * k as f64, even.value[1] - 0.1 * k as f64];
+        for (k, corrected) in approach.at_constant_distance(&nodes).iter().enumerate() {
+            let off = [corrected.value[0] + 0.3 * k as f64, corrected.value[1] - 0.1 * k as f64];
             assert!(
-                off[0].abs() < 1e-9 && off[1].abs() < 1e-9 && even.value[2].total_cmp(&0.2).is_eq(),
+                off[0].abs() < 1e-9 && off[1].abs() < 1e-9 && corrected.value[2].total_cmp(&0.2).is_eq(),
                 "{k}: {off:?}"
             );
         }
@@ -326,7 +331,7 @@ mod tests {
         // Along normal and tangent, px, and the angle, rad, per frame: of the pattern, and relative to it.
         let (pattern, relative) = ([-0.3, 0.1, 0.02], [0.05, -0.02, 0.003]);
         let approach = DilatationRates {
-            seen: [None; 2],
+            measured: [None; 2],
             rates: [NONE; 2],
             contact_frames: [20.0, 40.0],
             flight_frames: [20.0, 20.0],
@@ -343,10 +348,10 @@ mod tests {
             sigma: [1e-3; 3],
             walk_share: [0.0; 3],
         };
-        let even = approach.at_constant_distance(&[node(5), node(30), node(55)]);
+        let corrected = approach.at_constant_distance(&[node(5), node(30), node(55)]);
         for (from, to) in [(0, 1), (1, 2)] {
             for k in [NORMAL, TANGENTIAL, ANGLE] {
-                let rate = (even[to].value[k] - even[from].value[k]) / 25.0;
+                let rate = (corrected[to].value[k] - corrected[from].value[k]) / 25.0;
                 assert!((rate - pattern[k] - relative[k]).abs() < 1e-12, "{k}: {rate}");
             }
         }

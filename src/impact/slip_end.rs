@@ -1,7 +1,7 @@
 //! The moment at which the contact point stops slipping.
 
 use super::law_fit::Data;
-use super::trajectory::{ANGLE, SurfaceNode, TANGENTIAL, between};
+use super::trajectory::{ANGLE, SurfaceNode, TANGENTIAL, nodes_between};
 use crate::numeric::{Polynomial, Sample};
 use crate::results::Estimate;
 
@@ -39,7 +39,11 @@ pub struct Sliding {
 /// A contact point that reverses has a zero of its speed, found by local cubic fits. One that rolls from then on has a
 /// kink: its displacement follows offset + slope t - friction x (the displacement caused by the normal force, `pushed`)
 /// up to the stop and is constant afterwards.
-pub fn slip_end(nodes: &[SurfaceNode], sliding: &Sliding, pushed: impl Fn(&SurfaceNode) -> f64) -> Option<Estimate> {
+pub fn find_slip_end(
+    nodes: &[SurfaceNode],
+    sliding: &Sliding,
+    pushed: impl Fn(&SurfaceNode) -> f64,
+) -> Option<Estimate> {
     let Sliding { start, end, before, after, radius } = *sliding;
     let side = before.value.signum();
     let slid_on = after.value * side > SLIDING_SIGMAS * after.sigma;
@@ -55,35 +59,37 @@ pub fn slip_end(nodes: &[SurfaceNode], sliding: &Sliding, pushed: impl Fn(&Surfa
         walk: (n.walk_share[TANGENTIAL] * n.sigma[TANGENTIAL]).hypot(n.walk_share[ANGLE] * radius * n.sigma[ANGLE]),
     };
     let half = ((end - start) / 7.0).clamp(4.0, 12.0);
-    let around = between(nodes, start - half, end + half);
+    let around = nodes_between(nodes, start - half, end + half);
     let points: Vec<Sample> = around.iter().map(point).collect();
-    let speeds = speeds(&points, start, end, half);
+    let speeds = contact_point_speeds(&points, start, end, half);
     let crossing = speeds.windows(2).position(|w| w[0].1.value > 0.0 && w[1].1.value <= 0.0)?;
     let beyond = &speeds[crossing + 1..];
     let is_back = |s: &(f64, Estimate)| s.1.value < -BACKWARD.1 * s.1.sigma;
     if beyond.windows(BACKWARD.0).any(|w| w.iter().all(is_back)) {
-        let smooth = zero(speeds[crossing], speeds[crossing + 1]);
-        return Some(refined_zero(&points, smooth, half).unwrap_or(smooth));
+        let smooth = line_zero(speeds[crossing], speeds[crossing + 1]);
+        return Some(refine_zero(&points, smooth, half).unwrap_or(smooth));
     }
     let until = (speeds[crossing].0 + half).min(end + half);
     let count = points.partition_point(|p| p.time_frames <= until);
     let push: Vec<f64> = around[..count].iter().map(pushed).collect();
-    kink(&points[..count], &push, start)
+    find_kink(&points[..count], &push, start)
 }
 
-/// Returns the zero of the line through two speeds.
-fn zero(before: (f64, Estimate), after: (f64, Estimate)) -> Estimate {
+/// Returns the zero of the line through two speeds, each with its time, frames.
+fn line_zero(before: (f64, Estimate), after: (f64, Estimate)) -> Estimate {
     let ((t0, s0), (t1, s1)) = (before, after);
     let slope = (s0.value - s1.value) / (t1 - t0);
     Estimate { value: t0 + s0.value / slope, sigma: (s0.sigma / slope).abs().max(STEP_FRAMES / 2.0) }
 }
 
-/// Refines the zero by fits of half the width, nearest to the zero of the wider ones. Friction that ends at the stop
-/// leaves a kink, which wide fits round off. The difference beyond what noise explains is part of the uncertainty.
-fn refined_zero(points: &[Sample], smooth: Estimate, half: f64) -> Option<Estimate> {
-    let narrow = speeds(points, smooth.value - half, smooth.value + half, half / 2.0);
+/// Refines a zero by fits of half the width; `None` if these have none. The zero nearest to the wider fit counts.
+///
+/// Friction that ends at the stop leaves a kink, which wide fits round off. The difference beyond what noise explains
+/// is part of the uncertainty.
+fn refine_zero(points: &[Sample], smooth: Estimate, half: f64) -> Option<Estimate> {
+    let narrow = contact_point_speeds(points, smooth.value - half, smooth.value + half, half / 2.0);
     let crossings = narrow.windows(2).filter(|w| w[0].1.value > 0.0 && w[1].1.value <= 0.0);
-    let zeros = crossings.map(|w| zero(w[0], w[1]));
+    let zeros = crossings.map(|w| line_zero(w[0], w[1]));
     let nearest = zeros.min_by(|a, b| (a.value - smooth.value).abs().total_cmp(&(b.value - smooth.value).abs()))?;
     // Both fits share the nodes of the narrow one; errors of these move it more.
     let noise = (nearest.sigma.powi(2) - smooth.sigma.powi(2)).max(0.0).sqrt();
@@ -91,8 +97,10 @@ fn refined_zero(points: &[Sample], smooth: Estimate, half: f64) -> Option<Estima
     Some(Estimate { value: nearest.value, sigma: nearest.sigma.hypot(beyond) })
 }
 
-/// Returns the speed of the contact point at every node in contact.
-fn speeds(points: &[Sample], start: f64, end: f64, half: f64) -> Vec<(f64, Estimate)> {
+/// Returns time (frames) and speed of the contact point (px/frame) at every node in contact.
+///
+/// The speeds are slopes of cubic fits to the nodes within `half` frames.
+fn contact_point_speeds(points: &[Sample], start: f64, end: f64, half: f64) -> Vec<(f64, Estimate)> {
     points
         .iter()
         .filter(|p| p.time_frames >= start && p.time_frames <= end)
@@ -105,10 +113,10 @@ fn speeds(points: &[Sample], start: f64, end: f64, half: f64) -> Vec<(f64, Estim
         .collect()
 }
 
-/// Finds the stop after which the displacement is constant, by a scan; sigma is where chi2 has risen by one.
-fn kink(points: &[Sample], pushed: &[f64], start: f64) -> Option<Estimate> {
+/// Finds the stop after which the displacement is constant, frames, by a scan; sigma is where chi2 has risen by one.
+fn find_kink(points: &[Sample], pushed: &[f64], start: f64) -> Option<Estimate> {
     let data = Data::new(points);
-    let seen = data.whiten(points.iter().map(|p| p.value).collect());
+    let measured = data.whiten(points.iter().map(|p| p.value).collect());
     let chi2 = |stop: f64| {
         let share = |at: usize| -> f64 {
             // The last node before the stop and the slope after it.
@@ -125,12 +133,12 @@ fn kink(points: &[Sample], pushed: &[f64], start: f64) -> Option<Estimate> {
         let push = data.whiten((0..points.len()).map(share).collect());
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
         let (tt, tp, pp) = (dot(&time, &time), dot(&time, &push), dot(&push, &push));
-        let (ts, ps) = (dot(&time, &seen), dot(&push, &seen));
+        let (ts, ps) = (dot(&time, &measured), dot(&push, &measured));
         let determinant = tt * pp - tp * tp;
         let (slope, friction) = ((ts * pp - ps * tp) / determinant, (ps * tt - ts * tp) / determinant);
         (determinant > 0.0).then(|| {
-            let rest = |i: usize| seen[i] - slope * time[i] - friction * push[i];
-            (0..seen.len()).map(|i| rest(i).powi(2)).sum::<f64>()
+            let rest = |i: usize| measured[i] - slope * time[i] - friction * push[i];
+            (0..measured.len()).map(|i| rest(i).powi(2)).sum::<f64>()
         })
     };
     let (first, last) = (start + 2.0, points.last()?.time_frames - 1.0);
@@ -138,15 +146,15 @@ fn kink(points: &[Sample], pushed: &[f64], start: f64) -> Option<Estimate> {
     let scan = |from: f64, steps: usize, step: f64| -> Vec<(f64, f64)> {
         (0..=steps).map(|i| from + i as f64 * step).filter_map(|stop| Some((stop, chi2(stop)?))).collect()
     };
-    let least = |scan: &[(f64, f64)]| scan.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1));
+    let minimum = |scan: &[(f64, f64)]| scan.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1));
     let coarse = scan(first, steps, STEP_FRAMES);
-    let best = least(&coarse)?;
+    let best = minimum(&coarse)?;
     let near = coarse.iter().filter(|s| s.1 <= best.1 + 1.0).map(|s| s.0);
     let (low, high) = near.fold((best.0, best.0), |(low, high), at| (low.min(at), high.max(at)));
     // A second, finer scan around the minimum.
     let from = (low - STEP_FRAMES).max(first);
     let fine = scan(from, ((high + STEP_FRAMES - from) / FINE_FRAMES).round() as usize, FINE_FRAMES);
-    let best = least(&fine)?;
+    let best = minimum(&fine)?;
     let inside = || fine.iter().filter(|s| s.1 <= best.1 + 1.0).map(|s| s.0);
     let width = inside().next_back()? - inside().next()?;
     Some(Estimate { value: best.0, sigma: (width / 2.0).max(FINE_FRAMES) })

@@ -3,10 +3,10 @@
 use super::contact_detector::Contact;
 use super::contact_law::Family;
 use super::departure::plausible_curves;
-use super::free_fall::fall;
-use super::model_selection::{FirstGuess, Verdict, judge};
-use super::slip_end::{Sliding, slip_end};
-use super::trajectory::{ANGLE, NORMAL, SurfaceNode, TANGENTIAL, between, samples};
+use super::free_fall::free_fall_acceleration;
+use super::model_selection::{FirstGuess, ForceLawPosterior, select_law};
+use super::slip_end::{Sliding, find_slip_end};
+use super::trajectory::{ANGLE, NORMAL, SurfaceNode, TANGENTIAL, nodes_between, samples};
 use crate::motion::SpeedBias;
 use crate::numeric::{Polynomial, Sample};
 use crate::results::{Estimate, ForceLaw, Impact, PointStatus, RigidStep};
@@ -40,7 +40,7 @@ const GRAVITY_TOLERANCE: f64 = 0.5;
 /// The uncertainty of the rotation per frame from which it is not known at all, rad.
 const MAX_SPIN_SIGMA_RAD: f64 = 1.5;
 /// The uncertainty of start and end where only the later flight is known, frames.
-const HINDSIGHT_FRAMES: f64 = 1.0;
+const DETECTED_SIGMA_FRAMES: f64 = 1.0;
 
 /// The conversion from frames and px to physical quantities.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -95,36 +95,43 @@ impl Interval {
 /// The velocities on both sides are linear fits with gravity through the flights, extrapolated to start and end.
 /// Restitution and impulses follow from them. Start, deepest point, end, compression and acceleration come from the
 /// contact laws. Returns `None` where a flight is too short for a velocity.
-pub fn solve(nodes: &[SurfaceNode], contact: &Contact, known_to_frames: f64, world: &ImpactContext) -> Option<Impact> {
+pub fn solve(
+    nodes: &[SurfaceNode],
+    contact: &Contact,
+    known_to_frames: f64,
+    context: &ImpactContext,
+) -> Option<Impact> {
     let end = contact.end_frames?;
     let first = contact.flight_from_frames.max(contact.start_frames - FLIGHT_FRAMES);
     let last = known_to_frames.min(end + FLIGHT_FRAMES);
-    let nodes = between(nodes, first, last);
-    let hindsight = by_hindsight(nodes, contact, end);
-    let flights = flights(nodes, &hindsight, world)?;
-    let verdict = guess(nodes, &hindsight, &flights, world).and_then(|guess| {
+    let nodes = nodes_between(nodes, first, last);
+    let detected = detected_interval(nodes, contact, end);
+    let flights = fit_flights(nodes, &detected, context)?;
+    let posterior = first_guess(nodes, &detected, &flights, context).and_then(|guess| {
         let excess = flights.before[NORMAL].excess().max(flights.after[NORMAL].excess());
-        judge(&guess, &samples(nodes, NORMAL), excess)
+        select_law(&guess, &samples(nodes, NORMAL), excess)
     });
     // A law that leaves the moments open says nothing.
-    let verdict = verdict.filter(|v| v.sigmas[0].max(v.sigmas[2]) < v.findings[9].max(1.0));
-    let interval = verdict.as_ref().map_or(hindsight, |verdict| by_law(verdict, hindsight.deepest));
-    let flights = match &verdict {
+    let posterior = posterior.filter(|v| v.sigmas[0].max(v.sigmas[2]) < v.findings[9].max(1.0));
+    let interval = posterior.as_ref().map_or(detected, |posterior| law_interval(posterior, detected.deepest));
+    let flights = match &posterior {
         // A law may put the end so late that no flight after it exists yet.
-        Some(_) => self::flights(nodes, &interval, world)?,
+        Some(_) => fit_flights(nodes, &interval, context)?,
         None => flights,
     };
     // Where the body was not seen, nothing tests the law.
-    let by_outlines = if is_by_outlines(nodes, &hindsight) { OUTLINE_ERROR } else { 1.0 };
-    let factor = by_outlines / seen_fraction(nodes, &interval);
-    let interval = if verdict.is_some() { interval.widened(factor) } else { interval };
-    let verdict = verdict.map(|verdict| verdict.widened(factor));
-    let mut impact = assemble(&interval, &flights, verdict.as_ref(), world);
-    let sides =
-        [between(nodes, f64::NEG_INFINITY, interval.before_to), between(nodes, interval.after_from, f64::INFINITY)];
-    impact.gravity_m_s2 = fall(&sides, world.gravity_px).map(|a| world.acceleration(a));
-    impact.status = physical_status(&impact, world);
-    impact.slip_end_s = slip(nodes, &interval, &flights, world).map(|t| scaled(t, world.period_s, 0.0));
+    let outline_factor = if is_placed_by_outlines(nodes, &detected) { OUTLINE_ERROR } else { 1.0 };
+    let factor = outline_factor / measured_fraction(nodes, &interval);
+    let interval = if posterior.is_some() { interval.widened(factor) } else { interval };
+    let posterior = posterior.map(|posterior| posterior.widened(factor));
+    let mut impact = assemble_impact(&interval, &flights, posterior.as_ref(), context);
+    let sides = [
+        nodes_between(nodes, f64::NEG_INFINITY, interval.before_to),
+        nodes_between(nodes, interval.after_from, f64::INFINITY),
+    ];
+    impact.gravity_m_s2 = free_fall_acceleration(&sides, context.gravity_px).map(|a| context.acceleration(a));
+    impact.status = physical_status(&impact, context);
+    impact.slip_end_s = slip_end(nodes, &interval, &flights, context).map(|t| scaled(t, context.period_s, 0.0));
     Some(impact)
 }
 
@@ -136,42 +143,45 @@ impl ImpactContext {
     }
 }
 
-/// Whether outlines place the body during contact: no rotation links its nodes.
-fn is_by_outlines(nodes: &[SurfaceNode], interval: &Interval) -> bool {
-    let contact = between(nodes, interval.start.value - 1.0, interval.end.value + 1.0);
-    !is_turning(contact)
+/// Whether outlines place the body during contact: no measured rotation links its nodes.
+fn is_placed_by_outlines(nodes: &[SurfaceNode], interval: &Interval) -> bool {
+    let contact = nodes_between(nodes, interval.start.value - 1.0, interval.end.value + 1.0);
+    !has_measured_rotation(contact)
 }
 
-/// Returns the fraction of a contact's frames in which the body was measured.
-fn seen_fraction(nodes: &[SurfaceNode], interval: &Interval) -> f64 {
+/// Returns the fraction of the frames of a contact in which the body was measured, 0 to 1.
+fn measured_fraction(nodes: &[SurfaceNode], interval: &Interval) -> f64 {
     let (start, end) = (interval.start.value, interval.end.value);
-    let seen = between(nodes, start, end).len() as f64 + 1.0;
+    let seen = nodes_between(nodes, start, end).len() as f64 + 1.0;
     (seen / (end - start).max(1.0)).min(1.0)
 }
 
-/// Whether measured rotations link some of the nodes; steps over n frames make n interleaved components.
-fn is_turning(nodes: &[SurfaceNode]) -> bool {
+/// Whether measured rotations link some of the nodes. Steps over n frames make n interleaved components.
+fn has_measured_rotation(nodes: &[SurfaceNode]) -> bool {
     let mut turns: Vec<u32> = nodes.iter().map(|node| node.turn).collect();
     turns.sort_unstable();
     turns.windows(2).any(|pair| pair[0] == pair[1])
 }
 
-/// Returns `Outlier` for a collision that contradicts physics: no fixed surface gives energy, and bodies fall by gravity.
+/// Returns `Outlier` for a collision that contradicts physics: a fixed surface gives no energy, and bodies fall by
+/// gravity.
 ///
 /// The surface then moves, as a racket does, or the scale or the frame rate is wrong.
-fn physical_status(impact: &Impact, world: &ImpactContext) -> PointStatus {
+fn physical_status(impact: &Impact, context: &ImpactContext) -> PointStatus {
     let exceeds = |excess: Estimate| excess.value > CONTRADICTION_SIGMAS * excess.sigma;
     let is_driven = impact.restitution.is_some_and(|e| exceeds(Estimate { value: e.value - 1.0, ..e }));
-    let known = world.acceleration(Estimate { value: world.gravity_px[0].hypot(world.gravity_px[1]), sigma: 0.0 });
-    let falls_otherwise = impact.gravity_m_s2.is_some_and(|g| {
+    let known =
+        context.acceleration(Estimate { value: context.gravity_px[0].hypot(context.gravity_px[1]), sigma: 0.0 });
+    let contradicts_gravity = impact.gravity_m_s2.is_some_and(|g| {
         let difference = (g.value - known.value).abs() - GRAVITY_TOLERANCE * known.value;
         exceeds(Estimate { value: difference, sigma: g.sigma.max(known.sigma) })
     });
-    if is_driven || falls_otherwise { PointStatus::Outlier } else { PointStatus::Valid }
+    if is_driven || contradicts_gravity { PointStatus::Outlier } else { PointStatus::Valid }
 }
 
-/// Returns the loss of the centre's kinetic energy, J, from the speeds before and after of each component, m/s. Their
-/// sigmas contain the scale's, of this relative size.
+/// Returns the loss of kinetic energy of the centre, J, from the speeds of each component before and after, m/s.
+///
+/// Their sigmas contain that of the scale, of relative size `relative`.
 fn energy_lost(mass_kg: f64, components: &[[Estimate; 2]; 2], relative: f64) -> Estimate {
     let (mut value, mut variance) = (0.0, 0.0);
     for [before, after] in components {
@@ -183,7 +193,8 @@ fn energy_lost(mass_kg: f64, components: &[[Estimate; 2]; 2], relative: f64) -> 
     Estimate { value, sigma: variance.sqrt().hypot(2.0 * value * relative) }
 }
 
-fn by_hindsight(nodes: &[SurfaceNode], contact: &Contact, end: f64) -> Interval {
+/// Returns the interval of contact as the detector found it, ended at `end` (frames), before any law is fitted.
+fn detected_interval(nodes: &[SurfaceNode], contact: &Contact, end: f64) -> Interval {
     // Where frames are missing around a limit, it lies anywhere in the gap.
     let gap = |at: f64| {
         let i = nodes.partition_point(|n| n.time_frames < at);
@@ -193,10 +204,10 @@ fn by_hindsight(nodes: &[SurfaceNode], contact: &Contact, end: f64) -> Interval 
         }
     };
     let newest = nodes.last().map_or(end, |n| n.time_frames);
-    let estimate = |at: f64| Estimate { value: at, sigma: HINDSIGHT_FRAMES.hypot(gap(at)) };
+    let estimate = |at: f64| Estimate { value: at, sigma: DETECTED_SIGMA_FRAMES.hypot(gap(at)) };
     Interval {
         start: estimate(contact.start_frames),
-        deepest: turning_point(between(nodes, contact.start_frames, end)),
+        deepest: turning_point(nodes_between(nodes, contact.start_frames, end)),
         end: Estimate { sigma: 2.0 * estimate(end).sigma, ..estimate(end) },
         before_to: contact.flight_to_frames,
         before_last: contact.departed_frames - 1.5,
@@ -207,13 +218,15 @@ fn by_hindsight(nodes: &[SurfaceNode], contact: &Contact, end: f64) -> Interval 
 
 /// Returns the deepest moment of a contact that may still last, frames; `None` until enough nodes lie after it.
 pub fn deepest_so_far(nodes: &[SurfaceNode], contact: &Contact) -> Option<Estimate> {
-    let contact = between(nodes, contact.start_frames, f64::INFINITY);
+    let contact = nodes_between(nodes, contact.start_frames, f64::INFINITY);
     let (at, _) = contact.iter().enumerate().min_by(|a, b| a.1.value[NORMAL].total_cmp(&b.1.value[NORMAL]))?;
     let is_past = at > 0 && at + DEEPEST_NODES / 2 < contact.len();
     is_past.then(|| turning_point(contact)).flatten().filter(|turn| turn.sigma < CERTAIN_TURN_FRAMES)
 }
 
-/// Finds the zero of the normal velocity by a cubic through the nodes around the deepest one.
+/// Finds the zero of the normal velocity, frames, by a cubic through the nodes around the deepest one.
+///
+/// `None` where the nodes do not curve significantly, or the zero lies far from the deepest node.
 fn turning_point(contact: &[SurfaceNode]) -> Option<Estimate> {
     let (at, node) = contact.iter().enumerate().min_by(|a, b| a.1.value[NORMAL].total_cmp(&b.1.value[NORMAL]))?;
     let near = &contact[at.saturating_sub(DEEPEST_NODES / 2)..(at + DEEPEST_NODES / 2 + 1).min(contact.len())];
@@ -232,13 +245,14 @@ fn turning_point(contact: &[SurfaceNode]) -> Option<Estimate> {
 
 /// Returns the part of a difference that its standard uncertainty does not explain.
 ///
-/// A law fixes the deepest moment by the whole contact, the positions around it by themselves. Real forces follow no law
-/// exactly, and the difference shows by how much.
+/// A law fixes the deepest moment by the whole contact, the positions around it by themselves. Real forces follow no
+/// law exactly, and the difference shows by how much.
 fn beyond_chance(difference: f64, sigma: f64) -> f64 {
     (difference.powi(2) - (CHANCE_SIGMAS * sigma).powi(2)).max(0.0).sqrt()
 }
 
-fn by_law(v: &Verdict, turned: Option<Estimate>) -> Interval {
+/// Returns the interval of contact by the contact laws. `turned` is the turning point found without a law.
+fn law_interval(v: &ForceLawPosterior, turned: Option<Estimate>) -> Interval {
     let [start, mut deepest, end] = [0, 1, 2].map(|k| Estimate { value: v.findings[k], sigma: v.sigmas[k] });
     if matches!(v.best, Family::Stiffness { .. }) {
         // No law passes: the positions around the turn may constrain it better than a stiffness that follows all of
@@ -259,8 +273,10 @@ fn by_law(v: &Verdict, turned: Option<Estimate>) -> Interval {
     }
 }
 
-/// Fits a flight with gravity's acceleration, or with its own where the flight contradicts gravity.
-fn line(flight: &[Sample], gravity: f64) -> Option<Polynomial> {
+/// Fits a flight with the acceleration of gravity (px/frame^2), or with its own where the flight contradicts gravity.
+///
+/// `None` for too few nodes.
+fn fit_flight(flight: &[Sample], gravity: f64) -> Option<Polynomial> {
     if flight.len() < FLIGHT_MIN_NODES {
         return None;
     }
@@ -268,42 +284,50 @@ fn line(flight: &[Sample], gravity: f64) -> Option<Polynomial> {
 }
 
 /// Returns the angle of a body whose rotation was not measured.
-fn unseen_rotation(at_frames: f64) -> Polynomial {
+fn unknown_rotation(at_frames: f64) -> Polynomial {
     Polynomial::unknown(at_frames, RigidStep::ANY_ROTATION_DEG.to_radians())
 }
 
-fn flights(nodes: &[SurfaceNode], interval: &Interval, world: &ImpactContext) -> Option<Flights> {
-    let after = between(nodes, interval.after_from, f64::INFINITY);
+/// Fits the flights on both sides of the contact: normal, tangent and angle. `None` where one is too short.
+fn fit_flights(nodes: &[SurfaceNode], interval: &Interval, context: &ImpactContext) -> Option<Flights> {
+    let after = nodes_between(nodes, interval.after_from, f64::INFINITY);
     let three = |nodes: &[SurfaceNode]| {
-        let fit = |k: usize, g: f64| line(&samples(nodes, k), g);
-        let [normal, tangential] = [NORMAL, TANGENTIAL].map(|k| fit(k, world.gravity_px[k]));
+        let fit = |k: usize, g: f64| fit_flight(&samples(nodes, k), g);
+        let [normal, tangential] = [NORMAL, TANGENTIAL].map(|k| fit(k, context.gravity_px[k]));
         // Without anything on the body that turns visibly, positions still give its velocity.
-        let angle = if is_turning(nodes) {
+        let angle = if has_measured_rotation(nodes) {
             fit(ANGLE, 0.0)
         } else {
-            nodes.first().map(|node| unseen_rotation(node.time_frames))
+            nodes.first().map(|node| unknown_rotation(node.time_frames))
         };
         Some([normal?, tangential?, angle?])
     };
     // A short flight is used up to nearly the first departed node rather than not at all.
     let ends = [interval.before_to, interval.before_last - 4.0, interval.before_last];
-    let before = ends.iter().find_map(|to| three(between(nodes, f64::NEG_INFINITY, *to)))?;
+    let before = ends.iter().find_map(|to| three(nodes_between(nodes, f64::NEG_INFINITY, *to)))?;
     Some(Flights { before, after: three(after)? })
 }
 
-/// Returns the rate of a flight at an uncertain moment, including its own scatter.
+/// Returns the rate of a fitted coordinate at an uncertain moment, including the scatter about the fit.
 fn rate_at(flight: &Polynomial, at: Estimate) -> Estimate {
     let rate = flight.rate(at.value);
     Estimate { value: rate.value, sigma: (rate.sigma * flight.excess()).hypot(flight.curvature().value * at.sigma) }
 }
 
 /// Returns start values for the laws: the deepest node and its distance from the flight before.
-fn guess(nodes: &[SurfaceNode], interval: &Interval, flights: &Flights, world: &ImpactContext) -> Option<FirstGuess> {
+///
+/// `None` for a body that does not approach, rebound and compress.
+fn first_guess(
+    nodes: &[SurfaceNode],
+    interval: &Interval,
+    flights: &Flights,
+    context: &ImpactContext,
+) -> Option<FirstGuess> {
     let speed = -rate_at(&flights.before[NORMAL], interval.start).value;
     let after = rate_at(&flights.after[NORMAL], interval.end).value;
     // A contact of one or two frames may lie between its uncertain moments.
     let (start, end) = (interval.start.value - interval.start.sigma, interval.end.value + interval.end.sigma);
-    let contact = between(nodes, start, end);
+    let contact = nodes_between(nodes, start, end);
     let offset = contact.first()?.value[NORMAL];
     // Components are linked by extrapolated poses here, which is good enough for start values.
     let deepest = contact.iter().min_by(|a, b| a.value[NORMAL].total_cmp(&b.value[NORMAL]))?;
@@ -315,16 +339,17 @@ fn guess(nodes: &[SurfaceNode], interval: &Interval, flights: &Flights, world: &
         shortfall: beyond,
         speed,
         restitution: after / speed,
-        gravity: -world.gravity_px[NORMAL],
+        gravity: -context.gravity_px[NORMAL],
     })
 }
 
-/// A product with a factor that has its own uncertainty.
+/// Returns a product with a factor that has its own relative uncertainty.
 fn scaled(x: Estimate, factor: f64, relative_sigma: f64) -> Estimate {
     let value = x.value * factor;
     Estimate { value, sigma: (x.sigma * factor.abs()).hypot(value * relative_sigma) }
 }
 
+/// Returns a quotient with its uncertainty; `None` if the denominator may be zero.
 fn ratio(top: Estimate, bottom: Estimate) -> Option<Estimate> {
     // A quotient by a number that may be zero has no meaning, and neither has its sigma.
     if bottom.value.abs() <= 3.0 * bottom.sigma {
@@ -334,82 +359,99 @@ fn ratio(top: Estimate, bottom: Estimate) -> Option<Estimate> {
     Some(Estimate { value, sigma: (top.sigma / bottom.value).hypot(value * bottom.sigma / bottom.value) })
 }
 
-fn minus(a: Estimate, b: Estimate) -> Estimate {
+/// Returns a difference of two independent estimates.
+fn difference(a: Estimate, b: Estimate) -> Estimate {
     Estimate { value: a.value - b.value, sigma: a.sigma.hypot(b.sigma) }
 }
 
-/// Returns the speed of the contact point before and after, px/frame.
+/// Returns the speed of the contact point before and after, px/frame; `None` for a body without a radius.
 ///
-/// The point is c - R n of a body that rotates counter-clockwise by omega, so its tangential speed is vt + omega R. It
-/// is zero for a ball that rolls along the tangent, which rotates it clockwise.
-fn contact_point(interval: &Interval, flights: &Flights, world: &ImpactContext) -> Option<[Estimate; 2]> {
-    let radius = world.radius_px?;
+/// The point is c - R n of a body that rotates counter-clockwise by omega, so its tangential speed is vt + omega R.
+/// It is zero for a ball that rolls along the tangent, which rotates it clockwise.
+fn contact_point_speeds(interval: &Interval, flights: &Flights, context: &ImpactContext) -> Option<[Estimate; 2]> {
+    let radius = context.radius_px?;
     let speed = |flight: &[Polynomial; 3], at: Estimate| {
         let (v, omega) = (rate_at(&flight[TANGENTIAL], at), rate_at(&flight[ANGLE], at));
-        let turn = (omega.sigma * radius.value).hypot(omega.value * radius.sigma.hypot(world.center_sigma_px));
+        let turn = (omega.sigma * radius.value).hypot(omega.value * radius.sigma.hypot(context.center_sigma_px));
         Estimate { value: v.value + omega.value * radius.value, sigma: v.sigma.hypot(turn) }
     };
     Some([speed(&flights.before, interval.start), speed(&flights.after, interval.end)])
 }
 
-/// Returns all rates of a flight at an uncertain moment, including the uncertainty of the centre.
-fn rates_at(flight: &[Polynomial; 3], at: Estimate, world: &ImpactContext) -> [Estimate; 3] {
+/// Returns the velocities along normal and tangent (px/frame) and the spin (rad/frame) of a flight at an uncertain
+/// moment.
+///
+/// The uncertainty of the centre is included.
+fn rates_at(flight: &[Polynomial; 3], at: Estimate, context: &ImpactContext) -> [Estimate; 3] {
     let rates = [NORMAL, TANGENTIAL, ANGLE].map(|k| rate_at(&flight[k], at));
-    let rotation_sigma = rates[ANGLE].value * world.center_sigma_px;
+    let rotation_sigma = rates[ANGLE].value * context.center_sigma_px;
     let widened = |rate: Estimate| Estimate { sigma: rate.sigma.hypot(rotation_sigma), ..rate };
     [widened(rates[NORMAL]), widened(rates[TANGENTIAL]), rates[ANGLE]]
 }
 
 /// Returns the share by which a flight's motion may be underestimated, and its symmetric uncertainty.
-fn speed_bias(rates: &[Estimate; 3], world: &ImpactContext) -> [f64; 2] {
+fn speed_bias(rates: &[Estimate; 3], context: &ImpactContext) -> [f64; 2] {
     let [normal, tangential, angle] = [NORMAL, TANGENTIAL, ANGLE].map(|k| rates[k].value);
     let rates = [tangential, normal, angle.to_degrees()];
-    [world.speed_bias.of(rates), world.speed_bias.interpolated(rates)]
+    [context.speed_bias.of(rates), context.speed_bias.interpolated(rates)]
 }
 
-fn slip(nodes: &[SurfaceNode], interval: &Interval, flights: &Flights, world: &ImpactContext) -> Option<Estimate> {
-    let [before, after] = contact_point(interval, flights, world)?;
-    let radius = world.radius_px?.value;
+/// Returns the moment within the contact at which the contact point stops, frames; see [`find_slip_end`].
+fn slip_end(
+    nodes: &[SurfaceNode],
+    interval: &Interval,
+    flights: &Flights,
+    context: &ImpactContext,
+) -> Option<Estimate> {
+    let [before, after] = contact_point_speeds(interval, flights, context)?;
+    let radius = context.radius_px?.value;
     let (start, end) = (interval.start.value, interval.end.value);
-    let origin = between(nodes, start, end).first()?;
+    let origin = nodes_between(nodes, start, end).first()?;
     let pushed = |n: &SurfaceNode| {
         let free = flights.before[NORMAL].advance(origin.time_frames, n.time_frames).value;
         n.value[NORMAL] - origin.value[NORMAL] - free
     };
-    let found = slip_end(nodes, &Sliding { start, end, before, after, radius }, pushed)?;
+    let found = find_slip_end(nodes, &Sliding { start, end, before, after, radius }, pushed)?;
     // A stop outside the contact is none.
     (found.value >= start && found.value <= end).then_some(found)
 }
 
-fn assemble(interval: &Interval, flights: &Flights, verdict: Option<&Verdict>, world: &ImpactContext) -> Impact {
-    let relative = world.metres_per_px.sigma / world.metres_per_px.value;
-    let speed = |x: Estimate| scaled(x, world.metres_per_px.value / world.period_s, relative);
-    let seconds = |x: Estimate| scaled(x, world.period_s, 0.0);
-    let before = rates_at(&flights.before, interval.start, world);
-    let after = rates_at(&flights.after, interval.end, world);
-    let turn = |x: Estimate| scaled(x, 1.0 / world.period_s, 0.0);
+/// Converts the interval, the flights and the laws to the quantities of a collision, without slip, gravity and
+/// status.
+fn assemble_impact(
+    interval: &Interval,
+    flights: &Flights,
+    posterior: Option<&ForceLawPosterior>,
+    context: &ImpactContext,
+) -> Impact {
+    let relative = context.metres_per_px.sigma / context.metres_per_px.value;
+    let speed = |x: Estimate| scaled(x, context.metres_per_px.value / context.period_s, relative);
+    let seconds = |x: Estimate| scaled(x, context.period_s, 0.0);
+    let before = rates_at(&flights.before, interval.start, context);
+    let after = rates_at(&flights.after, interval.end, context);
+    let turn = |x: Estimate| scaled(x, 1.0 / context.period_s, 0.0);
     let is_seen = |omega: &Estimate| omega.sigma < MAX_SPIN_SIGMA_RAD;
-    let spin = |omega: Estimate| Some(omega.short_by(world.light_fraction)).filter(is_seen);
-    let found = |k: usize| verdict.map(|v| Estimate { value: v.findings[k], sigma: v.sigmas[k] });
-    let duration = found(9).unwrap_or_else(|| minus(interval.end, interval.start));
+    let spin = |omega: Estimate| Some(omega.short_by(context.light_fraction)).filter(is_seen);
+    let found = |k: usize| posterior.map(|v| Estimate { value: v.findings[k], sigma: v.sigmas[k] });
+    let duration = found(9).unwrap_or_else(|| difference(interval.end, interval.start));
     let impulse = |k: usize| {
         let fall =
-            Estimate { value: world.gravity_px[k] * duration.value, sigma: world.gravity_px[k] * duration.sigma };
-        minus(minus(after[k], before[k]), fall)
+            Estimate { value: context.gravity_px[k] * duration.value, sigma: context.gravity_px[k] * duration.sigma };
+        difference(difference(after[k], before[k]), fall)
     };
     let restitution = ratio(after[NORMAL], before[NORMAL]).map(|e| Estimate { value: -e.value, ..e });
-    let tangential = contact_point(interval, flights, world)
+    let tangential = contact_point_speeds(interval, flights, context)
         .and_then(|[first, last]| ratio(last, first))
         .map(|e| Estimate { value: -e.value, ..e });
-    let metres = world.metres_per_px.value;
+    let metres = context.metres_per_px.value;
     let moment = |k: usize| found(k).map(seconds);
     // A point off the centre of a rotating body moves up and down with it.
     let mean_spin = 0.5 * (before[ANGLE].value + after[ANGLE].value);
     let brake = found(8).map_or((after[NORMAL].value - before[NORMAL].value) / duration.value, |a| a.value);
-    let turning = mean_spin * world.center_sigma_px / brake;
+    let turning = mean_spin * context.center_sigma_px / brake;
     // The surface carries the weight as well.
-    let push = found(8).map(|a| world.acceleration(Estimate { value: a.value - world.gravity_px[NORMAL], ..a }));
-    let biases = [&before, &after].map(|rates| speed_bias(rates, world));
+    let push = found(8).map(|a| context.acceleration(Estimate { value: a.value - context.gravity_px[NORMAL], ..a }));
+    let biases = [&before, &after].map(|rates| speed_bias(rates, context));
     let whole = biases.map(|[short, either]| short.hypot(either));
     let [vn, vt] =
         [NORMAL, TANGENTIAL].map(|k| [speed(before[k]).short_by(whole[0]), speed(after[k]).short_by(whole[1])]);
@@ -431,13 +473,13 @@ fn assemble(interval: &Interval, flights: &Flights, verdict: Option<&Verdict>, w
         impulse_ratio: ratio(impulse(TANGENTIAL), impulse(NORMAL)).map(differing),
         contact_time_s: Some(seconds(duration)),
         compression_max_mm: found(7).map(|depth| scaled(depth, metres * 1e3, relative).short_by(whole[0])),
-        acceleration_max_m_s2: found(8).map(|a| world.acceleration(a).short_by(whole[0])),
+        acceleration_max_m_s2: found(8).map(|a| context.acceleration(a).short_by(whole[0])),
         force_start_s: moment(3),
         force_end_s: moment(4),
-        force_max_n: push.zip(world.mass_kg).map(|(a, mass_kg)| scaled(a, mass_kg, whole[0])),
-        energy_lost_j: world.mass_kg.map(|mass_kg| energy_lost(mass_kg, &[vn, vt], relative)),
-        force_law: verdict.map_or(ForceLaw::None, Verdict::law),
-        force_law_probability: verdict.map(Verdict::probability),
+        force_max_n: push.zip(context.mass_kg).map(|(a, mass_kg)| scaled(a, mass_kg, whole[0])),
+        energy_lost_j: context.mass_kg.map(|mass_kg| energy_lost(mass_kg, &[vn, vt], relative)),
+        force_law: posterior.map_or(ForceLaw::None, ForceLawPosterior::law),
+        force_law_probability: posterior.map(ForceLawPosterior::probability),
         status: PointStatus::Valid,
         ..Impact::unknown(0, 0, 0)
     }

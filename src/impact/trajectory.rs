@@ -32,20 +32,20 @@ pub const ANGLE: usize = 2;
 impl SurfaceNode {
     /// Rotates a pose into the surface's axes.
     pub fn new(node: &Pose, axes: Axes) -> Self {
-        let at = axes.surface(node.pose[0], node.pose[1]);
+        let position = axes.surface(node.pose[0], node.pose[1]);
         let sigma = axes.surface_sigma(node.sigma[0], node.sigma[1]);
         Self {
             frame: node.frame,
             time_frames: node.time_frames,
             component: node.component,
             turn: node.turn,
-            value: [at.normal, at.tangential, node.pose[2].to_radians()],
+            value: [position.normal, position.tangential, node.pose[2].to_radians()],
             sigma: [sigma.normal, sigma.tangential, node.sigma[2].to_radians()],
             walk_share: node.walk_share,
         }
     }
 
-    /// Returns one coordinate.
+    /// Returns one coordinate ([`NORMAL`], [`TANGENTIAL`] or [`ANGLE`]), px or rad.
     pub fn sample(&self, coordinate: usize) -> Sample {
         Sample {
             time_frames: self.time_frames,
@@ -57,13 +57,13 @@ impl SurfaceNode {
     }
 }
 
-/// Returns one coordinate of every node.
+/// Returns one coordinate of every node, px or rad.
 pub fn samples(nodes: &[SurfaceNode], coordinate: usize) -> Vec<Sample> {
     nodes.iter().map(|n| n.sample(coordinate)).collect()
 }
 
 /// Returns the nodes from one time to another, both included.
-pub fn between(nodes: &[SurfaceNode], from_frames: f64, to_frames: f64) -> &[SurfaceNode] {
+pub fn nodes_between(nodes: &[SurfaceNode], from_frames: f64, to_frames: f64) -> &[SurfaceNode] {
     let first = nodes.partition_point(|n| n.time_frames < from_frames);
     let end = nodes.partition_point(|n| n.time_frames <= to_frames);
     &nodes[first..end.max(first)]

@@ -29,7 +29,7 @@ impl Orientation {
     pub const TURNED_90_CCW: Self = Self { is_transposed: true, is_mirrored: false, is_flipped: true };
 
     /// Returns the orientation of a TIFF or Exif tag 274, 1 to 8 (TIFF 6.0, section 8); `None` for other values.
-    pub(super) fn of_tag(tag: u16) -> Option<Self> {
+    pub(super) fn from_tag(tag: u16) -> Option<Self> {
         Some(match tag {
             1 => Self::AS_STORED,
             2 => Self::MIRRORED,
@@ -57,14 +57,15 @@ impl Orientation {
         }
     }
 
-    /// Returns the width of a displayed pixel over its height, from that of a stored one.
+    /// Returns the aspect of a displayed pixel, width over height, from that of a stored one.
     pub(super) fn aspect(self, stored: f64) -> f64 {
         if self.is_transposed { stored.recip() } else { stored }
     }
 
-    /// Returns the orientation that displays the rows of a stored image along `right` and its columns along `down`,
-    /// each (x, y) with y down; `None` where these are no axes of the display.
-    pub(super) fn of_axes(right: [i64; 2], down: [i64; 2]) -> Option<Self> {
+    /// Returns the orientation that displays the rows of a stored image along `right` and its columns along `down`.
+    ///
+    /// Both are (x, y) with y down; `None` if these are not axes of the display.
+    pub(super) fn from_axes(right: [i64; 2], down: [i64; 2]) -> Option<Self> {
         match [right[0] != 0, right[1] != 0, down[0] != 0, down[1] != 0] {
             [true, false, false, true] => {
                 Some(Self { is_transposed: false, is_mirrored: right[0] < 0, is_flipped: down[1] < 0 })
@@ -85,6 +86,10 @@ impl Orientation {
     }
 
     /// Turns and mirrors packed pixels of the shape `stored`, whose rows have no padding.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer pixels than the shape has.
     pub(super) fn apply(self, stored: Shape, pixels: Vec<u8>) -> Vec<u8> {
         if self == Self::AS_STORED {
             return pixels;
@@ -97,8 +102,8 @@ impl Orientation {
             let y = if self.is_flipped { height - 1 - row } else { row };
             for column in 0..width {
                 let x = if self.is_mirrored { width - 1 - column } else { column };
-                let at = bytes * if self.is_transposed { x * stored_width + y } else { y * stored_width + x };
-                turned.extend_from_slice(&pixels[at..at + bytes]);
+                let offset = bytes * if self.is_transposed { x * stored_width + y } else { y * stored_width + x };
+                turned.extend_from_slice(&pixels[offset..offset + bytes]);
             }
         }
         turned
@@ -129,7 +134,7 @@ mod tests {
     #[test]
     fn the_tag_turns_the_image() {
         let stored = Shape { width_px: 3, height_px: 2, format: PixelFormat::Mono8 };
-        let shown = |tag| Orientation::of_tag(tag).unwrap().apply(stored, vec![1, 2, 3, 4, 5, 6]);
+        let shown = |tag| Orientation::from_tag(tag).unwrap().apply(stored, vec![1, 2, 3, 4, 5, 6]);
         assert_eq!(shown(1), [1, 2, 3, 4, 5, 6]);
         assert_eq!(shown(2), [3, 2, 1, 6, 5, 4]);
         assert_eq!(shown(3), [6, 5, 4, 3, 2, 1]);
@@ -138,14 +143,14 @@ mod tests {
         assert_eq!(shown(6), [4, 1, 5, 2, 6, 3]);
         assert_eq!(shown(7), [6, 3, 5, 2, 4, 1]);
         assert_eq!(shown(8), [3, 6, 2, 5, 1, 4]);
-        assert_eq!(Orientation::of_tag(9), None);
+        assert_eq!(Orientation::from_tag(9), None);
     }
 
     /// Two symmetries in a row are the one that [`Orientation::then`] returns.
     #[test]
     fn symmetries_combine() {
         let stored = Shape { width_px: 3, height_px: 2, format: PixelFormat::Mono8 };
-        let all: Vec<Orientation> = (1..=8).map(|tag| Orientation::of_tag(tag).unwrap()).collect();
+        let all: Vec<Orientation> = (1..=8).map(|tag| Orientation::from_tag(tag).unwrap()).collect();
         for first in &all {
             for next in &all {
                 let turned = next.apply(first.shape(stored), first.apply(stored, vec![1, 2, 3, 4, 5, 6]));

@@ -38,9 +38,9 @@ pub(super) struct BlockStates {
 
 impl BlockStates {
     /// Returns the state of one body within one block, empty at first.
-    pub(super) fn of(&mut self, key: BodyKey) -> &mut BlockState {
-        let place = self.states.iter().position(|state| state.key == key);
-        let place = place.unwrap_or_else(|| {
+    pub(super) fn state_mut(&mut self, key: BodyKey) -> &mut BlockState {
+        let index = self.states.iter().position(|state| state.key == key);
+        let index = index.unwrap_or_else(|| {
             self.states.push(BlockState {
                 key,
                 outline: None,
@@ -54,7 +54,7 @@ impl BlockStates {
             });
             self.states.len() - 1
         });
-        &mut self.states[place]
+        &mut self.states[index]
     }
 
     /// Returns the box that holds the bodies of a block in a frame, with the search range around them.
@@ -71,7 +71,9 @@ impl BlockStates {
         bounds
     }
 
-    /// Returns the box around the predicted bodies of a block, if all of them move on and have a rigid match.
+    /// Returns the box around the predicted bodies of a block.
+    ///
+    /// `None` unless all of them have a measured motion and a rigid match.
     pub(super) fn predicted_box(
         &self,
         block: u64,

@@ -16,14 +16,16 @@ const MIN_POINTS: u32 = 3;
 /// The number of subsets that are searched if the motion of a ball is not known.
 const INITIAL_POINTS: usize = 9;
 
-/// Returns a few subsets spread over all; `None` if that saves little.
+/// Returns about nine subsets spread over all; `None` if that saves little.
 fn sparse_points(points: &[GridPoint]) -> Option<Vec<GridPoint>> {
     (points.len() >= 2 * INITIAL_POINTS)
         .then(|| points.iter().copied().step_by(points.len() / INITIAL_POINTS).collect())
 }
 
-/// Fits the motion of the centre and the rotation, per frame, to all valid subsets; `near` is the predicted motion.
-pub(super) fn rigid_step(
+/// Fits the motion of the centre and the rotation, per frame, to all valid subsets.
+///
+/// `near` is the predicted motion. `None` with fewer than three subsets. Outliers are marked in `field`.
+pub(super) fn fit_rigid_step(
     field: &mut PairField,
     outline: &Outline,
     frames: f64,
@@ -39,11 +41,11 @@ pub(super) fn rigid_step(
     (motion.points >= MIN_POINTS).then(|| per_frame(&motion, frames))
 }
 
-/// Fits the dilatation of the body per frame and writes it into `step`.
+/// Fits the dilatation of the body per frame and writes it into `step`, which holds the rigid motion of the field.
 ///
-/// Returns the motion of the centre, px, and the rotation, deg, of a ball that turns about any axis, per frame. The
-/// step holds the rigid motion of the field.
-pub(super) fn dilatation(
+/// Returns the motion of the centre in x and y, px, and the rotation, deg, per frame, of a ball that may rotate about
+/// any axis.
+pub(super) fn fit_dilatation_into(
     field: &PairField,
     step: &mut BodyStep,
     outline: &Outline,
@@ -65,17 +67,19 @@ pub(super) fn dilatation(
     Some([x?, y?, per_frame(fit.angle_deg, sigma[2].map(f64::to_degrees))?])
 }
 
-/// Writes by how much a ball that moves by `motion` moves and turns farther per frame than its step.
+/// Writes the drift of a ball into its step: its fitted motion per frame minus that of the step (px, px, deg).
 pub(super) fn set_drift(step: &mut BodyStep, motion: Option<[Estimate; 3]>) {
     let difference = |(step, [x, y, rotation]): (RigidStep, [Estimate; 3])| {
-        let minus = |of: Estimate, value: f64| Estimate { value: of.value - value, ..of };
+        let minus = |estimate: Estimate, value: f64| Estimate { value: estimate.value - value, ..estimate };
         [minus(x, step.dx_px), minus(y, step.dy_px), minus(rotation, step.dtheta_deg)]
     };
     step.drift = step.motion.zip(motion).map(difference);
 }
 
-/// Estimates the unknown motion of a ball from a few subsets, which suffices to match the whole ball.
-pub(super) fn initial_motion(
+/// Estimates the unknown motion of a ball per frame from a few subsets, which suffices to match the whole ball.
+///
+/// `None` for other bodies, for few subsets, or if they do not determine it.
+pub(super) fn estimate_initial_motion(
     correlator: &mut Correlator,
     params: &MeasureParams,
     reference: &PendingFrame,
@@ -89,11 +93,11 @@ pub(super) fn initial_motion(
     let mut field = PairField { frame, target_frame, stamp_ns: 0, body: 0, points: Vec::new() };
     correlator.correlate(&reference.prepared, target.prepared, &sparse, Start::Search, &mut field.points);
     let subset_px = params.correlation.subset_size_px;
-    rigid_step(&mut field, outline, (target_frame - frame) as f64, subset_px, Start::Search)
+    fit_rigid_step(&mut field, outline, (target_frame - frame) as f64, subset_px, Start::Search)
 }
 
-/// Fits the same from the displacement at the centre and the rotations of the subsets about it.
-pub(super) fn center_step(
+/// Fits the motion per frame to the displacement at the centre and the rotations of the subsets about it.
+pub(super) fn fit_center_step(
     field: &PairField,
     outline: &Outline,
     frames: f64,
@@ -105,6 +109,7 @@ pub(super) fn center_step(
     center_fit(&vectors, params.step_px, params.subset_size_px).map(|motion| per_frame(&motion, frames))
 }
 
+/// Divides a motion by its number of frames.
 fn per_frame(motion: &RigidMotion, frames: f64) -> RigidStep {
     RigidStep {
         dx_px: motion.u_px / frames,
@@ -117,7 +122,7 @@ fn per_frame(motion: &RigidMotion, frames: f64) -> RigidStep {
     }
 }
 
-/// Returns the predicted displacement of the body over the frames of a step.
+/// Returns the displacement of the body predicted over `frames` frames by a motion per frame.
 pub(super) fn predicted_start(step: &RigidStep, outline: &Outline, frames: f64) -> Start {
     let (x_px, y_px) = outline.center_px();
     Start::Motion {

@@ -55,18 +55,18 @@ pub(super) fn is_consistent(
         let tolerance_px = if *is_matched { RIGID_TOLERANCE_PX } else { OUTLINE_TOLERANCE_PX };
         return apart <= tolerance_px.max(TOLERANCE_SIGMAS * from.sigma_center_px.hypot(to.sigma_center_px));
     }
-    *is_matched || before.is_some_and(|before| continues(before, &step))
+    *is_matched || before.is_some_and(|before| continues_motion(before, &step))
 }
 
-/// Whether a motion continues the one before it.
-fn continues(before: &RigidStep, step: &RigidStep) -> bool {
+/// Whether a motion continues the one before it: their difference is at most 1 px/frame beyond the uncertainty.
+fn continues_motion(before: &RigidStep, step: &RigidStep) -> bool {
     let sigma = step.sigma_dx_px.hypot(step.sigma_dy_px).hypot(before.sigma_dx_px.hypot(before.sigma_dy_px));
     (step.dx_px - before.dx_px).hypot(step.dy_px - before.dy_px) <= MAX_MOTION_CHANGE_PX + TOLERANCE_SIGMAS * sigma
 }
 
-/// Whether the whole body moved as its subsets did.
+/// Whether the whole body moved as its subsets did; both motions are per frame.
 ///
-/// The two weight a rotating front differently. They differ by a fraction of its motion relative to the rim.
+/// The two weight a rotating front differently. They differ by a fraction of its motion relative to the rim, `drift`.
 pub(super) fn agrees_with_subsets(rigid: &RigidStep, field: &RigidStep, drift: Option<[Estimate; 3]>) -> bool {
     let drift_px = drift.map_or(0.0, |[x, y, _]| DRIFT_TOLERANCE * x.value.hypot(y.value));
     let tolerances = [SUBSET_TOLERANCE[0] + drift_px, SUBSET_TOLERANCE[1] + drift_px, SUBSET_TOLERANCE[2]];

@@ -34,7 +34,7 @@ impl FixedPatterns {
         Self { every_frames, firsts: Vec::new(), spare: Vec::new() }
     }
 
-    /// Estimates by which fraction short steps are too short, from a frame and the first of its block.
+    /// Estimates the fraction by which short steps are too short, from a frame and the first of its block.
     ///
     /// Most frames are not compared and give `None`.
     pub(super) fn bias_fraction(&mut self, body: usize, reference: &PendingFrame, outline: &Outline) -> Option<f64> {

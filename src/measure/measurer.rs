@@ -1,7 +1,9 @@
 //! The measurement of blocks of frames: steps and displacement fields.
 
 use super::block_state::BlockStates;
-use super::body_motion::{center_step, dilatation, initial_motion, predicted_start, rigid_step, set_drift};
+use super::body_motion::{
+    estimate_initial_motion, fit_center_step, fit_dilatation_into, fit_rigid_step, predicted_start, set_drift,
+};
 use super::bounding_box::BoundingBox;
 use super::consistency::{self, OutlinePair};
 use super::error::MeasureError;
@@ -131,7 +133,7 @@ impl Measurer {
         owns(sequence) || self.params.intervals_frames.iter().any(is_target_over)
     }
 
-    /// Takes the next frame of the stream and appends finished results in order.
+    /// Adds the next frame of the stream and appends finished results in order.
     ///
     /// Frames come with rising sequence numbers. Frames that are not [needed](Self::needs) may be left out.
     ///
@@ -167,23 +169,24 @@ impl Measurer {
         let mut pending = std::mem::take(&mut self.pending);
         let mut own = None;
         let mut first = 0;
-        while let Some(of) = pending.get(first).map(|reference| reference.block) {
-            let last = pending.partition_point(|reference| reference.block <= of);
+        while let Some(of_block) = pending.get(first).map(|reference| reference.block) {
+            let last = pending.partition_point(|reference| reference.block <= of_block);
             let sequence = frame.meta.sequence;
             let mut prepared = self.spare.pop().unwrap_or_default();
-            let predicted = self.states.predicted_box(of, sequence, &self.params.correlation, &self.rigid_matcher);
+            let predicted =
+                self.states.predicted_box(of_block, sequence, &self.params.correlation, &self.rigid_matcher);
             let mut bounds =
-                predicted.unwrap_or_else(|| self.states.search_box(of, sequence, &self.params.correlation));
+                predicted.unwrap_or_else(|| self.states.search_box(of_block, sequence, &self.params.correlation));
             self.prepare(frame, bounds, &mut prepared);
             let mut is_narrow = predicted.is_some();
             for reference in pending.range_mut(first..last) {
-                if !self.measure(reference, Some(Target { sequence, prepared: &prepared, is_narrow })) {
-                    (bounds, is_narrow) = (self.states.search_box(of, sequence, &self.params.correlation), false);
+                if !self.measure_due(reference, Some(Target { sequence, prepared: &prepared, is_narrow })) {
+                    (bounds, is_narrow) = (self.states.search_box(of_block, sequence, &self.params.correlation), false);
                     self.prepare(frame, bounds, &mut prepared);
-                    self.measure(reference, Some(Target { sequence, prepared: &prepared, is_narrow }));
+                    self.measure_due(reference, Some(Target { sequence, prepared: &prepared, is_narrow }));
                 }
             }
-            match of == block {
+            match of_block == block {
                 true => own = Some((prepared, bounds)),
                 false => self.spare.push(prepared),
             }
@@ -193,13 +196,15 @@ impl Measurer {
         own
     }
 
-    /// Prepares a box of the current frame.
+    /// Unpacks and prepares the part of the current frame within `bounds`.
     fn prepare(&mut self, frame: &Frame<'_>, bounds: BoundingBox, prepared: &mut PreparedFrame) {
         let view = self.image.unpack(frame, bounds.rectangle().into());
         self.correlator.prepare_part_into(view, bounds.rectangle(), prepared);
     }
 
     /// Finds the bodies in the current frame and keeps the frame until its targets have come.
+    ///
+    /// `own` is the frame as prepared for `block`, if it was.
     fn add_pending(&mut self, frame: &Frame<'_>, block: u64, own: Option<(PreparedFrame, BoundingBox)>) {
         let meta = frame.meta;
         let (outlines, origins): (Vec<_>, Vec<_>) =
@@ -220,15 +225,15 @@ impl Measurer {
         for (body, outline) in outlines.iter().enumerate() {
             // The match of the whole ball detects what occludes its subsets, whatever gives its motion.
             let Ok(Outline::Ball(circle)) = outline else { continue };
-            let state = self.states.of(BodyKey { body, block });
+            let state = self.states.state_mut(BodyKey { body, block });
             // A turning ball may show its marks only later.
             if state.surface != Some(Surface::Textured) {
-                state.surface = Some(Surface::of(&prepared, circle));
+                state.surface = Some(Surface::classify(&prepared, circle));
             }
             if state.surface == Some(Surface::Textured)
                 && (self.params.rotation == Rotation::Rigid || is_occluded(circle))
             {
-                self.rigid_matcher.start(BodyKey { body, block }, meta.sequence, &prepared, circle);
+                self.rigid_matcher.set_reference(BodyKey { body, block }, meta.sequence, &prepared, circle);
             }
         }
         let slots = self.finders.len() * self.params.intervals_frames.len();
@@ -245,9 +250,10 @@ impl Measurer {
             self.retry_with_ring(reference, &target);
             let frames = target.meta.sequence - reference.meta.sequence;
             for slot in 0..reference.done.len() {
-                let (body, place) = (slot / intervals, slot % intervals);
+                let (body, interval_index) = (slot / intervals, slot % intervals);
                 let is_detected = reference.is_comparable(&target, body);
-                let Some(measured) = reference.done[slot].as_mut().filter(|_| self.params.is_interval(place, frames))
+                let Some(measured) =
+                    reference.done[slot].as_mut().filter(|_| self.params.is_interval(interval_index, frames))
                 else {
                     continue;
                 };
@@ -257,8 +263,8 @@ impl Measurer {
                     are_detected: is_detected,
                 };
                 if consistency::is_consistent(measured, reference.before[slot].as_ref(), outlines) {
-                    let state = self.states.of(BodyKey { body, block: target.block });
-                    if place == 0 && is_detected && measured.step.motion.is_some() {
+                    let state = self.states.state_mut(BodyKey { body, block: target.block });
+                    if interval_index == 0 && is_detected && measured.step.motion.is_some() {
                         state.doubts = 0;
                     }
                     // After a contradiction, only outlines make a motion credible again.
@@ -269,8 +275,8 @@ impl Measurer {
                     continue;
                 }
                 measured.step = BodyStep { status: PointStatus::Ambiguous, ..measured.step.without_motion() };
-                if place == 0 {
-                    self.doubt(BodyKey { body, block: target.block });
+                if interval_index == 0 {
+                    self.record_contradiction(BodyKey { body, block: target.block });
                 }
             }
         }
@@ -295,7 +301,7 @@ impl Measurer {
             };
             let pair = FramePair { reference: &reference.prepared, target: &target.prepared };
             let Some(rate) = self.ring_rotation.motion_between(from, to, pair, frames as f64) else { continue };
-            let state = self.states.of(BodyKey { body, block: reference.block });
+            let state = self.states.state_mut(BodyKey { body, block: reference.block });
             (state.motion, state.center_motion) = (Some(rate), Some(rate));
             let target = Target { sequence: target.meta.sequence, prepared: &target.prepared, is_narrow: false };
             let retried = self.measure_body(reference, slot, Some(target));
@@ -305,12 +311,13 @@ impl Measurer {
         }
     }
 
-    /// Discards what is known of the motion of a body, and stops following it within a block after a second doubt.
+    /// Discards the motion of a body after a contradiction, and stops following it within a block after the second
+    /// one.
     ///
     /// Another object may be taken for it, and one contradiction may be chance.
-    fn doubt(&mut self, key: BodyKey) {
+    fn record_contradiction(&mut self, key: BodyKey) {
         self.rigid_matcher.forget(key);
-        let state = self.states.of(key);
+        let state = self.states.state_mut(key);
         state.doubts += 1;
         (state.motion, state.is_ambiguous) = (None, state.doubts >= MAX_DOUBTS);
     }
@@ -319,13 +326,18 @@ impl Measurer {
     pub fn finish(&mut self, measured: &mut Vec<Measured>) {
         let mut pending = std::mem::take(&mut self.pending);
         for reference in &mut pending {
-            self.measure(reference, None);
+            self.measure_due(reference, None);
         }
         self.pending = pending;
         self.emit_finished(measured);
         self.states.clear();
     }
 
+    /// Checks the size of a frame.
+    ///
+    /// # Errors
+    ///
+    /// Returns [`MeasureError::Size`] if it differs from the planned size.
     fn check_size(&self, meta: &FrameMeta) -> Result<(), MeasureError> {
         let ImageSize { width: expected_width_px, height: expected_height_px } = self.size;
         if (meta.width_px as usize, meta.height_px as usize) == (expected_width_px, expected_height_px) {
@@ -335,10 +347,10 @@ impl Measurer {
         Err(MeasureError::Size { sequence, width_px, height_px, expected_width_px, expected_height_px })
     }
 
-    /// Measures the motions to this target and those whose target did not come; all of them if there is no target.
+    /// Measures the motions to this target and those whose target was missed; all of them if there is no target.
     ///
     /// Returns `false` if more of the target has to be prepared first.
-    fn measure(&mut self, reference: &mut PendingFrame, target: Option<Target<'_>>) -> bool {
+    fn measure_due(&mut self, reference: &mut PendingFrame, target: Option<Target<'_>>) -> bool {
         for slot in 0..reference.done.len() {
             let due = reference.meta.sequence
                 + u64::from(self.params.intervals_frames[slot % self.params.intervals_frames.len()]);
@@ -346,7 +358,7 @@ impl Measurer {
             if reference.done[slot].is_none() && is_due {
                 let target = target.filter(|target| target.sequence == due);
                 let body = slot / self.params.intervals_frames.len();
-                let before = self.states.of(BodyKey { body, block: reference.block }).motion;
+                let before = self.states.state_mut(BodyKey { body, block: reference.block }).motion;
                 let Some(measured) = self.measure_body(reference, slot, target) else { return false };
                 reference.before[slot] = before;
                 reference.done[slot] = Some(measured);
@@ -367,10 +379,10 @@ impl Measurer {
     /// Measures the motion of one body from a frame; `None` if more of the target has to be prepared first.
     fn measure_body(&mut self, reference: &PendingFrame, slot: usize, target: Option<Target<'_>>) -> Option<Measured> {
         let intervals = self.params.intervals_frames.len();
-        let (body, place) = (slot / intervals, slot % intervals);
+        let (body, interval_index) = (slot / intervals, slot % intervals);
         let key = BodyKey { body, block: reference.block };
         let outline = reference.outlines[body];
-        let mut step = reference.outline_step(body, self.params.intervals_frames[place]);
+        let mut step = reference.outline_step(body, self.params.intervals_frames[interval_index]);
         let Ok(outline) = outline else { return Some(Measured { step, field: None, is_matched: false }) };
         let Some(target) = target.filter(|_| !self.is_plain(key)) else {
             return Some(Measured { step, field: None, is_matched: false });
@@ -380,16 +392,18 @@ impl Measurer {
             PairField { frame: step.frame, target_frame, stamp_ns: step.stamp_ns, body: step.body, points: Vec::new() };
         let frames = f64::from(step.interval_frames);
         // Longer intervals start from the frame's own shortest step, whatever was measured since.
-        let own = reference.done[slot - place].as_ref().and_then(|shortest| shortest.step.motion);
-        let known = if place == 0 { self.states.of(key).motion } else { own };
+        let own = reference.done[slot - interval_index].as_ref().and_then(|shortest| shortest.step.motion);
+        let known = if interval_index == 0 { self.states.state_mut(key).motion } else { own };
         if is_narrow && known.is_none() {
             return None;
         }
         let span = Span { body, reference, target };
-        let points = self.finders[body].points(&outline, &self.params.correlation, self.size);
-        self.correlator.set_region(self.finders[body].region(&outline, &self.params.correlation));
+        let points = self.finders[body].grid_points(&outline, &self.params.correlation, self.size);
+        self.correlator.set_region(self.finders[body].correlated_region(&outline, &self.params.correlation));
         let mut rigid = known
-            .or_else(|| initial_motion(&mut self.correlator, &self.params, reference, &target, &outline, &points))
+            .or_else(|| {
+                estimate_initial_motion(&mut self.correlator, &self.params, reference, &target, &outline, &points)
+            })
             .and_then(|rate| self.match_whole_body(span, &outline, &rate));
         let known = rigid.map(|rigid| rigid.step).or(known);
         let start = known.map_or(Start::Search, |step| predicted_start(&step, &outline, frames));
@@ -398,16 +412,16 @@ impl Measurer {
             return None;
         }
         self.mask_occluded(span, &mut field);
-        let mut moved = self.fit_subsets(span, &outline, &mut field, &mut step, start);
+        let mut ball_motion = self.fit_subsets(span, &outline, &mut field, &mut step, start);
         if let (None, Some(rate)) = (rigid, step.motion) {
             rigid = self.match_whole_body(span, &outline, &rate);
             // The match shows what occludes the body.
             if self.mask_occluded(span, &mut field) {
-                moved = self.fit_subsets(span, &outline, &mut field, &mut step, start);
+                ball_motion = self.fit_subsets(span, &outline, &mut field, &mut step, start);
             }
         }
         if let Outline::Patch(_) = outline {
-            // Subsets follow whatever occludes the patch. If they led astray, the patch may not have moved.
+            // Subsets follow whatever occludes the patch. If they led astray, the patch may not have ball_motion.
             rigid = rigid.or_else(|| self.match_whole_body(span, &outline, &RigidStep::STILL));
             step.motion = None;
         }
@@ -424,10 +438,10 @@ impl Measurer {
         if let Some(rigid) = rigid.as_ref().filter(|_| is_reported && !step.drifts()) {
             rigid.write_to(&mut step);
         }
-        set_drift(&mut step, moved);
+        set_drift(&mut step, ball_motion);
         step.status = consistency::matched_status(&step, &field);
-        if place == 0 {
-            let state = self.states.of(key);
+        if interval_index == 0 {
+            let state = self.states.state_mut(key);
             (state.motion, state.center_motion) = (step.motion, step.center_motion());
             step.fixed_fraction =
                 step.motion.and_then(|_| self.fixed_patterns.bias_fraction(body, reference, &outline));
@@ -444,8 +458,8 @@ impl Measurer {
 
     /// Fits the step to the subsets and writes its dilatation and drift.
     ///
-    /// Returns the motion of the centre in x and y, px, and the rotation, deg, per frame, of a ball that may also rotate
-    /// out of the plane.
+    /// Returns the motion of the centre in x and y, px, and the rotation, deg, per frame, of a ball that may also
+    /// rotate out of the image plane.
     fn fit_subsets(
         &mut self,
         span: Span<'_>,
@@ -455,21 +469,21 @@ impl Measurer {
         start: Start,
     ) -> Option<[Estimate; 3]> {
         let (frames, correlation) = (f64::from(step.interval_frames), &self.params.correlation);
-        step.motion = rigid_step(field, outline, frames, correlation.subset_size_px, start);
-        let moved = dilatation(field, step, outline, correlation.subset_size_px);
+        step.motion = fit_rigid_step(field, outline, frames, correlation.subset_size_px, start);
+        let ball_motion = fit_dilatation_into(field, step, outline, correlation.subset_size_px);
         let circle = step.circle();
         if let (Rotation::Center, Some(_)) = (self.params.rotation, &circle) {
-            step.motion = step.motion.and_then(|_| center_step(field, outline, frames, correlation));
+            step.motion = step.motion.and_then(|_| fit_center_step(field, outline, frames, correlation));
         }
         if let (Rotation::Ring(limits), Some(found), Some(circle)) = (self.params.rotation, &mut step.motion, &circle) {
             let pair = FramePair { reference: &span.reference.prepared, target: span.target.prepared };
-            self.ring_rotation.replace(found, circle, pair, limits, frames);
+            self.ring_rotation.replace_rotation(found, circle, pair, limits, frames);
         }
-        set_drift(step, moved);
-        moved
+        set_drift(step, ball_motion);
+        ball_motion
     }
 
-    /// Matches the whole body near a motion per frame.
+    /// Matches the whole body near a motion per frame; `None` if it has no reference or does not match.
     fn match_whole_body(&mut self, span: Span<'_>, outline: &Outline, rate: &RigidStep) -> Option<RigidMatch> {
         let Span { body, reference, target } = span;
         let frames = (target.sequence - reference.meta.sequence) as f64;
@@ -477,7 +491,7 @@ impl Measurer {
             (Outline::Ball(circle), _) => {
                 let (sequence, prepared) = (reference.meta.sequence, &reference.prepared);
                 let from = Target { sequence, prepared, is_narrow: false };
-                self.rigid_matcher.step(span.key(), from, target, circle, rate)
+                self.rigid_matcher.measure_step(span.key(), from, target, circle, rate)
             }
             (Outline::Patch(pose), Finder::Patch(finder)) => {
                 let near = pose.predicted(rate, frames);

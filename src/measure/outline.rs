@@ -51,6 +51,7 @@ pub(super) enum Finder {
 }
 
 impl Finder {
+    /// Creates the finder of a body for frames of this size.
     pub(super) fn new(body: &BodyParams, width_px: usize, height_px: usize) -> Result<Self, MeasureError> {
         Ok(match body {
             BodyParams::Ball(ball) => Self::Ball(Box::new(BallFinder::new(ball, width_px, height_px)?)),
@@ -121,20 +122,20 @@ impl Finder {
     }
 
     /// Returns the centres of the subsets on the body.
-    pub(super) fn points(&self, outline: &Outline, params: &CorrelationParams, size: ImageSize) -> Vec<GridPoint> {
+    pub(super) fn grid_points(&self, outline: &Outline, params: &CorrelationParams, size: ImageSize) -> Vec<GridPoint> {
         match (self, outline) {
             (Self::Patch(finder), Outline::Patch(pose)) => patch_points(&finder.region_at(pose), params, size),
-            _ => outline.points(params, size),
+            _ => outline.grid_points(params, size),
         }
     }
 
     /// Returns the pixels that may be correlated; `None` if subsets are not restricted.
-    pub(super) fn region(&self, outline: &Outline, params: &CorrelationParams) -> Option<Region> {
+    pub(super) fn correlated_region(&self, outline: &Outline, params: &CorrelationParams) -> Option<Region> {
         match (self, outline) {
             (Self::Patch(finder), Outline::Patch(pose)) if params.method == Method::IcGn => {
                 Some(finder.region_at(pose))
             }
-            _ => outline.region(params),
+            _ => outline.correlated_region(params),
         }
     }
 }
@@ -157,7 +158,7 @@ impl Outline {
         }
     }
 
-    /// Returns the outline predicted `frames` frames later, and whether the prediction rests on a measured motion.
+    /// Returns the outline predicted `frames` frames later by a motion per frame, and whether there was a motion.
     pub(super) fn predicted(&self, step: Option<&RigidStep>, frames: f64) -> (Self, bool) {
         let Some(step) = step else { return (*self, false) };
         let sigma_px = frames * step.sigma_dx_px.max(step.sigma_dy_px);
@@ -175,7 +176,7 @@ impl Outline {
         (moved, true)
     }
 
-    /// Returns a predicted ball that may have struck something since it was seen; `None` if that is too long ago.
+    /// Returns a predicted ball that may have struck something since it was detected; `None` if that is too long ago.
     pub(super) fn coasted(&self, step: &RigidStep, unseen_frames: u64) -> Option<Self> {
         let Self::Ball(circle) = self else { return None };
         let sigma_px = STRUCK_FRACTION * unseen_frames as f64 * step.dx_px.hypot(step.dy_px);
@@ -183,7 +184,7 @@ impl Outline {
         (unseen_frames <= MAX_UNSEEN_FRAMES).then_some(outline)
     }
 
-    /// Returns what is known of an outline that only the motion predicts.
+    /// Returns the outline without the values that only a detection gives.
     pub(super) fn without_detection(self) -> Self {
         match self {
             Self::Ball(_) | Self::Patch(_) => self,
@@ -234,7 +235,7 @@ impl Outline {
     }
 
     /// Returns the centres of the subsets on the body.
-    fn points(&self, params: &CorrelationParams, size: ImageSize) -> Vec<GridPoint> {
+    fn grid_points(&self, params: &CorrelationParams, size: ImageSize) -> Vec<GridPoint> {
         match self {
             Self::Ball(circle) => {
                 let radius_px = circle.radius_px * (1.0 - RIM_CLEARANCE);
@@ -247,7 +248,7 @@ impl Outline {
     }
 
     /// Returns the pixels that may be correlated; `None` if subsets are not restricted.
-    fn region(&self, params: &CorrelationParams) -> Option<Region> {
+    fn correlated_region(&self, params: &CorrelationParams) -> Option<Region> {
         match self {
             // The correlation-peak methods support whole subsets only.
             Self::Rod(observation) if params.method == Method::IcGn => {
@@ -258,7 +259,7 @@ impl Outline {
     }
 
     /// Returns the outline as it is written into the row of its frame.
-    pub(super) fn result(&self, origin: OutlineOrigin) -> crate::results::Outline {
+    pub(super) fn to_result(&self, origin: OutlineOrigin) -> crate::results::Outline {
         let shape = match self {
             Self::Ball(circle) => OutlineShape::Circle(*circle),
             Self::Rod(observation) => OutlineShape::Rod(observation.rod),
@@ -268,7 +269,7 @@ impl Outline {
     }
 }
 
-/// Returns the corners of the correlated tape, px.
+/// Returns the corners of the correlated tape in the image, px, clockwise on the screen for an upright rod.
 fn tape_corners(observation: &RodObservation) -> [[f64; 2]; 4] {
     let [left, top, right, bottom] = observation.tape_px();
     let (x, y) = (observation.rod.x_px.value, observation.rod.y_px.value);

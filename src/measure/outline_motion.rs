@@ -1,6 +1,6 @@
 //! Motion from outlines alone: the displacement of a ball's centre, without its rotation.
 //!
-//! It serves plain balls, on which nothing turns visibly, and pairs of frames in which no texture was matched. The
+//! It serves plain balls, on which no texture shows the rotation, and pairs of frames in which no texture was matched. The
 //! differences of successive outlines add up to the last outline, so their errors do not accumulate.
 
 use super::consistency;
@@ -18,15 +18,15 @@ const SAME_RADIUS_FRACTION: f64 = 0.03;
 
 /// The outline of a body in the target of a motion.
 #[derive(Debug, Clone, Copy)]
-struct Sighting {
+struct FoundOutline {
     outline: Result<Outline, PointStatus>,
     origin: OutlineOrigin,
 }
 
 impl Measurer {
-    /// Whether the texture of a body must not be matched.
+    /// Whether a ball has no texture, so that only its outlines are measured.
     pub(super) fn is_plain(&mut self, key: BodyKey) -> bool {
-        self.states.of(key).surface == Some(Surface::Plain)
+        self.states.state_mut(key).surface == Some(Surface::Plain)
     }
 
     /// Measures the motion of balls to the current frame by their outlines, where no texture was matched.
@@ -52,15 +52,15 @@ impl Measurer {
                     _ => continue,
                 };
                 let (outline, origin) = target;
-                self.move_by_outlines(reference, body, Sighting { outline, origin });
+                self.move_by_outlines(reference, body, FoundOutline { outline, origin });
             }
         }
         self.pending = pending;
     }
 
     /// Measures the motion of one ball by its outlines in a reference and in its target.
-    fn move_by_outlines(&mut self, reference: &mut PendingFrame, body: usize, seen: Sighting) {
-        let Sighting { outline: target, origin } = seen;
+    fn move_by_outlines(&mut self, reference: &mut PendingFrame, body: usize, found: FoundOutline) {
+        let FoundOutline { outline: target, origin } = found;
         let key = BodyKey { body, block: reference.block };
         let (is_plain, slot) = (self.is_plain(key), body * self.params.intervals_frames.len());
         let frames = f64::from(self.params.intervals_frames[0]);
@@ -71,7 +71,7 @@ impl Measurer {
             let motion = from.step_to(&to, frames);
             let (status, method) = (PointStatus::Valid, MotionMethod::WholeBody);
             measured.step = BodyStep { motion: Some(motion), method, status, ..measured.step };
-            let state = self.states.of(key);
+            let state = self.states.state_mut(key);
             (state.motion, state.center_motion) = (Some(motion), Some(motion));
             return;
         }
@@ -94,7 +94,7 @@ impl Measurer {
                 status: PointStatus::Valid,
                 ..measured.step.without_motion()
             };
-            let state = self.states.of(key);
+            let state = self.states.state_mut(key);
             (state.motion, state.center_motion) = (Some(motion), Some(motion));
         }
     }
@@ -106,13 +106,14 @@ fn is_measurable(reference: &PendingFrame, body: usize) -> bool {
         && reference.origins[body] == OutlineOrigin::Detected
 }
 
+/// Whether two circles can be the outline of one ball.
 fn has_same_radius(from: &Circle, to: &Circle) -> bool {
     let sigma_px = from.sigma_radius_px.hypot(to.sigma_radius_px);
     let tolerance_px = (SAME_RADIUS_SIGMAS * sigma_px).max(SAME_RADIUS_FRACTION * from.radius_px);
     (from.radius_px - to.radius_px).abs() <= tolerance_px
 }
 
-/// Returns the motion per frame from one circle to another.
+/// Returns the motion per frame from one circle to another. Its rotation is unknown.
 fn step_between(from: &Circle, to: &Circle, frames: f64) -> RigidStep {
     let sigma_px = from.sigma_center_px.hypot(to.sigma_center_px) / frames;
     RigidStep {

@@ -23,7 +23,7 @@ impl Measurer {
             return (self.find_patch(body, frame, block), OutlineOrigin::Detected);
         }
         let (meta, key) = (&frame.meta, BodyKey { body, block });
-        let state = *self.states.of(key);
+        let state = *self.states.state_mut(key);
         if state.is_ambiguous {
             return (Err(PointStatus::Ambiguous), OutlineOrigin::Predicted);
         }
@@ -34,7 +34,7 @@ impl Measurer {
         if let Some((outline, true)) = expected
             && self.can_reuse_outline(key, meta.sequence)
         {
-            self.states.of(key).outline = Some((meta.sequence, outline));
+            self.states.state_mut(key).outline = Some((meta.sequence, outline));
             return (Ok(outline), OutlineOrigin::Reused);
         }
         // If the whole body was matched, and detected a moment ago, no other circle is its outline.
@@ -63,13 +63,13 @@ impl Measurer {
                     (Err(_), Some(outline)) => (Ok(outline), OutlineOrigin::Coasted),
                     (found, _) => {
                         // It was not where its motion would have led it.
-                        self.states.of(key).motion = None;
+                        self.states.state_mut(key).motion = None;
                         (found, OutlineOrigin::Detected)
                     }
                 }
             }
         };
-        let state = self.states.of(key);
+        let state = self.states.state_mut(key);
         state.outline = found.ok().map(|outline| (meta.sequence, outline));
         if origin == OutlineOrigin::Detected && found.is_ok() {
             state.detected_frame = Some(meta.sequence);
@@ -91,7 +91,7 @@ impl Measurer {
 
     /// Whether an outline was detected in this frame or a later one.
     fn is_detected_since(&mut self, key: BodyKey, frame: u64) -> bool {
-        self.states.of(key).detected_frame.is_some_and(|detected| detected >= frame)
+        self.states.state_mut(key).detected_frame.is_some_and(|detected| detected >= frame)
     }
 
     /// Returns the pose of a patch in the current frame, from the motion to it or searched from scratch.
@@ -101,7 +101,7 @@ impl Measurer {
         let found = match finder.cached(key) {
             Some(Ok(pose)) => Ok(pose),
             before => {
-                let state = *self.states.of(BodyKey { body, block });
+                let state = *self.states.state_mut(BodyKey { body, block });
                 // A patch that was just seen may have turned by any angle. One that stays lost is hidden.
                 let is_new = !state.was_searched || state.outline.is_some();
                 let angles = if is_new { AngleRange::Full } else { AngleRange::Small };
@@ -117,7 +117,7 @@ impl Measurer {
                 found.map_err(|_| finder.refusal().unwrap_or(unseen))
             }
         };
-        let state = self.states.of(BodyKey { body, block });
+        let state = self.states.state_mut(BodyKey { body, block });
         (state.was_searched, state.outline) =
             (true, found.ok().map(|pose| (frame.meta.sequence, Outline::Patch(pose))));
         if found.is_err() {

@@ -36,9 +36,9 @@ impl MeasureParams {
         Ok(Correction { tone: self.tone.clone(), defects })
     }
 
-    /// Whether the interval at `place` has this number of frames.
-    pub(super) fn is_interval(&self, place: usize, frames: u64) -> bool {
-        u64::from(self.intervals_frames[place]) == frames
+    /// Whether the interval at `index` has this number of frames.
+    pub(super) fn is_interval(&self, index: usize, frames: u64) -> bool {
+        u64::from(self.intervals_frames[index]) == frames
     }
 }
 

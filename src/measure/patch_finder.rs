@@ -149,6 +149,7 @@ pub(super) struct PatchFinder {
 }
 
 impl PatchFinder {
+    /// Prepares the finder of a patch, which is lost until its reference image is set.
     pub(super) fn new(patch: &Patch) -> Self {
         let (area, centroid) = patch.area_and_centroid();
         let center = patch.center_px.unwrap_or(centroid);
@@ -172,7 +173,7 @@ impl PatchFinder {
         }
     }
 
-    /// Returns the reason why the patch can be found in no frame, if its own image is not fit for it.
+    /// Returns the reason why the patch can be found in no frame, if its own image is ambiguous.
     pub(super) fn refusal(&self) -> Option<PointStatus> {
         self.reference.as_ref().err().copied().filter(|status| *status == PointStatus::Ambiguous)
     }
@@ -218,10 +219,14 @@ impl PatchFinder {
 
     /// Returns the pose found in a frame of a block, if it was searched.
     pub(super) fn cached(&self, key: FrameKey) -> Option<Result<PatchPose, PointStatus>> {
-        self.found.iter().rev().find(|(of, _)| *of == key).map(|(_, found)| *found)
+        self.found.iter().rev().find(|(searched, _)| *searched == key).map(|(_, found)| *found)
     }
 
-    /// Searches the patch near its predicted pose.
+    /// Searches the patch near its predicted pose, unless it was found in this frame already.
+    ///
+    /// # Errors
+    ///
+    /// Returns the reason why it was not found.
     pub(super) fn follow(
         &mut self,
         key: FrameKey,
@@ -236,14 +241,19 @@ impl PatchFinder {
         found
     }
 
+    /// Stores the result of a frame and replaces an earlier one.
     fn store(&mut self, key: FrameKey, found: Result<PatchPose, PointStatus>) {
-        self.found.retain(|(of, _)| *of != key);
+        self.found.retain(|(searched, _)| *searched != key);
         self.found.push((key, found));
     }
 
     /// Searches the patch in a full frame from scratch.
     ///
     /// Tries its reference position, then all positions at small rotations and, for the full range, at all rotations.
+    ///
+    /// # Errors
+    ///
+    /// Returns the reason why it was not found.
     pub(super) fn find(
         &mut self,
         key: FrameKey,
@@ -275,6 +285,11 @@ impl PatchFinder {
         found
     }
 
+    /// Matches the visible pixels near a pose (px, px, deg).
+    ///
+    /// # Errors
+    ///
+    /// Returns the reason why the patch was not found.
     fn match_near(&mut self, target: &PreparedFrame, pose: [f64; 3]) -> Result<PatchPose, PointStatus> {
         let [x, y, angle_deg] = pose;
         let (cx, cy) = self.center_px;

@@ -74,7 +74,7 @@ impl PendingFrame {
             stamp_ns: self.meta.stamp_ns,
             body: u32::try_from(body).unwrap_or(u32::MAX),
             interval_frames,
-            outline: self.outlines[body].ok().map(|outline| outline.result(self.origins[body])),
+            outline: self.outlines[body].ok().map(|outline| outline.to_result(self.origins[body])),
             angle_deg: self.outlines[body].ok().and_then(|outline| outline.angle_deg()),
             status: match (self.outlines[body], self.origins[body]) {
                 (Err(status), _) => status,

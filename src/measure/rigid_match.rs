@@ -75,7 +75,7 @@ struct OccludedFrame {
     frame: u64,
     origin: Pose,
     center: Point,
-    veil: OcclusionMap,
+    map: OcclusionMap,
 }
 
 /// The step measured by a match of the whole body.
@@ -92,7 +92,7 @@ pub(super) struct RigidMatch {
 }
 
 impl RigidMatch {
-    /// Replaces the step of the subsets.
+    /// Replaces the motion of the subsets in a step, corrected for the dilatation, and the visible fraction.
     pub(super) fn write_to(&self, step: &mut BodyStep) {
         let [x, y, angle] = match (self.lever, step.growth_fraction) {
             (Some(lever), Some(grown)) => lever.map(|lever| lever * grown.value),
@@ -130,6 +130,7 @@ impl RigidMatcher {
         self.retain(|track| track.key.block >= block);
     }
 
+    /// Keeps the tracks that fulfil a condition and the memory of the others.
     fn retain(&mut self, is_kept: impl Fn(&RigidTrack) -> bool) {
         self.spare.extend(self.tracks.extract_if(.., |track| !is_kept(track)).map(|track| track.reference));
     }
@@ -139,23 +140,24 @@ impl RigidMatcher {
         self.retain(|track| track.key != key);
     }
 
-    fn track(&self, key: BodyKey) -> Option<&RigidTrack> {
+    /// Returns the matches of a body in a block.
+    fn find_track(&self, key: BodyKey) -> Option<&RigidTrack> {
         self.tracks.iter().find(|track| track.key == key)
     }
 
     /// Whether there is a reference of a body in a block.
     pub(super) fn has_reference(&self, key: BodyKey) -> bool {
-        self.track(key).is_some()
+        self.find_track(key).is_some()
     }
 
     /// Whether a body was matched in a frame.
     pub(super) fn has_match(&self, key: BodyKey, frame: u64) -> bool {
-        self.track(key).is_some_and(|track| track.pose(frame).is_some())
+        self.find_track(key).is_some_and(|track| track.pose_in(frame).is_some())
     }
 
     /// Whether a body was matched in a frame without any occlusion beyond that of its reference.
     pub(super) fn is_fully_visible(&self, key: BodyKey, frame: u64) -> bool {
-        let fraction = self.track(key).and_then(|track| track.pose(frame)?.visible_fraction);
+        let fraction = self.find_track(key).and_then(|track| track.pose_in(frame)?.visible_fraction);
         fraction.is_some_and(|fraction| fraction >= UNOCCLUDED_FRACTION)
     }
 
@@ -167,24 +169,25 @@ impl RigidMatcher {
         points: &mut [FieldPoint],
         subset_px: u32,
     ) -> bool {
-        let Some(track) = self.track(key).filter(|track| !track.occlusions.is_empty()) else { return false };
-        let (Some(from), Some(_)) = (track.pose(frames.from), track.pose(frames.to)) else { return false };
-        let mut any = false;
+        let Some(track) = self.find_track(key).filter(|track| !track.occlusions.is_empty()) else { return false };
+        let (Some(from), Some(_)) = (track.pose_in(frames.from), track.pose_in(frames.to)) else { return false };
+        let mut any_occluded = false;
         for point in points.iter_mut().filter(|point| point.displacement.is_some()) {
             if track.is_occluded(&from, frames.to, point, subset_px) {
-                (point.displacement, point.status, any) = (None, PointStatus::Occluded, true);
+                (point.displacement, point.status, any_occluded) = (None, PointStatus::Occluded, true);
             }
         }
-        any
+        any_occluded
     }
 
     /// Makes a frame the reference of a body in a block that has none.
-    pub(super) fn start(&mut self, key: BodyKey, frame: u64, prepared: &PreparedFrame, circle: &Circle) {
+    ///
+    /// Without texture, or at the image border, there is no reference and only the subsets are measured.
+    pub(super) fn set_reference(&mut self, key: BodyKey, frame: u64, prepared: &PreparedFrame, circle: &Circle) {
         if self.has_reference(key) {
             return;
         }
         let (region, radius_px) = (matched_region(circle), circle.radius_px * (1.0 - RIM_CLEARANCE));
-        // Without texture, or at the image border, there is no reference and only the subsets are measured.
         let mut reference = self.spare.pop().unwrap_or_default();
         if reference.renew(prepared, &region).is_err() {
             self.spare.push(reference);
@@ -207,7 +210,9 @@ impl RigidMatcher {
     }
 
     /// Measures the step of a body from one frame of a block to a later one, near the motion `rate` per frame.
-    pub(super) fn step(
+    ///
+    /// `None` if there is no reference or one of the frames does not match it.
+    pub(super) fn measure_step(
         &mut self,
         key: BodyKey,
         from: Target<'_>,
@@ -216,7 +221,7 @@ impl RigidMatcher {
         rate: &RigidStep,
     ) -> Option<RigidMatch> {
         let track = self.tracks.iter_mut().find(|track| track.key == key)?;
-        let first = match track.pose(from.sequence) {
+        let first = match track.pose_in(from.sequence) {
             Some(pose) => pose,
             None => {
                 let nearest = *track.poses.iter().rev().find(|pose| pose.frame < from.sequence)?;
@@ -224,7 +229,7 @@ impl RigidMatcher {
             }
         };
         let frames = (to.sequence - from.sequence) as f64;
-        let second = match track.pose(to.sequence) {
+        let second = match track.pose_in(to.sequence) {
             Some(pose) => pose,
             None => track.match_frame(to, first.predicted(circle, rate, frames))?,
         };
@@ -242,11 +247,14 @@ impl RigidMatcher {
 }
 
 impl RigidTrack {
-    fn pose(&self, frame: u64) -> Option<Pose> {
+    /// Returns the pose in a frame, if the body was matched there.
+    fn pose_in(&self, frame: u64) -> Option<Pose> {
         self.poses.iter().rev().find(|pose| pose.frame == frame).copied()
     }
 
-    /// Matches a frame near a pose; makes it the new reference if the old one is stale.
+    /// Matches a frame near a pose and stores the result. Makes the frame the new reference if the old one is stale.
+    ///
+    /// `None` if the frame does not match, or lies farther from the prediction than the frame is prepared.
     fn match_frame(&mut self, target: Target<'_>, guess: Pose) -> Option<Pose> {
         let Target { sequence: frame, prepared: target, is_narrow } = target;
         let origin = self.origin;
@@ -275,12 +283,7 @@ impl RigidTrack {
         let place = self.poses.partition_point(|other| other.frame < frame);
         self.poses.insert(place, pose);
         let center = self.reference.center();
-        self.occlusions.extend(self.reference.occlusion_map().map(|veil| OccludedFrame {
-            frame,
-            origin,
-            center,
-            veil,
-        }));
+        self.occlusions.extend(self.reference.occlusion_map().map(|map| OccludedFrame { frame, origin, center, map }));
         let is_occluded = visible_fraction < UNOCCLUDED_FRACTION;
         // An occluder in the reference that moves with the body would be matched as a part of it.
         if found.is_stale() && (!is_occluded || motion.angle_deg.abs() > RENEW_OCCLUDED_DEG) {
@@ -300,19 +303,19 @@ impl RigidTrack {
         let offset = (f64::from(point.x_px) - from.x_px, f64::from(point.y_px) - from.y_px);
         let max_pixels = (MAX_OCCLUDED_FRACTION * f64::from(subset_px).powi(2)).max(FREE_OCCLUDED_PIXELS);
         let mut near = self.occlusions.iter().filter(|occlusion| [from.frame, to_frame].contains(&occlusion.frame));
-        near.any(|OccludedFrame { origin, center, veil, .. }| {
-            let (x, y) = rotated(offset.0, offset.1, origin.angle_deg - from.angle_deg);
+        near.any(|OccludedFrame { origin, center, map, .. }| {
+            let (x, y) = rotate(offset.0, offset.1, origin.angle_deg - from.angle_deg);
             let place = Point::new(origin.x_px + x - center.x_px, origin.y_px + y - center.y_px);
-            f64::from(veil.occluded_pixels(place, subset_px)) > max_pixels
+            f64::from(map.occluded_pixels(place, subset_px)) > max_pixels
         })
     }
 }
 
 impl Pose {
-    /// Returns the pose after some frames of a circle's motion.
+    /// Returns the pose predicted by the motion of a circle per frame, `frames` frames later.
     fn predicted(&self, circle: &Circle, rate: &RigidStep, frames: f64) -> Self {
         let angle_deg = frames * rate.dtheta_deg;
-        let (dx, dy) = rotated(self.x_px - circle.x_px, self.y_px - circle.y_px, angle_deg);
+        let (dx, dy) = rotate(self.x_px - circle.x_px, self.y_px - circle.y_px, angle_deg);
         Self {
             x_px: circle.x_px + frames * rate.dx_px + dx,
             y_px: circle.y_px + frames * rate.dy_px + dy,
@@ -321,7 +324,8 @@ impl Pose {
         }
     }
 
-    /// Returns the share by which light may have held back the rotation to a later pose.
+    /// Returns the fraction by which light may have held back the rotation to a later pose; `None` for small
+    /// rotations.
     fn light_fraction(&self, later: &Self) -> Option<f64> {
         let turned_deg = (later.angle_deg - self.angle_deg).abs();
         let light_deg = (later.light_deg - if later.is_renewed_at(self) { 0.0 } else { self.light_deg }).abs();
@@ -336,7 +340,7 @@ impl Pose {
     /// Returns the step of the circle's centre to a later pose, per frame.
     fn step_to(&self, later: &Self, circle: &Circle, frames: f64) -> RigidStep {
         let angle_deg = later.angle_deg - self.angle_deg;
-        let (dx, dy) = rotated(circle.x_px - self.x_px, circle.y_px - self.y_px, angle_deg);
+        let (dx, dy) = rotate(circle.x_px - self.x_px, circle.y_px - self.y_px, angle_deg);
         // Both poses contain the noise of the reference, unless one is the reference.
         let sigma = |k: usize| match (self.visible_fraction, later.visible_fraction) {
             (Some(_), Some(_)) => (0.5 * (self.sigma[k].powi(2) + later.sigma[k].powi(2))).sqrt(),
@@ -355,7 +359,7 @@ impl Pose {
 }
 
 /// Rotates an offset counter-clockwise on the screen.
-fn rotated(dx: f64, dy: f64, angle_deg: f64) -> (f64, f64) {
+fn rotate(dx: f64, dy: f64, angle_deg: f64) -> (f64, f64) {
     let (sin, cos) = angle_deg.to_radians().sin_cos();
     (dx * cos + dy * sin, dy * cos - dx * sin)
 }

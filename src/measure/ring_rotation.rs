@@ -19,10 +19,11 @@ pub(super) struct RingCorrelator {
 }
 
 impl RingCorrelator {
-    /// Replaces the rotation of the subsets by that of the ring; the subsets' translation moves the centre.
+    /// Replaces the rotation per frame in `step` by that of the ring; the translation of the subsets moves the
+    /// centre.
     ///
     /// Keeps the rotation of the subsets if the ring gives none or an inconsistent one.
-    pub(super) fn replace(
+    pub(super) fn replace_rotation(
         &mut self,
         step: &mut RigidStep,
         circle: &Circle,
@@ -45,7 +46,9 @@ impl RingCorrelator {
         }
     }
 
-    /// Returns the motion per frame between two detected positions of a ball, whatever its rotation.
+    /// Returns the motion per frame between two detected positions of a ball, with any rotation.
+    ///
+    /// `None` if the ring does not match.
     pub(super) fn motion_between(
         &mut self,
         from: &Circle,

@@ -14,7 +14,7 @@ pub(super) enum Surface {
 
 impl Surface {
     /// Classifies the surface of a ball in a prepared frame.
-    pub(super) fn of(prepared: &PreparedFrame, circle: &Circle) -> Self {
+    pub(super) fn classify(prepared: &PreparedFrame, circle: &Circle) -> Self {
         let Circle { x_px, y_px, radius_px, .. } = *circle;
         match has_texture(prepared, BallDisc { x_px, y_px, radius_px }) {
             true => Self::Textured,

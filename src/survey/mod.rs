@@ -6,7 +6,7 @@
 //! 2. [`identify`] searches a ball, then a rod, in the frames that show a mover best. If neither is found in most of them,
 //!    the mover is a patch.
 //! 3. [`Follower`] follows the ball through all frames. The [`Path`] shows where it bounces, and which acceleration it has.
-//! 4. [`surface_edge`] finds the edge in the background that the ball touches where it bounces.
+//! 4. [`find_surface_edge`] finds the edge in the background that the ball touches where it bounces.
 
 mod components;
 mod follower;
@@ -22,4 +22,4 @@ pub use identify::{Examination, ExaminedFrame, Identified, identify, needed_fram
 pub use movement::{Appearance, Movement, Mover};
 pub use path::{Acceleration, Bounce, Path};
 pub use sampler::{ReducedImage, Sampler};
-pub use surface::{SurfaceEdge, surface_edge};
+pub use surface::{SurfaceEdge, find_surface_edge};

@@ -4,26 +4,28 @@ use super::movement::Movement;
 use super::path::Bounce;
 use crate::numeric::median;
 
-/// The maximum angle between the normal of the surface and the change of velocity, deg. Friction turns that by its
-/// coefficient.
+/// The maximum angle between the normal of the surface and the change of velocity, deg.
+///
+/// Friction turns the change of velocity by at most the arctangent of its coefficient.
 const MAX_TILT_DEG: f64 = 30.0;
+/// The step of the search for the angle, deg.
 const TILT_STEP_DEG: f64 = 0.5;
 /// The range of distances of the edge from the centre of the deepest ball, in radii.
 const DISTANCES: [f64; 2] = [0.7, 1.2];
 /// Half of the length of the edge, in radii.
 const HALF_LENGTH: f64 = 3.0;
 /// The share of that length that has to lie in the image.
-const MIN_INSIDE: f64 = 0.6;
+const MIN_INSIDE_FRACTION: f64 = 0.6;
 /// The ratio of the contrast of the edge to the median of all lines from which it is an edge.
 const MIN_CONTRAST_RATIO: f64 = 4.0;
 /// The minimum contrast of the edge, standard deviations of noise.
 const MIN_CONTRAST_SIGMAS: f64 = 2.0;
 /// The distance up to which the edge is searched on either side of the best line, reduced pixels.
-const REACH: f64 = 2.5;
+const REACH_PX: f64 = 2.5;
 /// The minimum number of points of the edge.
 const MIN_POINTS: usize = 8;
 /// The distance of a point from the edge, in median distances, from which it lies on something else.
-const OUTLIER: f64 = 4.0;
+const OUTLIER_RATIO: f64 = 4.0;
 
 /// An edge that the ball touches.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -50,12 +52,12 @@ struct Line {
 ///
 /// Among lines at about the radius from the centre, it is the one across which the grey level of the background changes
 /// most. Returns `None` if no line stands out.
-pub fn surface_edge(movement: &Movement, bounce: &Bounce, radius_px: f64) -> Option<SurfaceEdge> {
+pub fn find_surface_edge(movement: &Movement, bounce: &Bounce, radius_px: f64) -> Option<SurfaceEdge> {
     let factor = movement.factor as f64;
     let reduced = |at: f64| (at + 0.5) / factor - 0.5;
     let (center, radius) = (bounce.center_px.map(reduced), radius_px / factor);
     let mut best: Option<(f64, Line)> = None;
-    let mut all = Vec::new();
+    let mut contrasts = Vec::new();
     let steps = (MAX_TILT_DEG / TILT_STEP_DEG) as i32;
     for tilt_deg in (-steps..=steps).map(|k| f64::from(k) * TILT_STEP_DEG) {
         let (sin, cos) = tilt_deg.to_radians().sin_cos();
@@ -66,20 +68,21 @@ pub fn surface_edge(movement: &Movement, bounce: &Bounce, radius_px: f64) -> Opt
             let foot = [center[0] - distance * normal[0], center[1] - distance * normal[1]];
             let line = Line { foot, normal, half_length: HALF_LENGTH * radius };
             let Some(contrast) = line.contrast(movement) else { continue };
-            all.push(contrast);
+            contrasts.push(contrast);
             if best.is_none_or(|(highest, _)| contrast > highest) {
                 best = Some((contrast, line));
             }
         }
     }
     let (contrast, line) = best?;
-    all.sort_by(f64::total_cmp);
-    let usual = all[all.len() / 2].max(MIN_CONTRAST_SIGMAS * f64::from(movement.noise_dn) / MIN_CONTRAST_RATIO);
-    if contrast < MIN_CONTRAST_RATIO * usual {
+    contrasts.sort_by(f64::total_cmp);
+    let background =
+        contrasts[contrasts.len() / 2].max(MIN_CONTRAST_SIGMAS * f64::from(movement.noise_dn) / MIN_CONTRAST_RATIO);
+    if contrast < MIN_CONTRAST_RATIO * background {
         return None;
     }
     let (line, sigma) = line.refine(movement).unwrap_or((line, TILT_STEP_DEG.to_radians()));
-    // The image's y points down. The tangent is the normal, turned clockwise by a quarter turn.
+    // The y of the image points down. The tangent is the normal, turned clockwise by a quarter.
     let angle_deg = (-line.normal[1]).atan2(line.normal[0]).to_degrees() - 90.0;
     let full = |at: f64| (at + 0.5) * factor - 0.5;
     Some(SurfaceEdge {
@@ -96,8 +99,9 @@ impl Line {
         [self.foot[0] - along * y + across * x, self.foot[1] + along * x + across * y]
     }
 
-    /// Fits the line to the points of the edge near it, each where the grey level changes most. Returns it with the
-    /// standard uncertainty of its direction, rad; `None` for too few points.
+    /// Fits the line to the points of the edge near it, each where the grey level changes most.
+    ///
+    /// Returns it with the standard uncertainty of its direction, rad; `None` for too few points.
     fn refine(self, movement: &Movement) -> Option<(Self, f64)> {
         let steps = (2.0 * self.half_length).ceil() as i32;
         let places = (0..=steps).map(|k| self.half_length * (2.0 * f64::from(k) / f64::from(steps) - 1.0));
@@ -105,8 +109,8 @@ impl Line {
             places.filter_map(|along| Some([along, self.edge_across(movement, along)?])).collect();
         for _ in 0..2 {
             let fitted = StraightFit::fit(&points)?;
-            let mut off: Vec<f64> = points.iter().map(|point| fitted.residual(point).abs()).collect();
-            let limit = OUTLIER * median(&mut off)?;
+            let mut deviations: Vec<f64> = points.iter().map(|point| fitted.residual(point).abs()).collect();
+            let limit = OUTLIER_RATIO * median(&mut deviations)?;
             points.retain(|point| fitted.residual(point).abs() <= limit);
         }
         let fitted = StraightFit::fit(&points)?;
@@ -117,12 +121,12 @@ impl Line {
         Some((line, fitted.slope_sigma(&points)))
     }
 
-    /// Returns the distance from the line towards the ball at which the grey level changes most, `along` the line,
-    /// reduced pixels.
+    /// Returns the distance of the edge from the line towards the ball, `along` the line, reduced pixels.
     ///
-    /// It is the mean weighted by the squared changes; `None` outside of the image or where nothing changes.
+    /// It is the mean weighted by the squared changes of the grey level; `None` outside the image or where nothing
+    /// changes.
     fn edge_across(&self, movement: &Movement, along: f64) -> Option<f64> {
-        let steps = (REACH / 0.25) as i32;
+        let steps = (REACH_PX / 0.25) as i32;
         let (mut weights, mut sum) = (0.0, 0.0);
         for across in (-steps..=steps).map(|k| 0.25 * f64::from(k)) {
             let level = |across: f64| interpolated_level(movement, self.point_at(along, across));
@@ -146,7 +150,7 @@ impl Line {
                 count += 1;
             }
         }
-        let is_inside = f64::from(count) >= MIN_INSIDE * f64::from(steps + 1);
+        let is_inside = f64::from(count) >= MIN_INSIDE_FRACTION * f64::from(steps + 1);
         is_inside.then(|| (sum / f64::from(count)).abs())
     }
 }
@@ -175,7 +179,7 @@ impl StraightFit {
         point[1] - self.offset - self.slope * point[0]
     }
 
-    /// Returns the standard uncertainty of the slope, from the scatter of the points.
+    /// Returns the standard uncertainty of the slope, from the scatter of the points about the line.
     fn slope_sigma(&self, points: &[[f64; 2]]) -> f64 {
         let squares: f64 = points.iter().map(|point| self.residual(point).powi(2)).sum();
         (squares / (points.len() as f64 - 2.0) / squares_about_mean(points)).sqrt()
@@ -188,7 +192,7 @@ fn squares_about_mean(points: &[[f64; 2]]) -> f64 {
     points.iter().map(|point| (point[0] - mean).powi(2)).sum()
 }
 
-/// Interpolates the reduced background bilinearly at a point, DN; `None` outside.
+/// Interpolates the reduced background bilinearly at a point in reduced pixels, DN; `None` outside.
 fn interpolated_level(movement: &Movement, point: [f64; 2]) -> Option<f64> {
     let [x, y] = point;
     let image = &movement.background;
@@ -238,7 +242,7 @@ mod tests {
             let direction = [0.2588, -0.9659];
             let bounce =
                 Bounce { index: 9, t_s: 0.1, center_px: [100.0, 60.0], direction, velocities_px_s: [[0.0; 2]; 2] };
-            let found = surface_edge(&movement(angle_deg), &bounce, 20.0).unwrap();
+            let found = find_surface_edge(&movement(angle_deg), &bounce, 20.0).unwrap();
             let off_deg = (found.angle_deg - angle_deg).abs();
             assert!(off_deg < 0.2 && found.sigma_deg < 0.2, "{found:?} for {angle_deg}");
         }
@@ -255,6 +259,6 @@ mod tests {
             direction: [0.0, -1.0],
             velocities_px_s: [[0.0; 2]; 2],
         };
-        assert!(surface_edge(&movement, &bounce, 20.0).is_none());
+        assert!(find_surface_edge(&movement, &bounce, 20.0).is_none());
     }
 }

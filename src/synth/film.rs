@@ -1,10 +1,10 @@
 //! A film rendered from a scenario.
 
 use super::background::{Background, Exposed};
-use super::ground_truth::{impact, phase, status, step, velocity};
+use super::ground_truth::{body_velocity, frame_status, phase_at, rigid_step, true_impact};
 use super::scenario::{MotionSetup, Scenario, ScenarioError, Shape};
 use super::sensor::Sensor;
-use super::trajectory::{Pose, Trajectory, tangent};
+use super::trajectory::{Pose, Trajectory, surface_tangent};
 use crate::image::{Image, PixelFormat};
 use crate::numeric::{Stream, key, scramble};
 use crate::results::{Impact, PointStatus, VelocitySample};
@@ -24,7 +24,7 @@ const MAX_SINGLE_PX: f64 = 0.05;
 /// The maximum motion during the exposure per pair of moments, px.
 const MAX_PANEL_PX: f64 = 0.5;
 /// The number of iterations for the row that shows a moving centre.
-const READ_ROUNDS: usize = 8;
+const READOUT_ITERATIONS: usize = 8;
 
 /// A film that is rendered frame by frame, in any order, with its ground truth.
 #[derive(Debug, Clone)]
@@ -47,6 +47,13 @@ enum Body {
 }
 
 impl Body {
+    /// Places the paint of a body and prepares its drawing.
+    ///
+    /// `number` selects the random stream of its speckles, `full_dn` is the maximum grey level.
+    ///
+    /// # Errors
+    ///
+    /// Returns [`ScenarioError`] if the pattern does not fit the body.
     fn new(scenario: &Scenario, number: u64, full_dn: f32) -> Result<Self, ScenarioError> {
         let speckles = Stream::new(key(scenario.seed, SPECKLES, number));
         let sigma_px = total_sigma_px(scenario.camera.blur_px);
@@ -59,7 +66,7 @@ impl Body {
         }
         Ok(match (&scenario.body.rod, scenario.body.shape) {
             (Some(rod), _) => {
-                Self::Rod(Box::new(Rod::new(scenario, rod, scatter(Rod::field(scenario, rod))?, full_dn)))
+                Self::Rod(Box::new(Rod::new(scenario, rod, scatter(Rod::speckled_field(scenario, rod))?, full_dn)))
             }
             (None, Shape::Disc | Shape::Plane) => ball(Surface::Flat(scatter(Field::Disc(radius_px))?)),
             (None, Shape::Sphere) => {
@@ -68,7 +75,7 @@ impl Body {
         })
     }
 
-    /// Draws some rows of it at a scale multiplied by `zoom`.
+    /// Draws the body into some rows of an image of this width, magnified by `zoom`: the mean over the moments.
     fn draw(&self, moments: &[Moment], zoom: f64, width: usize, rows: Range<usize>) -> Patch {
         match self {
             Self::Ball(ball) if zoom.total_cmp(&1.0).is_ne() => ball.zoomed(zoom).draw(moments, width, rows),
@@ -88,47 +95,51 @@ struct Actor {
 }
 
 impl Actor {
+    /// Prepares the body of a scenario and solves its motion; see [`Body::new`].
     fn new(scenario: Scenario, number: u64, full_dn: f32) -> Result<Self, ScenarioError> {
         let (trajectory, body) = (Trajectory::new(&scenario)?, Body::new(&scenario, number, full_dn)?);
         Ok(Self { scenario, trajectory, body })
     }
 
-    /// Returns the magnification relative to the scale, because of its changed distance.
-    fn zoom(&self, time_s: f64) -> f64 {
-        let even_s = match &self.scenario.motion {
+    /// Returns the magnification relative to the scale at `time_s`, because the body approaches the camera.
+    ///
+    /// It is 1 at first contact, or in the middle of the first exposure if there is no contact.
+    fn magnification(&self, time_s: f64) -> f64 {
+        let reference_s = match &self.scenario.motion {
             MotionSetup::Impact(impact) => impact.contact_start_s,
             MotionSetup::Constant { .. } | MotionSetup::Piecewise { .. } => 0.5e-6 * self.scenario.camera.exposure_us,
         };
-        1.0 / (1.0 - self.scenario.scale.nearer_per_s * (time_s - even_s))
+        1.0 / (1.0 - self.scenario.scale.nearer_per_s * (time_s - reference_s))
     }
 
-    /// Returns its pose in the image.
+    /// Returns the pose in the image at `time_s` after the first stamp, magnified about the image centre.
     fn pose(&self, time_s: f64) -> Pose {
-        let (pose, zoom, camera) = (self.trajectory.at(time_s), self.zoom(time_s), &self.scenario.camera);
+        let (pose, zoom, camera) = (self.trajectory.pose_at(time_s), self.magnification(time_s), &self.scenario.camera);
         let middle_px = [camera.width_px, camera.height_px].map(|length| 0.5 * f64::from(length - 1));
-        let place = |axis: usize| middle_px[axis] + zoom * (pose.center_px[axis] - middle_px[axis]);
+        let magnified = |axis: usize| middle_px[axis] + zoom * (pose.center_px[axis] - middle_px[axis]);
         // At a constant distance the pose stays bit-identical.
         let is_even = zoom.total_cmp(&1.0).is_eq();
-        if is_even { pose } else { Pose { center_px: [place(0), place(1)], ..pose } }
+        if is_even { pose } else { Pose { center_px: [magnified(0), magnified(1)], ..pose } }
     }
 
-    /// Returns the distance that its fastest point moves during the exposure, px.
-    fn moved_px(&self, start_s: f64, exposure_s: f64) -> f64 {
+    /// Returns the length of path of the fastest point of the body during the exposure, px, an upper bound.
+    fn path_length_px(&self, start_s: f64, exposure_s: f64) -> f64 {
         let (open, shut) = (self.pose(start_s), self.pose(start_s + exposure_s));
         let shift_px = (shut.center_px[0] - open.center_px[0]).hypot(shut.center_px[1] - open.center_px[1]);
         let rotated_px = (shut.angle_rad - open.angle_rad).abs() * self.scenario.radius_px();
         shift_px + rotated_px + self.trajectory.tilt_rad_s(start_s) * exposure_s * self.scenario.radius_px()
     }
 
-    /// Returns its radius in the image, px.
+    /// Returns the radius in the image at `time_s`, px.
     fn radius_px(&self, time_s: f64) -> f64 {
-        self.zoom(time_s) * self.scenario.radius_px()
+        self.magnification(time_s) * self.scenario.radius_px()
     }
 
     fn is_ball(&self) -> bool {
         matches!(self.body, Body::Ball(_))
     }
 
+    /// Returns the outline of the ball at `time_s` after the first stamp.
     fn outline(&self, time_s: f64) -> DiscOutline {
         DiscOutline { center_px: self.pose(time_s).center_px, radius_px: self.radius_px(time_s) }
     }
@@ -152,7 +163,7 @@ impl SimulatedFilm {
         let sensor = Sensor::new(camera, format, scenario.seed);
         let mut actors = vec![Actor::new(scenario.clone(), 0, sensor.full_dn())?];
         if let Some(other) = &scenario.other {
-            let other = Actor::new(scenario.alone(other), 1, sensor.full_dn());
+            let other = Actor::new(scenario.second_ball_alone(other), 1, sensor.full_dn());
             actors.push(other.map_err(|error| ScenarioError::Other(Box::new(error)))?);
         }
         let background = Background::new(scenario, sensor.full_dn());
@@ -213,7 +224,7 @@ impl SimulatedFilm {
 
     /// The number of bytes of one frame; rows follow each other without padding.
     pub fn frame_bytes(&self) -> usize {
-        self.background.pixels() * self.format.bytes_per_pixel()
+        self.background.pixel_count() * self.format.bytes_per_pixel()
     }
 
     /// The exposure start of a frame, ns since the Unix epoch.
@@ -231,7 +242,7 @@ impl SimulatedFilm {
         // The first take keeps the noise that films had before takes were introduced.
         let noise = key(self.scenario.seed.wrapping_add(scramble(self.take)), NOISE, index);
         let row_bytes = self.width_px() as usize * self.format.bytes_per_pixel();
-        self.draw(index, |row, light| {
+        self.render_rows(index, |row, light| {
             self.sensor.expose(noise, row, light, &mut bytes[row * row_bytes..(row + 1) * row_bytes]);
         });
     }
@@ -241,29 +252,42 @@ impl SimulatedFilm {
         let (width, height) = (self.width_px() as usize, self.height_px() as usize);
         let mut image = Image::new(width, height);
         let pixels = image.data_mut();
-        self.draw(index, |row, light| pixels[row * width..(row + 1) * width].copy_from_slice(light));
+        self.render_rows(index, |row, light| pixels[row * width..(row + 1) * width].copy_from_slice(light));
         image
     }
 
-    /// Renders the light of a frame, row by row.
-    fn draw(&self, index: u64, mut take: impl FnMut(usize, &mut [f32])) {
+    /// Renders the light of a frame and passes each row, DN, with its index to `write_row`.
+    ///
+    /// # Panics
+    ///
+    /// If the film has no such frame.
+    fn render_rows(&self, index: u64, mut write_row: impl FnMut(usize, &mut [f32])) {
         assert!(index < self.frames(), "frame {index} of a film of {}", self.frames());
         let height = self.height_px() as usize;
         let is_global = self.scenario.camera.row_time_us.total_cmp(&0.0).is_eq();
         // With a rolling shutter each row has its own time.
         for first in (0..height).step_by(if is_global { height } else { 1 }) {
             let rows = first..if is_global { height } else { first + 1 };
-            self.draw_rows(self.exposure_start_s(index) + self.row_delay_s(first as f64), rows, &mut take);
+            self.render_simultaneous_rows(
+                self.exposure_start_s(index) + self.row_delay_s(first as f64),
+                rows,
+                &mut write_row,
+            );
         }
     }
 
-    /// Renders the rows that are exposed at the same time.
-    fn draw_rows(&self, start_s: f64, rows: Range<usize>, take: &mut impl FnMut(usize, &mut [f32])) {
+    /// Renders the rows whose exposure starts at `start_s` and passes each to `write_row`.
+    fn render_simultaneous_rows(
+        &self,
+        start_s: f64,
+        rows: Range<usize>,
+        write_row: &mut impl FnMut(usize, &mut [f32]),
+    ) {
         let width = self.width_px() as usize;
         let times = self.exposure_times(start_s);
         let draw = |(number, actor): (usize, &Actor)| {
-            let moments: Vec<Moment> = times.iter().map(|time_s| self.moment(number, *time_s)).collect();
-            actor.body.draw(&moments, actor.zoom(start_s + 0.5 * self.exposure_s()), width, rows.clone())
+            let moments: Vec<Moment> = times.iter().map(|time_s| self.moment_at(number, *time_s)).collect();
+            actor.body.draw(&moments, actor.magnification(start_s + 0.5 * self.exposure_s()), width, rows.clone())
         };
         let patches: Vec<Patch> = self.actors.iter().enumerate().map(draw).collect();
         let occluders: Vec<Option<HalfPlane>> =
@@ -272,12 +296,12 @@ impl SimulatedFilm {
         let balls: Vec<DiscOutline> =
             self.actors.iter().filter(|actor| actor.is_ball()).map(|actor| actor.outline(middle_s)).collect();
         let exposed = Exposed { occluders: &occluders, patches: &patches, balls: &balls };
-        let lamp = self.background.lamp(start_s, self.exposure_s());
+        let lamp = self.background.lamp_brightness(start_s, self.exposure_s());
         let mut light = vec![0.0; width];
         for row in rows {
-            self.background.row(&exposed, row, &mut light);
+            self.background.render_row(&exposed, row, &mut light);
             light.iter_mut().for_each(|light| *light *= lamp);
-            take(row, &mut light);
+            write_row(row, &mut light);
         }
     }
 
@@ -287,21 +311,22 @@ impl SimulatedFilm {
     /// shutter, that of the row of the body's centre). `stamp_ns` is the exposure's start, as a camera reports it.
     /// The last frame has no step.
     pub fn truth(&self, index: u64) -> VelocitySample {
-        self.truth_of(0, index)
+        self.body_truth(0, index)
     }
 
     /// Returns the ground truth of every body in a frame; see [`truth`](Self::truth).
     pub fn truths(&self, index: u64) -> Vec<VelocitySample> {
-        (0..self.actors.len()).map(|number| self.truth_of(number, index)).collect()
+        (0..self.actors.len()).map(|number| self.body_truth(number, index)).collect()
     }
 
-    fn truth_of(&self, number: usize, index: u64) -> VelocitySample {
+    /// Returns the ground truth of one body in a frame; see [`truth`](Self::truth).
+    fn body_truth(&self, number: usize, index: u64) -> VelocitySample {
         let actor = &self.actors[number];
         let Actor { scenario, trajectory, .. } = actor;
-        let shown_s = self.shown_s(actor, index);
+        let shown_s = self.center_time_s(actor, index);
         let (pose, radius_px) = (actor.pose(shown_s), actor.radius_px(shown_s));
         let visible = self.visible_fraction(number, shown_s);
-        let next = (index + 1 < self.frames()).then(|| actor.pose(self.shown_s(actor, index + 1)));
+        let next = (index + 1 < self.frames()).then(|| actor.pose(self.center_time_s(actor, index + 1)));
         VelocitySample {
             frame: index,
             body: number as u32,
@@ -309,23 +334,23 @@ impl SimulatedFilm {
             center_x_px: Some(pose.center_px[0]),
             center_y_px: Some(pose.center_px[1]),
             radius_px: scenario.body.rod.is_none().then_some(radius_px),
-            motion: next.map(|next| step(&pose, &next).into()),
+            motion: next.map(|next| rigid_step(&pose, &next).into()),
             rotation_status: PointStatus::Valid,
-            velocity: Some(velocity(&pose, tangent(scenario))),
+            velocity: Some(body_velocity(&pose, surface_tangent(scenario))),
             visible_fraction: Some(visible),
-            phase: phase(trajectory, shown_s),
-            status: status(scenario, &pose, visible),
+            phase: phase_at(trajectory, shown_s),
+            status: frame_status(scenario, &pose, visible),
         }
     }
 
-    /// Returns the visible fraction of a body's outline.
+    /// Returns the visible fraction of the area of a body at `time_s`, 0 to 1.
     fn visible_fraction(&self, number: usize, time_s: f64) -> f64 {
         let actor = &self.actors[number];
         if actor.scenario.body.rod.is_some() {
             // The mark of a rod lies above the surface, which occludes the end of the rod.
             return 1.0;
         }
-        let Moment { pose, occluder, front } = self.moment(number, time_s);
+        let Moment { pose, occluder, front } = self.moment_at(number, time_s);
         match (occluder, front) {
             (plane, Some(front)) => {
                 let occluders: Vec<Occluder> =
@@ -340,39 +365,41 @@ impl SimulatedFilm {
     /// Returns the rotation of the first body since the first frame, counter-clockwise, deg.
     pub fn angle_deg(&self, index: u64) -> f64 {
         let actor = &self.actors[0];
-        let angle = |index: u64| actor.trajectory.at(self.shown_s(actor, index)).angle_rad;
+        let angle = |index: u64| actor.trajectory.pose_at(self.center_time_s(actor, index)).angle_rad;
         (angle(index) - angle(0)).to_degrees()
     }
 
     /// Returns the ground truth of the first body's collision, with zero uncertainties; times count from the first
     /// stamp.
     pub fn impact(&self) -> Option<Impact> {
-        self.impact_of(0)
+        self.body_impact(0)
     }
 
     /// Returns the ground truth of every body's collision; see [`impact`](Self::impact).
     pub fn impacts(&self) -> Vec<Impact> {
-        (0..self.actors.len()).filter_map(|number| self.impact_of(number)).collect()
+        (0..self.actors.len()).filter_map(|number| self.body_impact(number)).collect()
     }
 
-    fn impact_of(&self, number: usize) -> Option<Impact> {
+    /// Returns the ground truth of the collision of one body; `None` for a motion without a collision.
+    fn body_impact(&self, number: usize) -> Option<Impact> {
         let Actor { scenario, trajectory, .. } = &self.actors[number];
         let (MotionSetup::Impact(setup), Trajectory::Impact { collision, .. }) = (&scenario.motion, trajectory) else {
             return None;
         };
-        let mut impact = impact(collision, setup, 0.5e-3 * scenario.body.diameter_mm);
+        let mut impact = true_impact(collision, setup, 0.5e-3 * scenario.body.diameter_mm);
         impact.body = number as u32;
         impact.origin_ns = scenario.camera.start_ns;
         impact.force_law = setup.law.force_law();
         Some(impact)
     }
 
-    /// Returns the time at which a frame shows a body's centre: the middle of its exposure after the first stamp, s.
-    fn shown_s(&self, actor: &Actor, index: u64) -> f64 {
+    /// Returns the time at which a frame shows the centre of a body, s after the first stamp: the middle of the
+    /// exposure of its row.
+    fn center_time_s(&self, actor: &Actor, index: u64) -> f64 {
         let middle_s = self.exposure_start_s(index) + 0.5 * self.exposure_s();
         // The row that shows it is read while it moves on. The iteration converges by the ratio of its speed to the
         // readout's.
-        (0..READ_ROUNDS).fold(middle_s, |time_s, _| middle_s + self.row_delay_s(actor.pose(time_s).center_px[1]))
+        (0..READOUT_ITERATIONS).fold(middle_s, |time_s, _| middle_s + self.row_delay_s(actor.pose(time_s).center_px[1]))
     }
 
     /// Returns the delay of a row's exposure relative to the frame's stamp, s.
@@ -393,15 +420,18 @@ impl SimulatedFilm {
         1e-6 * self.scenario.camera.exposure_us
     }
 
-    fn moment(&self, number: usize, time_s: f64) -> Moment {
+    /// Returns the positions of a body and of its occluders at `time_s` after the first stamp.
+    fn moment_at(&self, number: usize, time_s: f64) -> Moment {
         let front = self.actors.get(number + 1).map(|actor| actor.outline(time_s));
         Moment { pose: self.actors[number].pose(time_s), occluder: self.background.occluder_at(time_s), front }
     }
 
-    /// Returns times whose mean image is that of the exposure: two Gauss points per half pixel of motion.
+    /// Returns times (s after the first stamp) whose mean image is that of the exposure.
+    ///
+    /// Two Gauss points per half pixel of motion; the middle of the exposure if almost nothing moves.
     fn exposure_times(&self, start_s: f64) -> Vec<f64> {
         let exposure_s = self.exposure_s();
-        let moved_px = self.actors.iter().map(|actor| actor.moved_px(start_s, exposure_s)).fold(0.0, f64::max)
+        let moved_px = self.actors.iter().map(|actor| actor.path_length_px(start_s, exposure_s)).fold(0.0, f64::max)
             + self.background.occluder_px_s().abs() * exposure_s;
         if moved_px < MAX_SINGLE_PX {
             return vec![start_s + 0.5 * exposure_s];

@@ -27,7 +27,7 @@ impl Flat {
     /// Prepares the flat of a scenario; `None` if nothing on it changes with the balls.
     pub(crate) fn new(scenario: &Scenario, edge: HalfPlane) -> Option<Self> {
         let setup = scenario.occluder.as_ref().filter(|setup| setup.shadow > 0.0 || setup.mirror > 0.0)?;
-        let [x, y, z] = scenario.light.to_lamp();
+        let [x, y, z] = scenario.light.lamp_direction();
         let normal = [edge.normal[0], -edge.normal[1]];
         Some(Self {
             edge,
@@ -40,30 +40,36 @@ impl Flat {
         })
     }
 
-    /// Returns the light that the balls leave on a pixel of the flat, 0 to 1; 1 where the flat is not seen.
-    pub(crate) fn unshadowed(&self, balls: &[DiscOutline], x: f64, y: f64) -> f32 {
+    /// Returns the fraction of light that the balls leave on a pixel of the flat, 0 to 1; 1 where the flat is not
+    /// visible.
+    pub(crate) fn unshadowed_fraction(&self, balls: &[DiscOutline], x: f64, y: f64) -> f32 {
         let outside_px = self.edge.distance_px(x, y);
-        let seen = normal_cdf((self.behind_px - outside_px) / self.sigma_px);
-        if self.shadow <= 0.0 || seen <= 0.0 {
+        let shown = normal_cdf((self.behind_px - outside_px) / self.sigma_px);
+        if self.shadow <= 0.0 || shown <= 0.0 {
             return 1.0;
         }
-        balls.iter().map(|ball| (1.0 - seen * self.shadow * self.blocked(ball, [x, y], outside_px)) as f32).product()
+        balls
+            .iter()
+            .map(|ball| (1.0 - shown * self.shadow * self.blocked_fraction(ball, [x, y], outside_px)) as f32)
+            .product()
     }
 
-    /// Returns the share of the light on a point of the flat that a ball blocks: the form factor of a sphere for the light
-    /// from all sides, and its shadow in the light of the lamp.
-    fn blocked(&self, ball: &DiscOutline, at_px: [f64; 2], outside_px: f64) -> f64 {
+    /// Returns the fraction of the light on a point of the flat that a ball blocks, 0 to 1.
+    ///
+    /// Ambient light loses the form factor of a sphere, R^2 h / d^3, with h the height of its centre over the flat
+    /// and d its distance. The light of the lamp loses the cast shadow.
+    fn blocked_fraction(&self, ball: &DiscOutline, at_px: [f64; 2], outside_px: f64) -> f64 {
         let tangent = [-self.edge.normal[1], self.edge.normal[0]];
         let [dx, dy] = [ball.center_px[0] - at_px[0], ball.center_px[1] - at_px[1]];
         let height = self.edge.distance_px(ball.center_px[0], ball.center_px[1]);
         // A point that appears above the line of contact lies behind it.
         let to_ball = [dx * tangent[0] + dy * tangent[1], height.max(0.0), outside_px / FORESHORTENING];
-        let far2: f64 = to_ball.iter().map(|part| part * part).sum();
-        let sphere = (ball.radius_px * ball.radius_px * to_ball[1] / far2.powf(1.5)).min(1.0);
+        let distance2: f64 = to_ball.iter().map(|part| part * part).sum();
+        let sphere = (ball.radius_px * ball.radius_px * to_ball[1] / distance2.powf(1.5)).min(1.0);
         let towards: f64 = to_ball.iter().zip(self.to_lamp).map(|(part, lamp)| part * lamp).sum();
         let is_lit = self.to_lamp[1] > 0.0;
         let cast = if is_lit && towards > 0.0 {
-            let away_px = (far2 - towards * towards).max(0.0).sqrt();
+            let away_px = (distance2 - towards * towards).max(0.0).sqrt();
             let soft_px = (LAMP_RAD * towards).max(self.sigma_px / FORESHORTENING);
             normal_cdf((ball.radius_px - away_px) / soft_px)
         } else {
@@ -72,8 +78,8 @@ impl Flat {
         self.lamp * cast + (1.0 - self.lamp) * sphere
     }
 
-    /// Adds the image of the bodies in a glossy flat to a row of light, DN; `ground_dn` and `room` are those of the image.
-    pub(crate) fn add_mirrored(&self, patches: &[Patch], behind: &Behind<'_>, row: usize, light: &mut [f32]) {
+    /// Adds the mirror image of the bodies in a glossy flat to a row of light, DN.
+    pub(crate) fn add_mirrored(&self, patches: &[Patch], backdrop: &Backdrop<'_>, row: usize, light: &mut [f32]) {
         if self.mirror <= 0.0 {
             return;
         }
@@ -85,10 +91,10 @@ impl Flat {
                 continue;
             }
             let [nx, ny] = self.edge.normal;
-            let [there_x, there_y] = [x - 2.0 * outside_px * nx, y - 2.0 * outside_px * ny];
-            let (room, ground_dn) = behind.at(there_x, there_y);
+            let [mirror_x, mirror_y] = [x - 2.0 * outside_px * nx, y - 2.0 * outside_px * ny];
+            let (room, ground_dn) = backdrop.nearest(mirror_x, mirror_y);
             for patch in patches {
-                let (coverage, light_dn) = patch.at(there_x, there_y);
+                let (coverage, light_dn) = patch.interpolate(mirror_x, mirror_y);
                 *light += self.mirror * front * (light_dn * room - coverage * ground_dn);
             }
         }
@@ -96,15 +102,15 @@ impl Flat {
 }
 
 /// The image without the bodies, row-major: the illumination of the room, and the light from behind the bodies, DN.
-pub(crate) struct Behind<'a> {
+pub(crate) struct Backdrop<'a> {
     pub(crate) width: usize,
     pub(crate) room: &'a [f32],
     pub(crate) ground_dn: &'a [f32],
 }
 
-impl Behind<'_> {
-    /// Returns both at the nearest pixel.
-    fn at(&self, x: f64, y: f64) -> (f32, f32) {
+impl Backdrop<'_> {
+    /// Returns illumination and light (DN) at the nearest pixel of the image.
+    fn nearest(&self, x: f64, y: f64) -> (f32, f32) {
         let height = self.room.len() / self.width;
         let nearest = |place: f64, count: usize| (place.round().max(0.0) as usize).min(count - 1);
         let index = nearest(y, height) * self.width + nearest(x, self.width);

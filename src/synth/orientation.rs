@@ -11,10 +11,10 @@ impl Orientation {
         Self([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     }
 
-    /// Creates a rotation about an axis by its length, counter-clockwise seen from its tip.
+    /// Creates a rotation from a rotation vector, its axis times its angle, rad; counter-clockwise seen from its tip.
     ///
     /// O. Rodrigues, J. Math. Pures Appl. 5 (1840) 380.
-    pub(crate) fn about(axis_rad: [f64; 3]) -> Self {
+    pub(crate) fn from_rotation_vector(axis_rad: [f64; 3]) -> Self {
         let [x, y, z] = axis_rad;
         if x.abs() + y.abs() <= 0.0 {
             // Exact, so that a rotation in the image plane keeps distances from the centre.
@@ -33,13 +33,13 @@ impl Orientation {
 
     /// Returns this rotation applied after another one.
     pub(crate) fn after(&self, first: &Self) -> Self {
-        let column = |index: usize| self.of([first.0[0][index], first.0[1][index], first.0[2][index]]);
+        let column = |index: usize| self.rotate([first.0[0][index], first.0[1][index], first.0[2][index]]);
         let [x, y, z] = [column(0), column(1), column(2)];
         Self([0, 1, 2].map(|row| [x[row], y[row], z[row]]))
     }
 
     /// Rotates a direction given in the axes of the ball into those of the camera.
-    pub(crate) fn of(&self, direction: [f64; 3]) -> [f64; 3] {
+    pub(crate) fn rotate(&self, direction: [f64; 3]) -> [f64; 3] {
         let [x, y, z] = direction;
         self.0.map(|row| row[0] * x + row[1] * y + row[2] * z)
     }
@@ -62,17 +62,17 @@ mod tests {
     fn a_quarter_turn_about_each_axis_takes_the_next_axis_to_the_one_after() {
         let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         for axis in 0..3 {
-            let turn = Orientation::about(axes[axis].map(|part| part * std::f64::consts::FRAC_PI_2));
-            assert!(close(turn.of(axes[(axis + 1) % 3]), axes[(axis + 2) % 3]), "axis {axis}");
-            assert!(close(turn.of(axes[axis]), axes[axis]), "axis {axis}");
+            let turn = Orientation::from_rotation_vector(axes[axis].map(|part| part * std::f64::consts::FRAC_PI_2));
+            assert!(close(turn.rotate(axes[(axis + 1) % 3]), axes[(axis + 2) % 3]), "axis {axis}");
+            assert!(close(turn.rotate(axes[axis]), axes[axis]), "axis {axis}");
         }
     }
 
     #[test]
     fn many_small_turns_about_one_axis_are_a_large_one() {
-        let step = Orientation::about([0.01, -0.02, 0.03]);
+        let step = Orientation::from_rotation_vector([0.01, -0.02, 0.03]);
         let total = (0..50).fold(Orientation::in_plane(0.0), |turn, _| step.after(&turn));
-        let expected = Orientation::about([0.5, -1.0, 1.5]);
-        assert!(close(total.of([0.3, 0.4, -0.5]), expected.of([0.3, 0.4, -0.5])));
+        let expected = Orientation::from_rotation_vector([0.5, -1.0, 1.5]);
+        assert!(close(total.rotate([0.3, 0.4, -0.5]), expected.rotate([0.3, 0.4, -0.5])));
     }
 }

@@ -27,6 +27,7 @@ pub(crate) struct Sensor {
 }
 
 impl Sensor {
+    /// Prepares the noise and the fixed pattern of a sensor. `seed` selects its fixed pattern.
     pub(crate) fn new(camera: &CameraSetup, format: PixelFormat, seed: u64) -> Self {
         let full_dn = f64::from((1u32 << format.bits()) - 1);
         let variance = camera.noise_dn * camera.noise_dn;
@@ -35,7 +36,7 @@ impl Sensor {
             full_dn: full_dn as f32,
             read_variance_dn2: (variance * (1.0 - camera.shot_share)) as f32,
             shot_variance_dn: (variance * camera.shot_share / (0.5 * full_dn)) as f32,
-            quantiles: quantiles(),
+            quantiles: normal_quantiles(),
             fixed: fixed_pattern(camera, full_dn as f32, seed),
             gamma: (camera.gamma < 1.0).then_some(camera.gamma as f32),
         }
@@ -46,11 +47,13 @@ impl Sensor {
         self.full_dn
     }
 
-    /// Exposes one row; the noise is a function of `key`, `row` and the column.
+    /// Converts one row of light (DN) to pixels: fixed pattern, noise, tone curve, rounding, in this order.
+    ///
+    /// The noise is a function of `key`, `row` and the column. `light_dn` is overwritten.
     ///
     /// # Panics
     ///
-    /// If the lengths of `bytes` and the row differ.
+    /// If `bytes` and the row differ in length.
     pub(crate) fn expose(&self, key: u64, row: usize, light_dn: &mut [f32], bytes: &mut [u8]) {
         assert_eq!(bytes.len(), light_dn.len() * self.format.bytes_per_pixel(), "row and bytes differ in length");
         if let Some(fixed) = &self.fixed {
@@ -77,6 +80,7 @@ impl Sensor {
         }
     }
 
+    /// Adds read and shot noise to a row, DN. Four pixels share one random number of 64 bits.
     fn add_noise(&self, key: u64, row: usize, light_dn: &mut [f32]) {
         let blocks = light_dn.len().div_ceil(LANES) as u64;
         let mut count = key.wrapping_add((row as u64 * blocks).wrapping_mul(COUNT));
@@ -92,7 +96,7 @@ impl Sensor {
     }
 }
 
-/// Returns gain and offset of every pixel, a property of the camera that is the same in every frame.
+/// Returns gain and offset (DN) of every pixel, row-major, the same in every frame; `None` if all pixels are equal.
 fn fixed_pattern(camera: &CameraSetup, full_dn: f32, seed: u64) -> Option<Vec<(f32, f32)>> {
     const PURPOSE: u64 = 5;
     if camera.gain_spread <= 0.0 && camera.offset_spread_dn <= 0.0 && camera.stuck_share <= 0.0 {
@@ -119,8 +123,9 @@ fn add_stuck_pixels(fixed: &mut [(f32, f32)], share: f64, full_dn: f32, seed: u6
     stuck.zip(ends.into_iter().cycle()).for_each(|(pixel, end_dn)| *pixel = (0.0, end_dn));
 }
 
-/// Returns midpoints of equally likely slices of the normal distribution, scaled to a standard deviation of exactly 1.
-fn quantiles() -> Vec<f32> {
+/// Returns the medians of equally likely slices of the normal distribution, scaled to a standard deviation of exactly
+/// 1.
+fn normal_quantiles() -> Vec<f32> {
     let values: Vec<f64> = (0..QUANTILES)
         .map(|index| {
             let wanted = (index as f64 + 0.5) / QUANTILES as f64;

@@ -51,29 +51,31 @@ pub(crate) struct Segment {
 }
 
 impl Segment {
-    /// Returns centre, angle and orientation at a time after the first frame's stamp.
-    fn at(&self, time_s: f64) -> ([f64; 2], f64, Orientation) {
+    /// Returns centre (px), angle (rad) and orientation at a time after the first stamp, s.
+    fn pose_at(&self, time_s: f64) -> ([f64; 2], f64, Orientation) {
         let since_s = time_s - self.start_s;
         (
             [self.center_px[0] + self.px_s[0] * since_s, self.center_px[1] + self.px_s[1] * since_s],
             self.angle_rad + self.rad_s[2] * since_s,
-            Orientation::about(self.rad_s.map(|rad_s| rad_s * since_s)).after(&self.orientation),
+            Orientation::from_rotation_vector(self.rad_s.map(|rad_s| rad_s * since_s)).after(&self.orientation),
         )
     }
 }
 
-/// Returns the segment of a time. The first one extends backwards, since the shutter opens half an exposure earlier.
+/// Returns the segment at a time after the first stamp, s.
+///
+/// The first one extends backwards, because the shutter opens half an exposure earlier.
 fn segment_at(segments: &[Segment], time_s: f64) -> &Segment {
     let count = segments.partition_point(|segment| segment.start_s <= time_s);
     &segments[count.max(1) - 1]
 }
 
-/// Concatenates the segments.
-fn segments(start_px: [f64; 2], start_s: f64, rate_hz: f64, parts: &[PartSetup]) -> Vec<Segment> {
+/// Places each segment at the end of the previous one, from `start_px` at `start_s` after the first stamp.
+fn chain_segments(start_px: [f64; 2], start_s: f64, rate_hz: f64, parts: &[PartSetup]) -> Vec<Segment> {
     let mut segments: Vec<Segment> = Vec::new();
-    let mut from = (start_s, start_px, 0.0, Orientation::in_plane(0.0));
+    let mut start = (start_s, start_px, 0.0, Orientation::in_plane(0.0));
     for part in parts {
-        let (start_s, center_px, angle_rad, orientation) = from;
+        let (start_s, center_px, angle_rad, orientation) = start;
         let [about_x, about_y] = part.tilt_deg_frame;
         let segment = Segment {
             start_s,
@@ -84,14 +86,19 @@ fn segments(start_px: [f64; 2], start_s: f64, rate_hz: f64, parts: &[PartSetup])
             rad_s: [about_x, about_y, part.omega_deg_frame].map(|deg| deg.to_radians() * rate_hz),
         };
         let end_s = start_s + part.frames / rate_hz;
-        let (center_px, angle_rad, orientation) = segment.at(end_s);
-        from = (end_s, center_px, angle_rad, orientation);
+        let (center_px, angle_rad, orientation) = segment.pose_at(end_s);
+        start = (end_s, center_px, angle_rad, orientation);
         segments.push(segment);
     }
     segments
 }
 
 impl Trajectory {
+    /// Solves the motion of a scenario.
+    ///
+    /// # Errors
+    ///
+    /// Returns [`ScenarioError`] if the ball does not bounce, or touches the surface again during the film.
     pub(crate) fn new(scenario: &Scenario) -> Result<Self, ScenarioError> {
         let m_per_px = scenario.scale.mm_per_px * 1e-3;
         let rate_hz = scenario.camera.frame_rate_hz;
@@ -105,14 +112,14 @@ impl Trajectory {
                 m_per_px,
             }),
             MotionSetup::Piecewise { start_px, parts } => Ok(Self::Piecewise {
-                segments: segments(*start_px, 0.5e-6 * scenario.camera.exposure_us, rate_hz, parts),
+                segments: chain_segments(*start_px, 0.5e-6 * scenario.camera.exposure_us, rate_hz, parts),
                 m_per_px,
             }),
             MotionSetup::Impact(impact) => {
-                let tangent = tangent(scenario);
+                let tangent = surface_tangent(scenario);
                 let collision = Collision::solve(collision_setup(scenario, impact, tangent))?;
                 let film_s = scenario.camera.frames as f64 / rate_hz;
-                let again_s = collision.second_touch_s().map(|after_s| impact.contact_start_s + after_s);
+                let again_s = collision.second_contact_s().map(|after_s| impact.contact_start_s + after_s);
                 if let Some(again_s) = again_s.filter(|again_s| *again_s < film_s) {
                     return Err(ScenarioError::TouchesAgain { frames: scenario.camera.frames, film_s, again_s });
                 }
@@ -140,7 +147,7 @@ impl Trajectory {
     }
 
     /// Returns the pose at a time after the first frame's stamp.
-    pub(crate) fn at(&self, time_s: f64) -> Pose {
+    pub(crate) fn pose_at(&self, time_s: f64) -> Pose {
         match self {
             Self::Uniform { start_px, start_s, px_s, rad_s, m_per_px } => {
                 let since_s = time_s - start_s;
@@ -154,7 +161,7 @@ impl Trajectory {
             }
             Self::Piecewise { segments, m_per_px } => {
                 let segment = segment_at(segments, time_s);
-                let (center_px, angle_rad, orientation) = segment.at(time_s);
+                let (center_px, angle_rad, orientation) = segment.pose_at(time_s);
                 Pose {
                     center_px,
                     angle_rad,
@@ -164,7 +171,7 @@ impl Trajectory {
                 }
             }
             Self::Impact { collision, start_s, center_px, tangent, ringing, m_per_px } => {
-                let mut motion = collision.at(time_s - start_s);
+                let mut motion = collision.motion_at(time_s - start_s);
                 if let Some(ringing) = ringing {
                     let (shift_m, speed_m_s) = ringing_motion(ringing, time_s - start_s);
                     motion.position_m[1] += shift_m;
@@ -183,7 +190,9 @@ impl Trajectory {
     }
 }
 
-/// Returns displacement (m) and velocity (m/s) of a ringing mark at a time after first contact.
+/// Returns displacement (m) and velocity (m/s) of a ringing mark at `time_s` after first contact.
+///
+/// The velocity is a decaying sine, v exp(-t / tau) sin(2 pi f t), and the displacement its integral.
 fn ringing_motion(ringing: &RingingSetup, time_s: f64) -> (f64, f64) {
     if time_s <= 0.0 {
         return (0.0, 0.0);
@@ -196,24 +205,25 @@ fn ringing_motion(ringing: &RingingSetup, time_s: f64) -> (f64, f64) {
     (shift, left * sin)
 }
 
-/// Returns the tangent of the surface, x right and y up.
-pub(crate) fn tangent(scenario: &Scenario) -> [f64; 2] {
+/// Returns the unit tangent of the surface, x right and y up.
+pub(crate) fn surface_tangent(scenario: &Scenario) -> [f64; 2] {
     let (sin, cos) = scenario.surface.angle_deg.to_radians().sin_cos();
     [cos, sin]
 }
 
-/// Converts surface axes (tangent, normal) to x right and y up.
+/// Converts a vector from surface axes (tangent, normal) to x right and y up.
 fn from_surface(value: [f64; 2], tangent: [f64; 2]) -> [f64; 2] {
     let [t, n] = value;
     [t * tangent[0] - n * tangent[1], t * tangent[1] + n * tangent[0]]
 }
 
-/// Converts x right and y up to surface axes (tangent, normal).
+/// Converts a vector from x right and y up to surface axes (tangent, normal).
 pub(crate) fn into_surface(value: [f64; 2], tangent: [f64; 2]) -> [f64; 2] {
     let [x, y] = value;
     [x * tangent[0] + y * tangent[1], y * tangent[0] - x * tangent[1]]
 }
 
+/// Returns the collision in surface axes.
 fn collision_setup(scenario: &Scenario, impact: &ImpactSetup, tangent: [f64; 2]) -> CollisionSetup {
     CollisionSetup {
         mass_kg: impact.mass_kg,

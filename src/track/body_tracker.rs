@@ -3,7 +3,7 @@
 mod flights;
 
 use super::gating::ValidationGate;
-use super::pending_impact::{PendingImpact, REVISIONS_FRAMES, Revision, stage};
+use super::pending_impact::{PendingImpact, REVISIONS_FRAMES, Revision, due_revisions};
 use super::rows::TrackerRows;
 use crate::impact::{
     Contact, Detector, DilatationRates, Event, ImpactContext, OutOfPlane, SurfaceNode, deepest_so_far, solve,
@@ -65,6 +65,7 @@ pub struct BodyTracker {
 }
 
 impl BodyTracker {
+    /// Creates the tracker of body number `body`; without a `detector` no contacts are detected.
     pub fn new(body: u32, params: &MotionParams, detector: Option<Detector>) -> Self {
         let rolling = RollingShutter::new(params.shutter, params.form);
         Self {
@@ -93,21 +94,23 @@ impl BodyTracker {
         }
     }
 
-    /// Takes the next step of this body; impacts and alarms go to `rows`.
+    /// Processes the next step of this body. Impacts and alarms are appended to `rows`.
     ///
-    /// Returns the accepted step, which [`Self::rows`] expects.
-    pub fn push(&mut self, step: &BodyStep, origin_ns: u64, rows: &mut TrackerRows) -> BodyStep {
+    /// Returns the accepted step, which [`Self::rows`] expects. `origin_ns` is the stamp of the first step of the
+    /// stream.
+    pub fn add_step(&mut self, step: &BodyStep, origin_ns: u64, rows: &mut TrackerRows) -> BodyStep {
         let accepted = self.gate.gate(step);
         let later_frames = self.rolling.push(&accepted);
         let straight = self.rolling.straightened(&accepted);
         self.origin_ns = origin_ns;
         let since_ns = (i128::from(step.stamp_ns) - i128::from(origin_ns)) as f64 + 0.5 * self.params.exposure_ns;
         let time_frames = since_ns / self.params.frame_period_ns + later_frames;
-        self.process(&self.params.rectified(&straight), time_frames, rows);
+        self.integrate_step(&self.params.rectified(&straight), time_frames, rows);
         straight
     }
 
-    fn process(&mut self, step: &BodyStep, time_frames: f64, rows: &mut TrackerRows) {
+    /// Adds a rectified step at `time_frames` to the pose and to everything that follows from it.
+    fn integrate_step(&mut self, step: &BodyStep, time_frames: f64, rows: &mut TrackerRows) {
         self.newest_frame = step.frame;
         // An outline that was predicted by the motion holds no information of its own.
         let outline = body_circle(step).filter(|_| step.is_detected());
@@ -140,11 +143,11 @@ impl BodyTracker {
         let gravity = self.gravity().map(|g| self.axes.surface(g[0], g[1]).normal);
         let node_on_surface = SurfaceNode::new(&node, self.axes);
         let event = self.detector.as_mut().map_or(Event::None, |detector| {
-            let is_suspicious = detector.is_suspicious();
-            if let Some(circle) = outline.filter(|_| !is_suspicious) {
+            let may_be_in_contact = detector.may_be_in_contact();
+            if let Some(circle) = outline.filter(|_| !may_be_in_contact) {
                 self.center_filter.push(&node, &circle);
             }
-            detector.push(node_on_surface, gravity)
+            detector.add_node(node_on_surface, gravity)
         });
         if let (None, Some(circle)) = (&self.detector, &outline) {
             self.center_filter.push(&node, circle);
@@ -153,7 +156,7 @@ impl BodyTracker {
         rows.alarms.extend(self.alarm(event, step.frame, node.time_frames));
     }
 
-    /// Returns the alarm to publish at once.
+    /// Returns the alarm to publish at once, if an event or the deepest point of a contact requires one.
     fn alarm(&mut self, event: Event, frame: u64, time_frames: f64) -> Option<Alarm> {
         let period_s = self.params.frame_period_ns * 1e-9;
         let alarm = |kind, at: Estimate| {
@@ -169,7 +172,7 @@ impl BodyTracker {
             }
             (Event::Dismissed, _) => Some(alarm(AlarmKind::Withdrawn, Estimate { value: time_frames, sigma: 1.0 })),
             (_, Some(contact)) if !self.deepest_reported => {
-                let turn = deepest_so_far(detector.trail(), contact)?;
+                let turn = deepest_so_far(detector.nodes(), contact)?;
                 self.deepest_reported = true;
                 Some(alarm(AlarmKind::Turned, turn))
             }
@@ -177,22 +180,23 @@ impl BodyTracker {
         }
     }
 
-    /// Takes a step over a longer interval.
+    /// Adds a step over a longer interval.
     pub fn link(&mut self, step: &BodyStep) {
         if !self.gate.has_rejected(step.frame) {
             self.integrator.link(&self.params.rectified(&self.rolling.straightened(step)));
         }
     }
 
-    /// Ends the stream.
+    /// Ends the stream: measures the last collision finally and reports a contact that lasts beyond the end.
     pub fn finish(&mut self, impacts: &mut Vec<Impact>) {
         self.measure_impact(f64::INFINITY, Revision::Final, impacts);
         let contact = self.detector.as_ref().and_then(|d| d.contact().copied());
         if let Some(contact) = contact.filter(|c| c.end_frames.is_none()) {
-            impacts.push(self.unfinished(&contact));
+            impacts.push(self.unfinished_impact(&contact));
         }
     }
 
+    /// Stores a pose and discards those beyond the reach of the local fits.
     fn retain_node(&mut self, node: Pose) {
         self.nodes.push(node);
         let reach = u64::from(self.params.window_frames.unwrap_or(0)) + 2 * lag_frames(&self.params) + SPARE_NODES;
@@ -202,11 +206,13 @@ impl BodyTracker {
         }
     }
 
+    /// Returns gravity in px/frame^2; `None` without a scale.
     fn gravity(&self) -> Option<[f64; 2]> {
         let scale = self.radius.metres_per_px(self.params.scale)?;
         Some(gravity_px(&self.params, scale.value))
     }
 
+    /// Begins, measures, revises or withdraws the collision after an event of the detector.
     fn handle_event(&mut self, event: Event, time_frames: f64, impacts: &mut Vec<Impact>) {
         let contact = self.detector.as_ref().and_then(|d| d.contact().copied());
         match event {
@@ -225,7 +231,7 @@ impl BodyTracker {
                     number: self.collisions,
                     revision: 0,
                     measured_to_frames: f64::NEG_INFINITY,
-                    stage: stage(known),
+                    stage: due_revisions(known),
                     sigma: f64::INFINITY,
                     tried_frames: time_frames,
                 });
@@ -246,7 +252,7 @@ impl BodyTracker {
         }
         let Some(end) = pending_impact.contact.end_frames else { return };
         let known = time_frames - end;
-        let stage = stage(known).max(pending_impact.stage);
+        let stage = due_revisions(known).max(pending_impact.stage);
         let late = known * self.params.frame_period_ns * 1e-9 >= FINAL_AFTER_S;
         let last = stage == REVISIONS_FRAMES.len() || (stage > 0 && late);
         let is_retry = pending_impact.revision == 0 && time_frames - pending_impact.tried_frames >= RETRY_FRAMES;
@@ -275,6 +281,7 @@ impl BodyTracker {
         }
     }
 
+    /// Returns the conversion to physical quantities for a collision; `None` without a scale.
     fn impact_context(&self) -> Option<ImpactContext> {
         // The median of radii belongs to the middle of the observed time, whatever the radius was at contact.
         let half = 0.5 * self.size_change.whole();
@@ -313,38 +320,39 @@ impl BodyTracker {
         center.map(|(pose, center)| [center.x_px - pose[0], center.y_px - pose[1]]).or(self.rod_px)
     }
 
-    /// Returns the same relative to the principal point, along normal and tangent, px.
-    fn position(&self) -> Option<[f64; 2]> {
+    /// Returns the origin of poses relative to the principal point, along normal and tangent, px.
+    fn relative_position_px(&self) -> Option<[f64; 2]> {
         let (origin_px, [x, y]) = (self.origin_px()?, self.params.view.middle_px);
-        let place = self.axes.surface(origin_px[0] - x, origin_px[1] - y);
-        Some([place.normal, place.tangential])
+        let relative = self.axes.surface(origin_px[0] - x, origin_px[1] - y);
+        Some([relative.normal, relative.tangential])
     }
 
     /// Measures the last collision from the positions up to `time_frames`.
     fn measure_impact(&mut self, time_frames: f64, revision: Revision, impacts: &mut Vec<Impact>) {
-        let (world, place) = (self.impact_context(), self.position());
-        let (Some(pending_impact), Some(detector), Some(world)) = (&mut self.pending_impact, &self.detector, world)
+        let (context, place) = (self.impact_context(), self.relative_position_px());
+        let (Some(pending_impact), Some(detector), Some(context)) = (&mut self.pending_impact, &self.detector, context)
         else {
             return;
         };
         let known = impacts.len();
-        let newest = detector.trail().last().map_or(f64::NEG_INFINITY, |n| n.time_frames).min(time_frames);
+        let newest = detector.nodes().last().map_or(f64::NEG_INFINITY, |n| n.time_frames).min(time_frames);
         if newest.total_cmp(&pending_impact.measured_to_frames).is_eq() {
             return;
         }
         pending_impact.measured_to_frames = newest;
         pending_impact.tried_frames = newest;
-        let trail = detector.trail();
+        let nodes = detector.nodes();
         let (growth, drift, axes) = (&self.size_change, &self.outline_drift, self.axes);
         let middle_sigma_px = self.params.view.sigma_px;
         let out_of_plane = place.map(|place_px| OutOfPlane { growth, drift, axes, place_px, middle_sigma_px });
-        let approach = out_of_plane.and_then(|motion| DilatationRates::of(&motion, &pending_impact.contact, newest));
+        let approach =
+            out_of_plane.and_then(|motion| DilatationRates::estimate(&motion, &pending_impact.contact, newest));
         let measured = match approach {
-            Some(approach) => solve(&approach.at_constant_distance(trail), &pending_impact.contact, newest, &world)
-                .map(|impact| approach.correct(impact, trail, &world)),
-            None => solve(trail, &pending_impact.contact, newest, &world),
+            Some(approach) => solve(&approach.at_constant_distance(nodes), &pending_impact.contact, newest, &context)
+                .map(|impact| approach.correct(impact, nodes, &context)),
+            None => solve(nodes, &pending_impact.contact, newest, &context),
         };
-        let measured = measured.map(|impact| self.rolling.widen_times(impact, world.period_s));
+        let measured = measured.map(|impact| self.rolling.widen_times(impact, context.period_s));
         let sigma = measured.and_then(|i| i.restitution).map_or(f64::INFINITY, |e| e.sigma);
         // A revision replaces an earlier one if it is more certain. The final one always does.
         if let Some(impact) = measured.filter(|_| sigma <= pending_impact.sigma || revision == Revision::Final) {
@@ -361,8 +369,8 @@ impl BodyTracker {
         }
     }
 
-    /// Returns the impact of a contact that lasts beyond the end of the stream.
-    fn unfinished(&self, contact: &Contact) -> Impact {
+    /// Returns the impact of a contact that lasts beyond the end of the stream: its start alone.
+    fn unfinished_impact(&self, contact: &Contact) -> Impact {
         let period_s = self.params.frame_period_ns * 1e-9;
         Impact {
             start_s: Some(Estimate { value: contact.start_frames * period_s, sigma: period_s }),
@@ -370,8 +378,9 @@ impl BodyTracker {
         }
     }
 
-    /// Corrects the velocity of the centre for motion out of the plane.
-    fn in_plane(&self, rates: PixelRates, regime: Regime, node: &Pose, here: &LocalDrift) -> PixelRates {
+    /// Corrects the velocity of the centre at a node for motion out of the image plane. `here` is the local drift of
+    /// the outline.
+    fn correct_out_of_plane(&self, rates: PixelRates, regime: Regime, node: &Pose, here: &LocalDrift) -> PixelRates {
         let rates = OutlineDrift::apply_to_rates(rates, here);
         let View { middle_px: [x, y], sigma_px } = self.params.view;
         let Some(origin_px) = self.origin_px() else { return rates };
@@ -383,7 +392,7 @@ impl BodyTracker {
         )
     }
 
-    /// Returns the centre predicted by the pose.
+    /// Returns the centre predicted by the pose, with the uncertainty of the drift of the outline.
     fn predicted_center(&self, node: &Pose, here: &LocalDrift) -> Option<Center> {
         let center_uncertainty_px = self.outline_drift.center_uncertainty_px(node, here);
         self.center_filter
@@ -402,14 +411,14 @@ impl BodyTracker {
         })
     }
 
-    /// Adds the systematic uncertainty of measured motions.
-    fn with_systematic(&self, rates: PixelRates) -> PixelRates {
+    /// Adds the systematic uncertainty of measured motions: fixed pattern, interpolation and light.
+    fn with_systematic_errors(&self, rates: PixelRates) -> PixelRates {
         let (speed_bias, motion) = (self.speed_bias(), [rates.x.value, rates.y.value, rates.theta.value]);
         let rates = rates.biased_by(speed_bias.of(motion)).biased_by(speed_bias.interpolated(motion));
         PixelRates { theta: rates.theta.short_by(self.light_bias.significant()), ..rates }
     }
 
-    /// Returns the rows of a frame whose step was pushed, from everything pushed so far.
+    /// Returns the rows of a frame whose step was added, from everything added so far.
     pub fn rows(&self, step: &BodyStep) -> (TrackSample, VelocitySample) {
         let is_undetected = body_circle(step).is_none();
         let is_missing = matches!(step.status, PointStatus::Lost | PointStatus::Occluded | PointStatus::OutOfFrame)
@@ -422,14 +431,15 @@ impl BodyTracker {
             (d.regime(step.frame), if node.is_some() { d.phase(step.frame) } else { Phase::Unknown })
         });
         let outline = outline.map(|c| Center { x_px: c.x_px, y_px: c.y_px, sigma_px: c.sigma_center_px });
-        let seen = outline.filter(|_| step.is_detected());
+        let detected = outline.filter(|_| step.is_detected());
         let here = node.map(|node| (node, self.outline_drift.here(&node, regime)));
         let by_pose = |(node, here): (Pose, LocalDrift)| {
             let center = self.outline_drift.center(&node, &here).or_else(|| self.predicted_center(&node, &here))?;
             Some(self.outline_drift.widened(&node, center))
         };
         let center = here.and_then(by_pose).and_then(|center| self.params.recorded(center)).or(outline);
-        let center = center.map(|center| seen.filter(|seen| contradicts(seen, &center)).unwrap_or(center));
+        let center =
+            center.map(|center| detected.filter(|detected| contradicts_motion(detected, &center)).unwrap_or(center));
         let angle = here.filter(|(n, _)| n.bridged[2].is_finite());
         let sigma_angle = |(n, here): (Pose, LocalDrift)| {
             let noise = (n.sigma[2].powi(2) + self.first_sigma_deg.unwrap_or(0.0).powi(2) + n.bridged[2]).sqrt();
@@ -452,7 +462,7 @@ impl BodyTracker {
         let rates = here.and_then(|(n, here)| {
             let known = KnownMotion { nodes: &self.nodes, to_frame: self.newest_frame, gravity: self.gravity() };
             let rates = smooth(known, n.frame, regime, &self.params)?;
-            Some(self.rolling.widen_rates(self.in_plane(rates, regime, &n, &here)))
+            Some(self.rolling.widen_rates(self.correct_out_of_plane(rates, regime, &n, &here)))
         });
         let scale = self.radius.metres_per_px(self.params.scale);
         let center_sigma_px = center.map_or(0.0, |center| center.sigma_px);
@@ -469,7 +479,7 @@ impl BodyTracker {
                 .map(|moved| here.map_or(moved, |(_, here)| OutlineDrift::apply_to_step(moved, step.drift, &here)))
                 .map(|moved| moved.about(center_sigma_px).into()),
             velocity: rates.zip(scale).map(|(rates, scale)| {
-                physical(&self.with_systematic(rates.about(center_sigma_px)), scale, &self.params)
+                physical(&self.with_systematic_errors(rates.about(center_sigma_px)), scale, &self.params)
             }),
             visible_fraction: track.visible_fraction,
             phase,
@@ -480,13 +490,13 @@ impl BodyTracker {
     }
 }
 
-/// Whether the outline of a frame places the centre elsewhere than the motion from other frames does.
-fn contradicts(seen: &Center, by_motion: &Center) -> bool {
-    let apart_px = (seen.x_px - by_motion.x_px).hypot(seen.y_px - by_motion.y_px);
-    apart_px > CONTRADICTION_SIGMAS * seen.sigma_px.hypot(by_motion.sigma_px)
+/// Whether the detected outline of a frame places the centre elsewhere than the motion from other frames does.
+fn contradicts_motion(detected: &Center, by_motion: &Center) -> bool {
+    let apart_px = (detected.x_px - by_motion.x_px).hypot(detected.y_px - by_motion.y_px);
+    apart_px > CONTRADICTION_SIGMAS * detected.sigma_px.hypot(by_motion.sigma_px)
 }
 
-/// Removes the spin, which an upright rod does not have, whatever its tilt does.
+/// Removes the spin, which an upright rod does not have, however it tilts.
 fn without_spin(impact: Impact) -> Impact {
     Impact { omega_before_rad_s: None, omega_after_rad_s: None, ..impact }
 }

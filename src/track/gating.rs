@@ -53,7 +53,7 @@ pub struct ValidationGate {
 }
 
 impl ValidationGate {
-    /// Returns the step if it is accepted, otherwise an ambiguous step without values.
+    /// Returns the step if the gate accepts it, otherwise an ambiguous step without values.
     pub fn gate(&mut self, step: &BodyStep) -> BodyStep {
         let Some(circle) = step.circle() else {
             let is_missing = matches!(step.status, PointStatus::Lost | PointStatus::Occluded | PointStatus::OutOfFrame);
@@ -102,7 +102,9 @@ impl ValidationGate {
 }
 
 impl Position {
-    /// Whether the ball can have moved from this position to another; `growth_px` is the growth of the gate per frame.
+    /// Whether the ball can have moved from this position to another.
+    ///
+    /// `growth_px` is the growth of the gate per frame without a measured motion.
     fn admits(&self, frame: u64, center_px: [f64; 2], sigma_px: f64, growth_px: f64) -> bool {
         let frames = frame.saturating_sub(self.frame) as f64;
         let apart: [f64; 2] = std::array::from_fn(|k| center_px[k] - self.center_px[k] - frames * self.motion_px[k]);

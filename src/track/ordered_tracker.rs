@@ -14,7 +14,9 @@ pub struct OrderedTracker {
 }
 
 impl OrderedTracker {
-    /// Starts at frame `first`. A frame is given up as lost once one `max_delay_frames` newer was measured.
+    /// Creates a tracker that starts at frame `first`.
+    ///
+    /// A frame is given up as lost once one `max_delay_frames` newer was measured.
     pub fn new(params: &TrackerParams, first: u64, max_delay_frames: u64) -> Self {
         let bodies = u32::try_from(params.motion.len()).unwrap_or(u32::MAX);
         let mut buffer = ReorderBuffer::new(bodies, params.intervals_frames().collect(), max_delay_frames);
@@ -53,6 +55,7 @@ impl OrderedTracker {
         Losses { lost: self.buffer.lost(), late: self.buffer.late() }
     }
 
+    /// Passes the steps that are in order to the tracker, and to `observe`.
     fn advance(&mut self, mut observe: impl FnMut(&BodyStep)) -> &mut TrackerRows {
         while let Some(step) = self.buffer.pop() {
             observe(&step);

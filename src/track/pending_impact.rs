@@ -29,7 +29,7 @@ pub(super) enum Revision {
     Final,
 }
 
-/// Returns the number of revisions that are due.
-pub(super) fn stage(known_frames: f64) -> usize {
+/// Returns the number of revisions that are due once the flight after contact is known for `known_frames`.
+pub(super) fn due_revisions(known_frames: f64) -> usize {
     REVISIONS_FRAMES.iter().filter(|after| known_frames >= **after).count()
 }

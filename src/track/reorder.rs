@@ -64,16 +64,16 @@ impl ReorderBuffer {
         self.waiting = kept;
     }
 
-    /// Takes a step. A late step or a duplicate is dropped and counted as late.
+    /// Adds a step. A late step or a duplicate is dropped and counted as late.
     ///
     /// # Panics
     ///
-    /// If the step's body or interval is none of the configured ones.
+    /// If the step has a body or an interval that is none of the configured ones.
     pub fn push(&mut self, step: BodyStep) {
         let slot = self.intervals_frames.iter().position(|interval| *interval == step.interval_frames);
         assert!(step.body < self.bodies, "body {} of {}", step.body, self.bodies);
         let Some(slot) = slot else { panic!("interval {} of {:?}", step.interval_frames, self.intervals_frames) };
-        let key = (step.frame, step.body * self.intervals() + slot as u32);
+        let key = (step.frame, step.body * self.interval_count() + slot as u32);
         if self.next.is_some_and(|next| key < next) || self.waiting.contains_key(&key) {
             self.late += 1;
             return;
@@ -110,7 +110,7 @@ impl ReorderBuffer {
                 }
                 None => return None,
             };
-            let is_last = next.1 + 1 == self.bodies * self.intervals();
+            let is_last = next.1 + 1 == self.bodies * self.interval_count();
             self.next = Some(if is_last { (self.end_frame(next.0), 0) } else { (next.0, next.1 + 1) });
             if let Some(step) = row {
                 self.store_emitted(step);
@@ -139,7 +139,8 @@ impl ReorderBuffer {
         self.waiting.len()
     }
 
-    /// Ends a frame whose rows were all emitted; returns the next one.
+    /// Ends a frame whose rows were all emitted. Returns the next frame, beyond a gap that is too long for rows of
+    /// its own.
     fn end_frame(&mut self, frame: u64) -> u64 {
         let next = frame.saturating_add(1);
         if std::mem::take(&mut self.has_step) {
@@ -149,23 +150,25 @@ impl ReorderBuffer {
         let given_up =
             self.give_up_before.max(self.newest_frame.saturating_sub(self.patience_frames).saturating_add(1));
         let waiting = self.waiting.first_key_value().map_or(u64::MAX, |(key, _)| key.0);
-        let left = given_up.min(waiting).saturating_sub(next);
+        let missing = given_up.min(waiting).saturating_sub(next);
         self.lost_frames += 1;
-        if self.lost_frames.saturating_add(left) <= self.measured_frames + FREE_LOST_FRAMES {
+        if self.lost_frames.saturating_add(missing) <= self.measured_frames + FREE_LOST_FRAMES {
             return next;
         }
-        self.lost = self.lost.saturating_add(left.saturating_mul(u64::from(self.bodies * self.intervals())));
-        next + left
+        self.lost = self.lost.saturating_add(missing.saturating_mul(u64::from(self.bodies * self.interval_count())));
+        next + missing
     }
 
-    fn intervals(&self) -> u32 {
+    fn interval_count(&self) -> u32 {
         self.intervals_frames.len() as u32
     }
 
+    /// Whether missing steps of a frame are no longer awaited.
     fn is_given_up(&self, frame: u64) -> bool {
         frame < self.give_up_before || frame.saturating_add(self.patience_frames) <= self.newest_frame
     }
 
+    /// Keeps an emitted step for the interpolation of stamps.
     fn store_emitted(&mut self, step: BodyStep) {
         match self.emitted[1] {
             Some(last) if last.frame == step.frame => {}
@@ -173,7 +176,8 @@ impl ReorderBuffer {
         }
     }
 
-    /// Returns a row for a missing step; `None` if its time cannot be interpolated.
+    /// Returns a row for a missing step; `None` if its time cannot be interpolated. `slot` is the position in the
+    /// frame.
     fn lost_row(&self, frame: u64, slot: u32) -> Option<BodyStep> {
         let mut ahead = self.waiting.values().filter(|s| s.frame >= frame);
         let first = ahead.next().copied();
@@ -191,23 +195,23 @@ impl ReorderBuffer {
         };
         Some(BodyStep {
             frame,
-            body: slot / self.intervals(),
-            stamp_ns: stamp_at(frame, &a, &b),
-            interval_frames: self.intervals_frames[(slot % self.intervals()) as usize],
+            body: slot / self.interval_count(),
+            stamp_ns: interpolate_stamp(frame, &a, &b),
+            interval_frames: self.intervals_frames[(slot % self.interval_count()) as usize],
             status: PointStatus::Lost,
             ..BodyStep::default()
         })
     }
 }
 
-/// Interpolates the stamp of a frame between two others.
-fn stamp_at(frame: u64, a: &BodyStep, b: &BodyStep) -> u64 {
+/// Interpolates the stamp of a frame linearly between two steps, or extrapolates it, ns.
+fn interpolate_stamp(frame: u64, a: &BodyStep, b: &BodyStep) -> u64 {
     if a.frame == b.frame {
         return a.stamp_ns;
     }
-    let span = i128::from(b.frame) - i128::from(a.frame);
-    let rise = i128::from(b.stamp_ns) - i128::from(a.stamp_ns);
-    let offset = rise * (i128::from(frame) - i128::from(a.frame)) / span;
+    let span_frames = i128::from(b.frame) - i128::from(a.frame);
+    let span_ns = i128::from(b.stamp_ns) - i128::from(a.stamp_ns);
+    let offset = span_ns * (i128::from(frame) - i128::from(a.frame)) / span_frames;
     u64::try_from(i128::from(a.stamp_ns) + offset).unwrap_or(a.stamp_ns)
 }
 

@@ -52,12 +52,14 @@ impl Tracker {
         Self { bodies, lag_frames, shortest_frames, origin_ns: None, pending: VecDeque::new() }
     }
 
-    /// Takes the next step in frame order.
+    /// Processes the next step in frame order and appends finished rows.
     ///
-    /// All bodies of a frame come before the next frame. Of one body, the step over the shortest interval comes first.
+    /// All bodies of a frame come before the next frame. Of one body, the step over the shortest interval comes
+    /// first.
     ///
     /// # Panics
-    /// If the step's body is none of the configured ones.
+    ///
+    /// If the step has a body that is none of the configured ones.
     pub fn push(&mut self, step: &BodyStep, rows: &mut TrackerRows) {
         if step.interval_frames != self.shortest_frames {
             self.bodies[step.body as usize].link(step);
@@ -67,7 +69,7 @@ impl Tracker {
         self.emit(|oldest| oldest.frame.saturating_add(lag) < step.frame, rows);
         let origin_ns = *self.origin_ns.get_or_insert(step.stamp_ns);
         let body = &mut self.bodies[step.body as usize];
-        let accepted = body.push(step, origin_ns, rows);
+        let accepted = body.add_step(step, origin_ns, rows);
         self.pending.push_back(accepted);
     }
 
@@ -84,6 +86,7 @@ impl Tracker {
         u32::try_from(self.lag_frames).unwrap_or(u32::MAX)
     }
 
+    /// Appends the rows of the oldest steps as long as they are due.
     fn emit(&mut self, is_due: impl Fn(&BodyStep) -> bool, rows: &mut TrackerRows) {
         while let Some(step) = self.pending.front().copied().filter(&is_due) {
             self.pending.pop_front();

@@ -139,7 +139,7 @@ fn correlate_pair(
     start::check(options)?;
     let (width, height) = (reference.width(), reference.height());
     let mut correlator = Correlator::new(&options.params, width, height)?;
-    let points = stills::points_of(options, Size { width, height })?;
+    let points = stills::field_points(options, Size { width, height })?;
     correlator.set_region(options.cut_region());
     let (reference, target) = (correlator.prepare(reference), correlator.prepare(target));
     let mut field = Vec::with_capacity(points.len());

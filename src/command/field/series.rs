@@ -24,7 +24,7 @@ pub(super) fn run(options: &FieldOptions, stop: &Stop) -> Result<Outcome, Failur
     }
     let Size { width, height } = reference.size;
     let mut correlator = Correlator::new(&options.params, width, height)?;
-    let points = stills::points_of(options, reference.size)?;
+    let points = stills::field_points(options, reference.size)?;
     correlator.set_region(options.cut_region());
     let outputs = Outputs::create(options, &targets)?;
     let first = stills::read_still(&options.reference)?;
@@ -38,7 +38,7 @@ pub(super) fn run(options: &FieldOptions, stop: &Stop) -> Result<Outcome, Failur
         }
         let picture = bar.suspend(|| stills::read_still(target))?;
         let view = picture.view();
-        reference.check_size(&Still { path: target, size: Size::of(view) })?;
+        reference.check_size(&Still { path: target, size: Size::from_view(view) })?;
         let renewals = series.renewals();
         series.push(view, &mut field);
         let is_renewed = series.renewals() > renewals;

@@ -40,8 +40,8 @@ pub(crate) struct Size {
 }
 
 impl Size {
-    /// Returns the size of an image.
-    pub(crate) fn of(image: ImageView<'_>) -> Self {
+    /// Returns the size of a view.
+    pub(crate) fn from_view(image: ImageView<'_>) -> Self {
         Self { width: image.width(), height: image.height() }
     }
 }
@@ -85,7 +85,7 @@ impl Still<'_> {
 /// When a file cannot be read, or the sizes differ.
 pub(crate) fn read_pair(reference: &Path, target: &Path) -> Result<(Image, Image), Failure> {
     let (a, b) = (read_still(reference)?, read_still(target)?);
-    let still = |path, image: &Image| Still { path, size: Size::of(image.view()) };
+    let still = |path, image: &Image| Still { path, size: Size::from_view(image.view()) };
     still(reference, &a).check_size(&still(target, &b))?;
     Ok((a, b))
 }
@@ -96,7 +96,7 @@ pub(crate) fn read_pair(reference: &Path, target: &Path) -> Result<(Image, Image
 ///
 /// When the file cannot be read.
 pub(super) fn size_px(path: &Path) -> Result<Size, Failure> {
-    let (width, height) = open_image(path)?.into_dimensions().map_err(|error| unreadable(path, &error))?;
+    let (width, height) = open_image(path)?.into_dimensions().map_err(|error| read_error(path, &error))?;
     Ok(Size { width: width as usize, height: height as usize })
 }
 
@@ -124,6 +124,10 @@ pub(crate) fn grid_points(
 }
 
 /// Returns the given rectangle, or the whole image.
+///
+/// # Errors
+///
+/// Returns [`UsageError`] if the rectangle exceeds the image.
 fn checked_roi(name: &Path, size: Size, roi_px: Option<[u32; 4]>) -> Result<[u32; 4], UsageError> {
     let roi = roi_px.unwrap_or([0, 0, size.width as u32, size.height as u32]);
     let inside = |start: u32, extent: u32, size: usize| u64::from(start) + u64::from(extent) <= size as u64;
@@ -139,7 +143,7 @@ fn checked_roi(name: &Path, size: Size, roi_px: Option<[u32; 4]>) -> Result<[u32
 /// # Errors
 ///
 /// Like [`grid_points`], and when no subset centre lies in the polygon.
-pub(super) fn points_of(options: &FieldOptions, size: Size) -> Result<Vec<GridPoint>, UsageError> {
+pub(super) fn field_points(options: &FieldOptions, size: Size) -> Result<Vec<GridPoint>, UsageError> {
     let (name, params) = (&options.reference, &options.params);
     let all = |roi_px| {
         let whole = grid_points(name, size, roi_px, params)?;
@@ -159,7 +163,7 @@ pub(super) fn points_of(options: &FieldOptions, size: Size) -> Result<Vec<GridPo
 
 /// Reads a BMP, PNG, TIFF or PGM image of 8 or 16 bit; converts colours to luma with a note on standard error.
 pub(crate) fn read_still(path: &Path) -> Result<Image, Failure> {
-    let picture = open_image(path)?.decode().map_err(|error| unreadable(path, &error))?;
+    let picture = open_image(path)?.decode().map_err(|error| read_error(path, &error))?;
     let color = picture.color();
     // Grey images with a palette are decoded as colour images with equal channels.
     if color.has_color() && picture.to_rgb16().pixels().any(|p| p.0[0] != p.0[1] || p.0[1] != p.0[2]) {
@@ -175,12 +179,16 @@ pub(crate) fn read_still(path: &Path) -> Result<Image, Failure> {
 }
 
 /// Opens an image, whose format follows from its content.
+///
+/// # Errors
+///
+/// Returns [`ReadError`] if the file cannot be opened or read.
 fn open_image(path: &Path) -> Result<image::ImageReader<BufReader<File>>, ReadError> {
     let refuse = |error: std::io::Error| ReadError::new(path, error);
     image::ImageReader::open(path).map_err(refuse)?.with_guessed_format().map_err(refuse)
 }
 
-/// Returns the error of an image that does not decode.
-fn unreadable(path: &Path, error: &image::ImageError) -> ReadError {
+/// Returns the error of an image that cannot be decoded.
+fn read_error(path: &Path, error: &image::ImageError) -> ReadError {
     ReadError::new(path, format!("not a readable BMP, PNG, TIFF or PGM image: {error}"))
 }

@@ -3,7 +3,7 @@
 use super::gravity::Gravity;
 use crate::command::film_survey::{Surveyed, SurveyedBody};
 use crate::dic::CorrelationParams;
-use crate::survey::{Bounce, Identified, SurfaceEdge, surface_edge};
+use crate::survey::{Bounce, Identified, SurfaceEdge, find_surface_edge};
 
 /// The range of radii to search, relative to the smallest and the largest radius found.
 const RADIUS_RANGE: [f64; 2] = [0.8, 1.25];
@@ -266,7 +266,7 @@ fn propose_surface(surveyed: &Surveyed, bounce: Option<Bounce>, radius_px: Optio
         return ProposedSurface { angle_deg: 0.0, source: SurfaceSource::Assumed, edge: None, bounce: None };
     };
     let edge = surveyed.movement.as_ref().zip(radius_px);
-    let edge = edge.and_then(|(movement, radius_px)| surface_edge(movement, &bounce, radius_px));
+    let edge = edge.and_then(|(movement, radius_px)| find_surface_edge(movement, &bounce, radius_px));
     if let Some(edge) = edge {
         let upright_deg = nearest_upright_deg(edge.angle_deg);
         let is_upright = (edge.angle_deg - upright_deg).abs() < MIN_TILT_DEG.max(COVERAGE * edge.sigma_deg);

@@ -154,7 +154,7 @@ impl Page {
     pub(super) fn look(&self, decoder: &mut Tiff, path: &Path) -> Result<Look, ImportError> {
         let mut number = |tag: Tag| decoder.find_tag(tag).ok().flatten();
         let tag = number(Tag::Orientation).and_then(|value| value.into_u16().ok()).unwrap_or(1);
-        let orientation = Orientation::of_tag(tag)
+        let orientation = Orientation::from_tag(tag)
             .ok_or_else(|| ImportError::invalid(path, format!("Orientation {tag}; 1 to 8 are defined")))?;
         let (x, y) =
             (number(Tag::XResolution).and_then(positive_ratio), number(Tag::YResolution).and_then(positive_ratio));

@@ -178,7 +178,7 @@ fn read_still(path: &Path) -> Result<Still, ImportError> {
     let invalid = |error: image::ImageError| ImportError::invalid(path, error.to_string());
     let mut decoder = reader.into_decoder().map_err(invalid)?;
     let tag = decoder.orientation().map_err(invalid)?.to_exif();
-    let orientation = Orientation::of_tag(tag.into()).unwrap_or_default();
+    let orientation = Orientation::from_tag(tag.into()).unwrap_or_default();
     let bytes = decoder.total_bytes();
     if bytes > memory_limit_bytes(file_bytes) {
         return Err(ImportError::invalid(path, format!("an image of {bytes} bytes in a file of {file_bytes}")));

@@ -32,7 +32,7 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
         return Err(ImportError::invalid(path, INTERLACED));
     }
     let mut warnings = Vec::new();
-    stored_times::check(path, &stream, file_bytes, &mut warnings)?;
+    stored_times::check_stored_times(path, &stream, file_bytes, &mut warnings)?;
     let ticks = Ticks::read(path, &stream, file_bytes)?;
     let timeline = rate::timeline(path, &stream, &ticks, fps, &mut warnings)?;
     let levels = Levels::from_stream(&stream);

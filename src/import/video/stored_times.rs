@@ -1,7 +1,7 @@
 //! Films that store a time for some of their frames only.
 //!
-//! An MPEG program stream packs several small frames into one packet, which has one time. A player lets the others follow at the
-//! rate of the film. Where frames are missing within such a packet, no one can say which.
+//! An MPEG program stream packs several small frames into one packet, which has one time. A player shows the others at the
+//! rate of the film. If frames are missing within such a packet, it is unknown which.
 
 use super::super::ImportError;
 use super::program::{Program, file_url, spawn_line_reader, spawn_text_reader};
@@ -10,8 +10,9 @@ use std::path::Path;
 
 /// The MPEG program stream, as ffprobe names it.
 const CONTAINER: &str = "mpeg";
-/// Distance of a stored time from where the frames before it lead to, in periods, at which frames are missing.
-const OFF_RATE: f64 = 0.5;
+/// The maximum distance of a stored time from the time that the number of frames predicts, periods. Beyond it, frames
+/// are missing.
+const MAX_OFFSET_PERIODS: f64 = 0.5;
 /// The minimum number of intervals of which the median is the rate of the film.
 ///
 /// Most of fewer intervals may hold a gap. The stated rate counts then.
@@ -20,9 +21,9 @@ const MIN_INTERVALS: usize = 4;
 /// A frame whose time the file stores.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct StoredTime {
-    /// Index of the frame in the order of decoding.
+    /// The index of the frame in the order of decoding.
     index: usize,
-    /// Time of decoding, ticks: it rises with the index, as the time of showing does not.
+    /// The time of decoding, ticks: it rises with the index, unlike the time of presentation.
     ticks: i64,
 }
 
@@ -30,8 +31,8 @@ struct StoredTime {
 ///
 /// # Errors
 ///
-/// [`ImportError::Invalid`] when frames are missing among those without a time, or the file has more frames than bytes.
-pub(super) fn check(
+/// Returns [`ImportError::Invalid`] if frames are missing among those without a time, or the file has more frames than bytes.
+pub(super) fn check_stored_times(
     path: &Path,
     stream: &Stream,
     file_bytes: u64,
@@ -71,17 +72,17 @@ pub(super) fn check(
 /// A place where frames do not follow at the rate of the film.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Gap {
-    /// Index of the stored time before it.
+    /// The index of the last frame before it.
     from: usize,
-    /// Index of the stored time after it.
+    /// The index of the first frame after it.
     to: usize,
-    /// Time between the two, periods.
+    /// The time between the two, periods.
     periods: f64,
 }
 
-/// Returns the first place among frames without a time where the time does not agree with their number.
+/// Returns the first place among frames without a time where the time does not agree with the number of frames.
 ///
-/// `stated` is the period that the file states, ticks.
+/// `stated` is the period that the file states, ticks. `None` if there is no gap.
 fn first_gap(stored: &[StoredTime], stated: Option<f64>) -> Option<Gap> {
     let spans = || stored.windows(2).map(|pair| (pair[0], pair[1]));
     let periods = spans().map(|(from, to)| (to.ticks - from.ticks) as f64 / (to.index - from.index) as f64);
@@ -93,12 +94,16 @@ fn first_gap(stored: &[StoredTime], stated: Option<f64>) -> Option<Gap> {
     // Between two neighbours that both have a time, a gap is where it seems to be.
     spans().filter(|(from, to)| to.index - from.index > 1).find_map(|(from, to)| {
         let gap = Gap { from: from.index, to: to.index, periods: (to.ticks - from.ticks) as f64 / period };
-        let is_off = (gap.periods - (to.index - from.index) as f64).abs() > OFF_RATE;
+        let is_off = (gap.periods - (to.index - from.index) as f64).abs() > MAX_OFFSET_PERIODS;
         is_off.then_some(gap)
     })
 }
 
-/// Returns the times that the file stores, and its number of frames.
+/// Reads the times that the file stores, and its number of frames, with ffprobe.
+///
+/// # Errors
+///
+/// Returns [`ImportError`] if ffprobe fails or lists more frames than the file has bytes.
 fn read_stored_times(path: &Path, file_bytes: u64) -> Result<(Vec<StoredTime>, usize), ImportError> {
     let options = "-v error -protocol_whitelist file -fflags +nofillin -select_streams V:0 -show_entries packet=dts \
         -of csv=print_section=0";

@@ -90,7 +90,7 @@ impl Stream {
         let degrees = matrix["rotation"].as_f64().unwrap_or(f64::NAN);
         match numbers[..] {
             [right_x, right_y, _, down_x, down_y, ..] => {
-                Orientation::of_axes([right_x, right_y], [down_x, down_y]).ok_or(degrees)
+                Orientation::from_axes([right_x, right_y], [down_x, down_y]).ok_or(degrees)
             }
             _ => Err(degrees),
         }

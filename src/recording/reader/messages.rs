@@ -3,7 +3,7 @@
 use super::byte_source::{Source, Unreadable};
 use super::chunk_section::{self, Found};
 use super::scan::{Coding, IndexRef, Section};
-use super::{RecordedFile, Recording, RecordingError, unreadable};
+use super::{RecordedFile, Recording, RecordingError, read_error};
 use crate::recording::Topic;
 use crate::recording::record::MessageHeader;
 use bytes::Bytes;
@@ -95,7 +95,7 @@ impl Messages {
             };
             let checked = records.and_then(|records| check_index(inner, section, channels, &records));
             if let Err(error) = checked {
-                return Some(unreadable(&inner.path, error));
+                return Some(read_error(&inner.path, error));
             }
         }
         None
@@ -214,7 +214,7 @@ impl Iterator for Messages {
             }
             return Some(self.read(entry).map_err(|error| {
                 self.failed = Some(entry.place);
-                unreadable(&self.inner(file).path, error)
+                read_error(&self.inner(file).path, error)
             }));
         }
     }

@@ -68,7 +68,7 @@ struct RecordedFile {
 }
 
 /// Returns the error for a part of a file that cannot be read.
-fn unreadable(path: &Path, error: Unreadable) -> RecordingError {
+fn read_error(path: &Path, error: Unreadable) -> RecordingError {
     match error {
         Unreadable::Io(error) => RecordingError::io("read", path, error),
         Unreadable::Damaged(reason) => RecordingError::invalid(path, reason),
@@ -88,7 +88,7 @@ impl Recording {
         if !about.is_file() {
             return Err(RecordingError::invalid(path, "not a regular file"));
         }
-        let structure = scan::scan(&file, about.len()).map_err(|error| unreadable(path, error))?;
+        let structure = scan::scan(&file, about.len()).map_err(|error| read_error(path, error))?;
         let mut inner = RecordedFile {
             path: path.to_path_buf(),
             file,
@@ -116,7 +116,7 @@ impl Recording {
         let bytes = file.metadata().map_err(io)?.len();
         match scan::leading_metadata(&file, bytes, METADATA_NAME) {
             Err(Unreadable::Damaged(_)) => Ok(None),
-            found => found.map_err(|error| unreadable(path, error)),
+            found => found.map_err(|error| read_error(path, error)),
         }
     }
 

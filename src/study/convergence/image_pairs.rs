@@ -53,7 +53,7 @@ pub(super) struct Subject {
 impl Subject {
     /// Returns the size of the frames.
     pub(super) fn size(&self) -> Size {
-        self.pairs.first().map_or(Size { width: 0, height: 0 }, |pair| Size::of(pair.reference.view()))
+        self.pairs.first().map_or(Size { width: 0, height: 0 }, |pair| Size::from_view(pair.reference.view()))
     }
 }
 
@@ -64,7 +64,7 @@ impl Subject {
 /// When a file cannot be read, the sizes differ, or the region exceeds the image.
 pub(super) fn read(files: &Files<'_>, params: &CorrelationParams) -> Result<Subject, Failure> {
     let (reference, target) = read_pair(files.reference, files.target)?;
-    let points = grid_points(files.reference, Size::of(reference.view()), files.roi_px, params)?;
+    let points = grid_points(files.reference, Size::from_view(reference.view()), files.roi_px, params)?;
     Ok(Subject { pairs: vec![Pair { reference, target, truth_px: None }], points })
 }
 

@@ -88,7 +88,7 @@ pub struct Outcome {
     /// The maximum normal acceleration, gravity included, m/s^2.
     pub acceleration_max_m_s2: f64,
     /// The times when the force passes 2 % of its peak, rising and falling.
-    pub force_s: [f64; 2],
+    pub force_times_s: [f64; 2],
     /// The impulse of the contact force (tangential, normal), N s.
     pub impulse_n_s: [f64; 2],
     /// The motion at the end of contact.
@@ -121,7 +121,7 @@ impl Collision {
         if setup.velocity_m_s[1].is_nan() || setup.velocity_m_s[1] >= 0.0 {
             return Err(PhysicsError::NoApproach { vn_m_s: setup.velocity_m_s[1] });
         }
-        Integration::new(setup).run()
+        Integration::new(setup).integrate()
     }
 
     /// The results of the collision.
@@ -130,19 +130,19 @@ impl Collision {
     }
 
     /// Returns the motion of the ball at `time_s` after first contact (negative: before). Free flight outside contact.
-    pub fn at(&self, time_s: f64) -> Motion {
+    pub fn motion_at(&self, time_s: f64) -> Motion {
         if time_s <= 0.0 {
-            return flight(&motion(&self.knots[0].state), self.setup.gravity_m_s2, time_s);
+            return free_flight(&motion_from_state(&self.knots[0].state), self.setup.gravity_m_s2, time_s);
         }
         if time_s >= self.outcome.end_s {
-            return flight(&self.outcome.after, self.setup.gravity_m_s2, time_s - self.outcome.end_s);
+            return free_flight(&self.outcome.after, self.setup.gravity_m_s2, time_s - self.outcome.end_s);
         }
         let right = self.knots.partition_point(|knot| knot.time_s <= time_s).min(self.knots.len() - 1);
-        motion(&interpolated(&self.knots[right - 1], &self.knots[right], time_s))
+        motion_from_state(&interpolate_hermite(&self.knots[right - 1], &self.knots[right], time_s))
     }
 
-    /// Returns the time of a second contact after the first; `None` if there is none.
-    pub fn second_touch_s(&self) -> Option<f64> {
+    /// Returns the time of a second contact, s after the first; `None` if gravity does not bring the ball back.
+    pub fn second_contact_s(&self) -> Option<f64> {
         let [height, speed] = [self.outcome.after.position_m[1], self.outcome.after.velocity_m_s[1]];
         let pull = -self.setup.gravity_m_s2[1];
         let inside = speed * speed + 2.0 * pull * height;
@@ -179,13 +179,18 @@ impl Integration {
         }
     }
 
-    fn run(mut self) -> Result<Collision, PhysicsError> {
+    /// Integrates until the contact ends.
+    ///
+    /// # Errors
+    ///
+    /// Returns [`PhysicsError::NoRebound`] after the maximum contact time.
+    fn integrate(mut self) -> Result<Collision, PhysicsError> {
         while self.time_s() < MAX_CONTACT_S {
             self.update_patch_state();
             if self.steps.is_multiple_of(STEPS_PER_KNOT) {
-                self.push_knot(self.time_s());
+                self.store_knot(self.time_s());
             }
-            let next = self.advanced(STEP_S);
+            let next = self.runge_kutta_step(STEP_S);
             if next[Y] >= 0.0 || self.force_n(&next) <= 0.0 {
                 return Ok(self.finish());
             }
@@ -200,15 +205,17 @@ impl Integration {
         self.steps as f64 * STEP_S
     }
 
+    /// Returns the normal force on the ball in a state, N; negative if the surface would have to pull.
     fn force_n(&self, state: &State) -> f64 {
         self.setup.law.force_n(-state[Y], -state[VY])
     }
 
-    /// Returns the speed of the contact point along the surface.
+    /// Returns the velocity of the contact point along the tangent, m/s.
     fn slide_m_s(&self, state: &State) -> f64 {
         state[VX] + state[OMEGA] * self.setup.radius_m
     }
 
+    /// Updates whether the contact patch grips or slides in the current state.
     fn update_patch_state(&mut self) {
         if let Some(friction) = self.setup.friction {
             let (slide, normal) = (self.slide_m_s(&self.state), self.force_n(&self.state).max(0.0));
@@ -216,27 +223,28 @@ impl Integration {
         }
     }
 
-    /// Records when the ball reverses and when its contact point stops.
+    /// Records the times within the step to `next` at which the ball reverses and its contact point stops, and the
+    /// maximum force.
     fn record_events(&mut self, next: &State) {
         if self.deepest.is_none() && next[VY] >= 0.0 {
-            let part_s = self.crossing(|state| state[VY]);
-            self.deepest = Some((self.time_s() + part_s, -self.advanced(part_s)[Y]));
+            let step_s = self.crossing_time_s(|state| state[VY]);
+            self.deepest = Some((self.time_s() + step_s, -self.runge_kutta_step(step_s)[Y]));
         }
         let slide = self.slide_m_s(&self.state);
         if self.slip_end_s.is_none() && slide * self.slide_m_s(next) < 0.0 {
-            self.slip_end_s = Some(self.time_s() + self.crossing(|state| -slide * self.slide_m_s(state)));
+            self.slip_end_s = Some(self.time_s() + self.crossing_time_s(|state| -slide * self.slide_m_s(state)));
         }
         self.force_max_n = self.force_max_n.max(self.force_n(next));
     }
 
-    /// Returns the derivative of the state while the patch keeps gripping or sliding.
+    /// Returns the derivative of a state for a patch that keeps gripping or sliding.
     fn rate(&self, state: &State) -> State {
         let setup = &self.setup;
         let normal_n = self.force_n(state).max(0.0);
         let slide = self.slide_m_s(state);
-        let (tangential_n, stretching) = setup
-            .friction
-            .map_or((0.0, 0.0), |friction| friction.force(self.patch_state, state[STRETCH], slide, normal_n));
+        let (tangential_n, stretching) = setup.friction.map_or((0.0, 0.0), |friction| {
+            friction.force_and_stretch_rate(self.patch_state, state[STRETCH], slide, normal_n)
+        });
         let inertia = setup.inertia_factor * setup.mass_kg * setup.radius_m * setup.radius_m;
         let mut rate = [0.0; 9];
         [rate[X], rate[Y], rate[ANGLE]] = [state[VX], state[VY], state[OMEGA]];
@@ -250,34 +258,37 @@ impl Integration {
     }
 
     /// Returns the state after a step, by the classical Runge-Kutta method of fourth order.
-    fn advanced(&self, step_s: f64) -> State {
+    fn runge_kutta_step(&self, step_s: f64) -> State {
         let first = self.rate(&self.state);
-        let second = self.rate(&moved(&self.state, &first, 0.5 * step_s));
-        let third = self.rate(&moved(&self.state, &second, 0.5 * step_s));
-        let fourth = self.rate(&moved(&self.state, &third, step_s));
+        let second = self.rate(&euler_step(&self.state, &first, 0.5 * step_s));
+        let third = self.rate(&euler_step(&self.state, &second, 0.5 * step_s));
+        let fourth = self.rate(&euler_step(&self.state, &third, step_s));
         std::array::from_fn(|place| {
             let slope = first[place] + 2.0 * (second[place] + third[place]) + fourth[place];
             self.state[place] + step_s / 6.0 * slope
         })
     }
 
-    /// Returns the time within the next step after which `value` is no longer negative, s, by bisection.
-    fn crossing(&self, value: impl Fn(&State) -> f64) -> f64 {
+    /// Returns the time within the next step after which `value` is no longer negative, s, by 40 bisections.
+    fn crossing_time_s(&self, value: impl Fn(&State) -> f64) -> f64 {
         let (mut low, mut high) = (0.0, STEP_S);
         for _ in 0..40 {
             let middle = 0.5 * (low + high);
-            if value(&self.advanced(middle)) < 0.0 { low = middle } else { high = middle }
+            if value(&self.runge_kutta_step(middle)) < 0.0 { low = middle } else { high = middle }
         }
         high
     }
 
-    fn push_knot(&mut self, time_s: f64) {
+    /// Stores the current state and its derivative as a knot at `time_s`.
+    fn store_knot(&mut self, time_s: f64) {
         let rate = self.rate(&self.state);
         self.knots.push(Knot { time_s, state: self.state, rate });
     }
 
-    /// Returns when the force passes 2 % of its peak, rising and falling, by linear interpolation between knots.
-    fn force_s(&self) -> [f64; 2] {
+    /// Returns the times at which the force passes 2 % of its peak, rising and falling, s.
+    ///
+    /// Interpolates linearly between knots.
+    fn force_times_s(&self) -> [f64; 2] {
         let threshold = 0.02 * self.force_max_n;
         let knots: Vec<[f64; 2]> = self.knots.iter().map(|knot| [knot.time_s, self.force_n(&knot.state)]).collect();
         let crossed = |a: &[f64; 2], b: &[f64; 2]| a[0] + (threshold - a[1]) / (b[1] - a[1]) * (b[0] - a[0]);
@@ -296,10 +307,10 @@ impl Integration {
     ///
     /// The moment is found by bisection. It is also the end if the ball leaves the surface first.
     fn finish(mut self) -> Collision {
-        let part_s = self.crossing(|state| if state[Y] >= 0.0 { 1.0 } else { -self.force_n(state) });
-        let end_s = self.time_s() + part_s;
-        self.state = self.advanced(part_s);
-        self.push_knot(end_s);
+        let step_s = self.crossing_time_s(|state| if state[Y] >= 0.0 { 1.0 } else { -self.force_n(state) });
+        let end_s = self.time_s() + step_s;
+        self.state = self.runge_kutta_step(step_s);
+        self.store_knot(end_s);
         let (deepest_s, compression_max_m) = self.deepest.unwrap_or((end_s, -self.state[Y]));
         let outcome = Outcome {
             deepest_s,
@@ -308,19 +319,20 @@ impl Integration {
             compression_max_m,
             force_max_n: self.force_max_n,
             acceleration_max_m_s2: self.force_max_n / self.setup.mass_kg + self.setup.gravity_m_s2[1],
-            force_s: self.force_s(),
+            force_times_s: self.force_times_s(),
             impulse_n_s: [self.state[JX], self.state[JY]],
-            after: motion(&self.state),
+            after: motion_from_state(&self.state),
         };
         Collision { setup: self.setup, knots: self.knots, outcome }
     }
 }
 
-fn moved(state: &State, rate: &State, step_s: f64) -> State {
+/// Returns the state after a step at a constant rate.
+fn euler_step(state: &State, rate: &State, step_s: f64) -> State {
     std::array::from_fn(|place| state[place] + step_s * rate[place])
 }
 
-fn motion(state: &State) -> Motion {
+fn motion_from_state(state: &State) -> Motion {
     Motion {
         position_m: [state[X], state[Y]],
         angle_rad: state[ANGLE],
@@ -329,8 +341,8 @@ fn motion(state: &State) -> Motion {
     }
 }
 
-/// Returns the free flight from `start` under constant gravity.
-fn flight(start: &Motion, gravity_m_s2: [f64; 2], time_s: f64) -> Motion {
+/// Returns the motion at `time_s` after `start` under constant gravity.
+fn free_flight(start: &Motion, gravity_m_s2: [f64; 2], time_s: f64) -> Motion {
     let axis = |index: usize| {
         let (speed, pull) = (start.velocity_m_s[index], gravity_m_s2[index]);
         (start.position_m[index] + time_s * (speed + 0.5 * pull * time_s), speed + pull * time_s)
@@ -345,7 +357,7 @@ fn flight(start: &Motion, gravity_m_s2: [f64; 2], time_s: f64) -> Motion {
 }
 
 /// Interpolates the state between two knots from values and derivatives (cubic Hermite).
-fn interpolated(left: &Knot, right: &Knot, time_s: f64) -> State {
+fn interpolate_hermite(left: &Knot, right: &Knot, time_s: f64) -> State {
     let span = right.time_s - left.time_s;
     let part = (time_s - left.time_s) / span;
     let (squared, cubed) = (part * part, part * part * part);
@@ -428,11 +440,12 @@ mod tests {
         let collision = Collision::solve(lacrosse()).unwrap();
         let outcome = collision.outcome();
         assert!((outcome.slip_end_s.unwrap() - 2.86e-3).abs() < 0.02e-3, "{:?}", outcome.slip_end_s);
-        let spins: Vec<f64> = (0..440).map(|step| collision.at(f64::from(step) * 1e-5).omega_rad_s).collect();
+        let spins: Vec<f64> = (0..440).map(|step| collision.motion_at(f64::from(step) * 1e-5).omega_rad_s).collect();
         let fastest = spins.iter().copied().fold(0.0, f64::min);
         assert!((fastest / -15.3 - 1.0).abs() < 0.01, "{fastest}");
         assert!((outcome.after.omega_rad_s / -14.9 - 1.0).abs() < 0.01, "{}", outcome.after.omega_rad_s);
-        let slowest = (0..440).map(|step| collision.at(f64::from(step) * 1e-5).velocity_m_s[0]).fold(1.0, f64::min);
+        let slowest =
+            (0..440).map(|step| collision.motion_at(f64::from(step) * 1e-5).velocity_m_s[0]).fold(1.0, f64::min);
         assert!((slowest / 0.376 - 1.0).abs() < 0.01, "{slowest}");
         assert!((outcome.after.velocity_m_s[0] / 0.381 - 1.0).abs() < 0.01, "{}", outcome.after.velocity_m_s[0]);
     }
@@ -472,7 +485,7 @@ mod tests {
         for step in -100..600 {
             let time_s = f64::from(step) * 1e-5 + 3.3e-6;
             let (before, here, after) =
-                (collision.at(time_s - 1e-7), collision.at(time_s), collision.at(time_s + 1e-7));
+                (collision.motion_at(time_s - 1e-7), collision.motion_at(time_s), collision.motion_at(time_s + 1e-7));
             for axis in 0..2 {
                 let slope = (after.position_m[axis] - before.position_m[axis]) / 2e-7;
                 assert!((slope - here.velocity_m_s[axis]).abs() < 2e-5, "{time_s}: {slope} {here:?}");

@@ -76,27 +76,39 @@ pub(super) enum PatchState {
 }
 
 impl Friction {
-    /// Returns the force of a gripping patch, stretched by `stretch_m`, on the surface, N.
-    fn grip_n(&self, stretch_m: f64, slide_m_s: f64) -> f64 {
+    /// Returns the force of a gripping patch on the surface, N, positive along the tangent.
+    ///
+    /// The patch is stretched by `stretch_m`, and its contact point moves at `slide_m_s`.
+    fn grip_force_n(&self, stretch_m: f64, slide_m_s: f64) -> f64 {
         self.stiffness_n_m * stretch_m + self.damping_n_s_m * slide_m_s
     }
 
     /// Returns the state of a patch: gripping up to the friction limit, otherwise sliding.
     pub(super) fn patch_state(&self, stretch_m: f64, slide_m_s: f64, normal_n: f64) -> PatchState {
-        let pull_n = self.grip_n(stretch_m, slide_m_s);
-        match pull_n {
-            _ if pull_n.abs() <= self.coefficient * normal_n => PatchState::Grip,
-            _ if pull_n > 0.0 => PatchState::SlipForward,
+        let patch_force_n = self.grip_force_n(stretch_m, slide_m_s);
+        match patch_force_n {
+            _ if patch_force_n.abs() <= self.coefficient * normal_n => PatchState::Grip,
+            _ if patch_force_n > 0.0 => PatchState::SlipForward,
             _ => PatchState::SlipBackward,
         }
     }
 
-    /// Returns the force on the ball (N) and the rate of the stretch (m/s).
-    pub(super) fn force(&self, state: PatchState, stretch_m: f64, slide_m_s: f64, normal_n: f64) -> (f64, f64) {
+    /// Returns the tangential force on the ball (N) and the rate at which the patch stretches (m/s).
+    ///
+    /// A sliding patch transmits the friction limit and relaxes through its damper.
+    pub(super) fn force_and_stretch_rate(
+        &self,
+        state: PatchState,
+        stretch_m: f64,
+        slide_m_s: f64,
+        normal_n: f64,
+    ) -> (f64, f64) {
         let limit_n = self.coefficient * normal_n;
-        let slipping = |pull_n: f64| (-pull_n, (pull_n - self.stiffness_n_m * stretch_m) / self.damping_n_s_m);
+        let slipping = |patch_force_n: f64| {
+            (-patch_force_n, (patch_force_n - self.stiffness_n_m * stretch_m) / self.damping_n_s_m)
+        };
         match state {
-            PatchState::Grip => (-self.grip_n(stretch_m, slide_m_s), slide_m_s),
+            PatchState::Grip => (-self.grip_force_n(stretch_m, slide_m_s), slide_m_s),
             PatchState::SlipForward => slipping(limit_n),
             PatchState::SlipBackward => slipping(-limit_n),
         }

@@ -4,7 +4,7 @@ use super::blurred_edge::{EdgedDisc, REACH_SIGMA, bivariate_cdf, gauss_legendre,
 use super::body_light::BodyLight;
 use super::fuzzy_rim::Rim;
 use super::half_plane::HalfPlane;
-use super::occluder::{Axes, DiscOutline, Occluder, coverage, disc_chord, visible_chords};
+use super::occluder::{Axes, DiscOutline, Occluder, chord_coverage, disc_chord, visible_chords};
 use super::patch::{Canvas, Patch, splat};
 use super::regular_paint::RegularPaint;
 use super::speckle_pattern::{Line, Pattern, Speckle};
@@ -29,7 +29,7 @@ pub(crate) struct Moment {
 }
 
 impl Moment {
-    /// Returns the occluders of the ball, relative to a corner.
+    /// Returns the occluders of the ball, with positions relative to a corner.
     fn occluders(&self, corner_px: [f64; 2]) -> Vec<Occluder> {
         let occluders = self.occluder.map(Occluder::Edge).into_iter().chain(self.front.map(Occluder::Ball));
         occluders.map(|occluder| occluder.relative_to(corner_px)).collect()
@@ -64,6 +64,7 @@ pub(crate) struct Ball {
 }
 
 impl Ball {
+    /// Prepares the drawing of a ball with this surface. `full_dn` is the maximum grey level.
     pub(crate) fn new(scenario: &Scenario, surface: Surface, full_dn: f32) -> Self {
         let radius_px = scenario.radius_px();
         let sigma_px = total_sigma_px(scenario.camera.blur_px);
@@ -81,7 +82,7 @@ impl Ball {
         }
     }
 
-    /// Returns the ball at another scale; speckles on a sphere keep their size.
+    /// Returns the ball magnified by `zoom`. Speckles on a sphere keep their size.
     pub(crate) fn zoomed(&self, zoom: f64) -> Self {
         let radius_px = zoom * self.radius_px;
         let surface = match &self.surface {
@@ -101,7 +102,7 @@ impl Ball {
             ink.fill(0.0);
             self.draw_pattern(moment, &mut Canvas { patch: &patch, ink: &mut ink });
             if self.rim.is_fuzzy() {
-                self.fade_at_rim(&moment.pose, &mut Canvas { patch: &patch, ink: &mut ink });
+                self.fade_paint_at_rim(&moment.pose, &mut Canvas { patch: &patch, ink: &mut ink });
             }
             self.add_light(&moment.pose, &ink, weight, &mut patch);
             let occluders = moment.occluders([0.0; 2]);
@@ -128,7 +129,7 @@ impl Ball {
         Patch { left, top, width: columns, height: rows, coverage: vec![0.0; size], light_dn: vec![0.0; size] }
     }
 
-    /// Adds the coverage of each pixel by speckles and lines.
+    /// Adds the coverage of each pixel by the visible part of the pattern to the ink of the canvas.
     fn draw_pattern(&self, moment: &Moment, canvas: &mut Canvas<'_>) {
         let pose = &moment.pose;
         let corner = [canvas.patch.left as f64, canvas.patch.top as f64];
@@ -155,7 +156,7 @@ impl Ball {
         }
     }
 
-    /// Adds the visible part of a regular pattern; an edge that cuts it is assumed to be perpendicular.
+    /// Adds the visible part of a regular pattern. An edge that cuts it is assumed to be perpendicular.
     fn draw_regular(&self, paint: &RegularPaint, moment: &Moment, canvas: &mut Canvas<'_>) {
         let [x0, y0] = moment.pose.center_px;
         let occluders = moment.occluders([0.0; 2]);
@@ -164,25 +165,27 @@ impl Ball {
             let y = (canvas.patch.top + index / canvas.patch.width) as f64;
             let (dx, dy) = (x - x0, y - y0);
             // Felt fades all paint alike afterwards.
-            let inside = if self.rim.is_fuzzy() { 1.0 } else { self.rim.at((dx * dx + dy * dy) as f32, || 0.0) };
-            let free = occluders.iter().map(|occluder| normal_cdf(occluder.outside(x, y).0 / self.sigma_px));
-            let free = free.product::<f64>();
-            if inside > 0.0 && free > 0.0 {
-                *ink = inside * (free * paint.at(&moment.pose, dx, dy)) as f32;
+            let inside =
+                if self.rim.is_fuzzy() { 1.0 } else { self.rim.coverage_at((dx * dx + dy * dy) as f32, || 0.0) };
+            let uncovered =
+                occluders.iter().map(|occluder| normal_cdf(occluder.distance_and_normal(x, y).0 / self.sigma_px));
+            let uncovered = uncovered.product::<f64>();
+            if inside > 0.0 && uncovered > 0.0 {
+                *ink = inside * (uncovered * paint.coverage_at(&moment.pose, dx, dy)) as f32;
             }
         }
     }
 
-    /// Lets the paint end with the felt that carries it.
-    fn fade_at_rim(&self, pose: &Pose, canvas: &mut Canvas<'_>) {
+    /// Multiplies the ink by the coverage of the rim, so that the paint ends with the felt that carries it.
+    fn fade_paint_at_rim(&self, pose: &Pose, canvas: &mut Canvas<'_>) {
         for (index, ink) in canvas.ink.iter_mut().enumerate() {
             let dx = (canvas.patch.left + index % canvas.patch.width) as f64 - pose.center_px[0];
             let dy = (canvas.patch.top + index / canvas.patch.width) as f64 - pose.center_px[1];
-            *ink *= self.rim.at((dx * dx + dy * dy) as f32, || (-dy).atan2(dx) - pose.angle_rad);
+            *ink *= self.rim.coverage_at((dx * dx + dy * dy) as f32, || (-dy).atan2(dx) - pose.angle_rad);
         }
     }
 
-    /// Adds the visible part of one line; an edge that cuts it is assumed to be perpendicular.
+    /// Adds the visible part of one line. An edge that cuts it is assumed to be perpendicular.
     fn draw_line(&self, line: &Line, occluders: &[Occluder], canvas: &mut Canvas<'_>) {
         let strip = |distance: f64, half: f64| {
             if distance.abs() < half - EDGE_SIGMA * self.sigma_px {
@@ -190,26 +193,28 @@ impl Ball {
             }
             normal_cdf((half - distance) / self.sigma_px) - normal_cdf((-half - distance) / self.sigma_px)
         };
-        let wide = line.half_width_px + REACH_SIGMA * self.sigma_px;
+        let half_reach = line.half_width_px + REACH_SIGMA * self.sigma_px;
         let [x, y] = line.middle_px;
-        splat(line.middle_px, line.half_length_px + wide, canvas, |dx, dy| {
+        splat(line.middle_px, line.half_length_px + half_reach, canvas, |dx, dy| {
             let (dx, dy) = (f64::from(dx), f64::from(dy));
             let across = dx * line.along[1] - dy * line.along[0];
-            if across.abs() > wide {
+            if across.abs() > half_reach {
                 return 0.0;
             }
             let along = dx * line.along[0] + dy * line.along[1];
-            let free = occluders.iter().map(|occluder| normal_cdf(occluder.outside(x + dx, y + dy).0 / self.sigma_px));
-            let free = free.product::<f64>();
-            (strip(across, line.half_width_px) * strip(along, line.half_length_px) * free) as f32
+            let uncovered = occluders
+                .iter()
+                .map(|occluder| normal_cdf(occluder.distance_and_normal(x + dx, y + dy).0 / self.sigma_px));
+            let uncovered = uncovered.product::<f64>();
+            (strip(across, line.half_width_px) * strip(along, line.half_length_px) * uncovered) as f32
         });
     }
 
-    /// Adds the visible part of one speckle; positions are relative to the patch's corner.
+    /// Adds the visible part of one speckle. Positions are relative to the corner of the patch, px.
     fn draw_speckle(&self, placed: &PlacedSpeckle<'_>, occluders: &[Occluder], canvas: &mut Canvas<'_>) {
         let PlacedSpeckle { pattern, speckle, place_px, center_px } = *placed;
         let radius_px = pattern.radii_px[speckle.size];
-        let outside_px = |occluder: &Occluder| occluder.outside(place_px[0], place_px[1]).0;
+        let outside_px = |occluder: &Occluder| occluder.distance_and_normal(place_px[0], place_px[1]).0;
         if occluders.iter().any(|occluder| outside_px(occluder) <= -radius_px) {
             return;
         }
@@ -240,19 +245,19 @@ impl Ball {
                 Some(if speckle.crosses_rim { [left.max(rim[0]), right.min(rim[1])] } else { [left, right] })
             });
             splat(place_px, reach, canvas, |dx, dy| {
-                coverage(&chords, f64::from(dx), f64::from(dy), self.sigma_px) as f32
+                chord_coverage(&chords, f64::from(dx), f64::from(dy), self.sigma_px) as f32
             });
         } else if let (true, Some(disc)) = (speckle.crosses_rim, &pattern.cut_discs[speckle.size]) {
             let distance = to_center[0].hypot(to_center[1]);
             let [ex, ey] = to_center.map(|part| (-part / distance) as f32);
-            splat(place_px, disc.reach_px(), canvas, |dx, dy| disc.at(dx * ex + dy * ey, dy * ex - dx * ey));
+            splat(place_px, disc.reach_px(), canvas, |dx, dy| disc.coverage_at(dx * ex + dy * ey, dy * ex - dx * ey));
         } else {
             let disc = &pattern.discs[speckle.size];
-            splat(place_px, disc.reach_px(), canvas, |dx, dy| disc.at(dx * dx + dy * dy));
+            splat(place_px, disc.reach_px(), canvas, |dx, dy| disc.coverage_at(dx * dx + dy * dy));
         }
     }
 
-    /// Adds the light of the ball to the patch.
+    /// Adds coverage and light of the unoccluded ball to the patch, both multiplied by `weight`.
     fn add_light(&self, pose: &Pose, ink: &[f32], weight: f32, patch: &mut Patch) {
         let [x0, y0] = [patch.left as f64 - pose.center_px[0], patch.top as f64 - pose.center_px[1]];
         let width = patch.width;
@@ -262,15 +267,16 @@ impl Ball {
             let target = patch.coverage[cells.clone()].iter_mut().zip(&mut patch.light_dn[cells.clone()]);
             for (column, ((coverage, light_dn), ink)) in target.zip(&ink[cells]).enumerate() {
                 let dx = x0 as f32 + column as f32;
-                let ball = self.rim.at(dx * dx + dy * dy, || f64::from(-dy).atan2(f64::from(dx)) - pose.angle_rad);
+                let ball =
+                    self.rim.coverage_at(dx * dx + dy * dy, || f64::from(-dy).atan2(f64::from(dx)) - pose.angle_rad);
                 *coverage += weight * ball;
-                *light_dn += weight * self.ball_dn * (ball - self.ink * ink) * self.light.at(dx, dy);
+                *light_dn += weight * self.ball_dn * (ball - self.ink * ink) * self.light.diffuse_at(dx, dy);
                 *light_dn += weight * ball * self.light.gloss_dn(dx, dy);
             }
         }
     }
 
-    /// Subtracts the occluded part of the plain ball.
+    /// Subtracts the occluded part of the plain ball from coverage and light of the patch.
     fn subtract_occluded(&self, pose: &Pose, occluders: &[Occluder], weight: f32, patch: &mut Patch) {
         let edge_px = EDGE_SIGMA * self.sigma_px;
         let axes = Axes::new(pose.center_px, [1.0, 0.0]);
@@ -285,42 +291,54 @@ impl Ball {
         for index in 0..patch.coverage.len() {
             let (x, y) = ((patch.left + index % patch.width) as f64, (patch.top + index / patch.width) as f64);
             let (dx, dy) = (x - pose.center_px[0], y - pose.center_px[1]);
-            let mut near = occluders.iter().filter(|occluder| occluder.outside(x, y).0 <= edge_px);
+            let mut near = occluders.iter().filter(|occluder| occluder.distance_and_normal(x, y).0 <= edge_px);
             let Some(occluder) = near.next() else { continue };
-            let ball = self.rim.at((dx * dx + dy * dy) as f32, || (-dy).atan2(dx) - pose.angle_rad);
+            let ball = self.rim.coverage_at((dx * dx + dy * dy) as f32, || (-dy).atan2(dx) - pose.angle_rad);
             if ball <= 0.0 {
                 continue;
             }
-            let (outside_px, normal) = occluder.outside(x, y);
+            let (outside_px, normal) = occluder.distance_and_normal(x, y);
             let is_corner = near.next().is_some() || self.radius_px - dx.hypot(dy) < edge_px + 1.0;
             let visible = match () {
-                () if occluders.iter().any(|occluder| occluder.outside(x, y).0 < -edge_px) => 0.0,
+                () if occluders.iter().any(|occluder| occluder.distance_and_normal(x, y).0 < -edge_px) => 0.0,
                 () if self.rim.is_fuzzy() => {
-                    let free = occluders.iter().map(|other| normal_cdf(other.outside(x, y).0 / self.sigma_px));
-                    f64::from(ball) * free.product::<f64>()
+                    let uncovered =
+                        occluders.iter().map(|other| normal_cdf(other.distance_and_normal(x, y).0 / self.sigma_px));
+                    f64::from(ball) * uncovered.product::<f64>()
                 }
-                () if is_corner && !is_straight => coverage(&chords, dx, dy, self.sigma_px).clamp(0.0, f64::from(ball)),
-                () => self.visible_at_edge(dx, dy, outside_px + occluder.curvature_px(self.sigma_px), normal),
+                () if is_corner && !is_straight => {
+                    chord_coverage(&chords, dx, dy, self.sigma_px).clamp(0.0, f64::from(ball))
+                }
+                () => self.visible_coverage_at_edge(
+                    dx,
+                    dy,
+                    outside_px + occluder.curvature_shift_px(self.sigma_px),
+                    normal,
+                ),
             };
             let occluded = weight * (ball - visible as f32);
             patch.coverage[index] -= occluded;
             let (dx, dy) = (dx as f32, dy as f32);
-            patch.light_dn[index] -= occluded * self.ball_dn * self.light.at(dx, dy);
+            patch.light_dn[index] -= occluded * self.ball_dn * self.light.diffuse_at(dx, dy);
             patch.light_dn[index] -= occluded * self.light.gloss_dn(dx, dy);
         }
     }
 
-    /// Returns the coverage by the ball near an occluding edge: the blurred overlap of disc and free half-plane.
-    fn visible_at_edge(&self, dx: f64, dy: f64, outside_px: f64, normal: [f64; 2]) -> f64 {
-        let free = outside_px / self.sigma_px;
+    /// Returns the coverage by the ball near an occluding edge, 0 to 1: the blurred overlap of disc and uncovered
+    /// half-plane.
+    ///
+    /// `dx` and `dy` are from the centre of the ball, px. `outside_px` is the distance from the edge along its
+    /// outward `normal`.
+    fn visible_coverage_at_edge(&self, dx: f64, dy: f64, outside_px: f64, normal: [f64; 2]) -> f64 {
+        let uncovered = outside_px / self.sigma_px;
         let distance = dx.hypot(dy).max(1e-9);
         // The correction for the curvature of the rim.
         let inside = (self.radius_px - distance) / self.sigma_px - 0.5 * self.sigma_px / self.radius_px;
         if inside > EDGE_SIGMA {
-            return normal_cdf(free);
+            return normal_cdf(uncovered);
         }
         let cosine = -(dx * normal[0] + dy * normal[1]) / distance;
-        bivariate_cdf(inside, free, cosine, &self.rule)
+        bivariate_cdf(inside, uncovered, cosine, &self.rule)
     }
 }
 

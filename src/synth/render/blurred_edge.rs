@@ -15,6 +15,8 @@ pub(crate) fn total_sigma_px(blur_px: f64) -> f64 {
 pub(crate) const REACH_SIGMA: f64 = 4.2;
 
 /// Returns nodes and weights of the Gauss-Legendre rule of `N` points on -1 to 1.
+///
+/// Finds the roots of the Legendre polynomial by Newton's method.
 pub(crate) fn gauss_legendre<const N: usize>() -> [(f64, f64); N] {
     std::array::from_fn(|index| {
         let count = N as f64;
@@ -35,8 +37,8 @@ pub(crate) fn gauss_legendre<const N: usize>() -> [(f64, f64); N] {
 
 /// Returns the probability that two standard normal numbers with this correlation stay below `a` and `b`.
 ///
-/// It equals the blurred overlap of two half-planes whose inward normals enclose an angle with this cosine. Plackett's
-/// integral, Biometrika 41 (1954) 351.
+/// It equals the blurred overlap of two half-planes whose inward normals enclose an angle with this cosine. R. L.
+/// Plackett, Biometrika 41 (1954) 351, <https://doi.org/10.1093/biomet/41.3-4.351>.
 pub(crate) fn bivariate_cdf(a: f64, b: f64, correlation: f64, rule: &[(f64, f64)]) -> f64 {
     let half = 0.5 * correlation.clamp(-1.0, 1.0).asin();
     let sum: f64 = rule
@@ -84,14 +86,14 @@ impl BlurredDisc {
         }
     }
 
-    /// The distance beyond which the disc is neglected.
+    /// The distance beyond which the disc is neglected, px.
     pub(crate) fn reach_px(&self) -> f64 {
         self.reach_px
     }
 
-    /// Returns the coverage at a squared distance, 0 to 1.
+    /// Returns the coverage at a squared distance from the centre, 0 to 1.
     #[inline]
-    pub(crate) fn at(&self, distance_px2: f32) -> f32 {
+    pub(crate) fn coverage_at(&self, distance_px2: f32) -> f32 {
         let place = ((distance_px2 - self.first_px2) * self.steps_per_px2).clamp(0.0, self.last);
         let index = place as usize;
         let part = place - index as f32;
@@ -100,18 +102,18 @@ impl BlurredDisc {
     }
 }
 
-/// Convolves the indicator of a disc with a Gaussian: the error-function profiles of its chords, summed across.
+/// Returns the coverage of a pixel by a blurred disc, 0 to 1: the error-function profiles of its chords, summed across.
 fn disc_coverage(distance_px: f64, radius_px: f64, sigma_px: f64, rule: &[(f64, f64)]) -> f64 {
     let chord_coverage = |half_chord: f64| {
         normal_cdf((half_chord - distance_px) / sigma_px) - normal_cdf((-half_chord - distance_px) / sigma_px)
     };
     let density = |y: f64| (-0.5 * (y / sigma_px).powi(2)).exp() / (sigma_px * TAU.sqrt());
-    let wide = 6.0 * sigma_px;
-    let half: f64 = if radius_px > wide {
+    let reach = 6.0 * sigma_px;
+    let half: f64 = if radius_px > reach {
         rule.iter()
             .map(|(node, weight)| {
-                let y = 0.5 * wide * (1.0 + node);
-                0.5 * wide * weight * density(y) * chord_coverage((radius_px * radius_px - y * y).sqrt())
+                let y = 0.5 * reach * (1.0 + node);
+                0.5 * reach * weight * density(y) * chord_coverage((radius_px * radius_px - y * y).sqrt())
             })
             .sum()
     } else {
@@ -154,14 +156,14 @@ impl CutDisc {
         Self { reach_px, columns, values }
     }
 
-    /// The distance beyond which the disc is neglected.
+    /// The distance beyond which the disc is neglected, px.
     pub(crate) fn reach_px(&self) -> f64 {
         self.reach_px
     }
 
     /// Returns the coverage at a position within the reach along either axis, 0 to 1.
     #[inline]
-    pub(crate) fn at(&self, outward_px: f32, along_px: f32) -> f32 {
+    pub(crate) fn coverage_at(&self, outward_px: f32, along_px: f32) -> f32 {
         const STEPS_PER_PX: f32 = (1.0 / CUT_STEP_PX) as f32;
         let row = ((outward_px + self.reach_px as f32) * STEPS_PER_PX).clamp(0.0, (2 * self.columns - 2) as f32);
         let column = (along_px.abs() * STEPS_PER_PX).min((self.columns - 2) as f32);
@@ -173,7 +175,9 @@ impl CutDisc {
     }
 }
 
-/// Convolves the cut disc's indicator with a Gaussian: the profiles of its outward chords, summed along the rim.
+/// Returns the coverage of a pixel by a blurred disc that a rim cuts, 0 to 1.
+///
+/// The profiles of its outward chords are summed along the rim. `place_px` is outward and along the rim.
 fn cut_coverage(place_px: [f64; 2], radius_px: f64, rim_px: f64, sigma_px: f64, rule: &[(f64, f64)]) -> f64 {
     let [outward, along] = place_px;
     let center = rim_px.hypot(radius_px);
@@ -184,10 +188,10 @@ fn cut_coverage(place_px: [f64; 2], radius_px: f64, rim_px: f64, sigma_px: f64, 
     rule.iter()
         .map(|(node, weight)| {
             let (sin, cos) = (low + 0.5 * (high - low) * (1.0 + node)).sin_cos();
-            let foot = radius_px * sin;
+            let chord_position = radius_px * sin;
             let inner = -radius_px * cos;
-            let outer = (rim_px * rim_px - foot * foot).sqrt() - center;
-            let density = (-0.5 * ((along - foot) / sigma_px).powi(2)).exp() / (sigma_px * TAU.sqrt());
+            let outer = (rim_px * rim_px - chord_position * chord_position).sqrt() - center;
+            let density = (-0.5 * ((along - chord_position) / sigma_px).powi(2)).exp() / (sigma_px * TAU.sqrt());
             let chord = normal_cdf((outer - outward) / sigma_px) - normal_cdf((inner - outward) / sigma_px);
             0.5 * (high - low) * weight * radius_px * cos * density * chord.max(0.0)
         })
@@ -209,7 +213,7 @@ pub(crate) struct EdgedDisc {
 }
 
 impl EdgedDisc {
-    /// Returns its blurred coverage at a position along the edge's outward normal and across it.
+    /// Returns the blurred coverage at a position along the outward normal of the edge and across it, 0 to 1.
     pub(crate) fn coverage(&self, place_px: [f64; 2], sigma_px: f64, rule: &[(f64, f64)]) -> f64 {
         let [outward, across] = place_px;
         let radius = self.radius_px;
@@ -219,9 +223,9 @@ impl EdgedDisc {
         rule.iter()
             .map(|(node, weight)| {
                 let (sin, cos) = (low + 0.5 * (high - low) * (1.0 + node)).sin_cos();
-                let foot = radius * sin;
-                let density = (-0.5 * ((outward - foot) / sigma_px).powi(2)).exp() / (sigma_px * TAU.sqrt());
-                let rim = (self.rim_px * self.rim_px - (foot - rim_outward).powi(2)).max(0.0).sqrt();
+                let chord_position = radius * sin;
+                let density = (-0.5 * ((outward - chord_position) / sigma_px).powi(2)).exp() / (sigma_px * TAU.sqrt());
+                let rim = (self.rim_px * self.rim_px - (chord_position - rim_outward).powi(2)).max(0.0).sqrt();
                 let left = (-radius * cos).max(rim_across - rim);
                 let right = (radius * cos).min(rim_across + rim);
                 let chord = normal_cdf((right - across) / sigma_px) - normal_cdf((left - across) / sigma_px);
@@ -272,7 +276,7 @@ mod tests {
             let light: f64 = (0..count)
                 .map(|index| {
                     let distance = (index as f64 + 0.5) * step;
-                    TAU * distance * step * f64::from(disc.at((distance * distance) as f32))
+                    TAU * distance * step * f64::from(disc.coverage_at((distance * distance) as f32))
                 })
                 .sum();
             let area = PI * radius * radius;
@@ -296,7 +300,7 @@ mod tests {
                     }
                 }
             }
-            let coverage = f64::from(disc.at((distance * distance) as f32));
+            let coverage = f64::from(disc.coverage_at((distance * distance) as f32));
             assert!((coverage - sum).abs() < 1e-3, "{distance}: {coverage} {sum}");
         }
     }

@@ -18,7 +18,7 @@ struct Lamp {
     /// The share of the light that comes from the lamp.
     share: f32,
     direction: [f32; 3],
-    /// The light from below, relative to all other, and the direction that it comes from.
+    /// The light from downward, relative to all other, and the direction that it comes from.
     bounce: f32,
     down: [f32; 2],
     peak_dn: f32,
@@ -29,6 +29,7 @@ struct Lamp {
 }
 
 impl BodyLight {
+    /// Prepares the light on the body of a scenario. `full_dn` is the maximum grey level.
     pub(crate) fn new(scenario: &Scenario, full_dn: f32) -> Self {
         let (setup, radius_px) = (&scenario.light, scenario.radius_px());
         let (sin, cos) = setup.side_angle_deg.to_radians().sin_cos();
@@ -50,31 +51,31 @@ impl BodyLight {
         }
     }
 
-    /// Returns the diffuse light at a position from the centre, relative to even light.
+    /// Returns the diffuse light at a position from the centre (px, y down), relative to even light.
     #[inline]
-    pub(crate) fn at(&self, dx: f32, dy: f32) -> f32 {
+    pub(crate) fn diffuse_at(&self, dx: f32, dy: f32) -> f32 {
         let depth = (1.0 - (dx * dx + dy * dy) * self.per_radius2).max(0.0).sqrt();
         let light = (1.0 + self.slope[0] * dx + self.slope[1] * dy) * (1.0 - self.limb * (1.0 - depth));
-        self.lamp.as_ref().map_or(light, |lamp| light * lamp.diffuse(self.normal(dx, dy)))
+        self.lamp.as_ref().map_or(light, |lamp| light * lamp.diffuse_light(self.surface_normal(dx, dy)))
     }
 
-    /// Returns the light of the lamp that the surface reflects like a mirror, DN.
+    /// Returns the reflection of the lamp at a position from the centre (px, y down), DN.
     #[inline]
     pub(crate) fn gloss_dn(&self, dx: f32, dy: f32) -> f32 {
-        self.lamp.as_ref().map_or(0.0, |lamp| lamp.gloss_dn(self.normal(dx, dy)))
+        self.lamp.as_ref().map_or(0.0, |lamp| lamp.gloss_dn(self.surface_normal(dx, dy)))
     }
 
-    /// Returns the direction of the surface; beyond the rim that of the rim.
-    fn normal(&self, dx: f32, dy: f32) -> [f32; 3] {
-        let flat2 = (dx * dx + dy * dy) * self.per_radius2;
-        let scale = (self.per_radius2 / flat2.max(1.0)).sqrt();
-        [dx * scale, -dy * scale, (1.0 - flat2).max(0.0).sqrt()]
+    /// Returns the unit normal of the sphere at a position from the centre; beyond the rim, that of the rim.
+    fn surface_normal(&self, dx: f32, dy: f32) -> [f32; 3] {
+        let radius2 = (dx * dx + dy * dy) * self.per_radius2;
+        let scale = (self.per_radius2 / radius2.max(1.0)).sqrt();
+        [dx * scale, -dy * scale, (1.0 - radius2).max(0.0).sqrt()]
     }
 }
 
 impl Lamp {
     fn new(setup: &LightSetup, surface_deg: f64, full_dn: f32) -> Self {
-        let [x, y, z] = setup.to_lamp();
+        let [x, y, z] = setup.lamp_direction();
         let (sin, cos) = surface_deg.to_radians().sin_cos();
         // Halfway between the lamp and the camera. J. F. Blinn, SIGGRAPH 1977, 10.1145/563858.563893.
         let length = (2.0 + 2.0 * z).sqrt();
@@ -89,11 +90,16 @@ impl Lamp {
         }
     }
 
-    fn diffuse(&self, normal: [f32; 3]) -> f32 {
-        let below = normal[0] * self.down[0] + normal[1] * self.down[1];
-        1.0 - self.share + self.share * dot(normal, self.direction).max(0.0) + self.bounce * 0.5 * (1.0 + below)
+    /// Returns the diffuse light on a surface with this normal, relative to even light.
+    ///
+    /// The light of the lamp follows Lambert's cosine law, the light from below the form factor (1 + cos) / 2.
+    fn diffuse_light(&self, normal: [f32; 3]) -> f32 {
+        let downward = normal[0] * self.down[0] + normal[1] * self.down[1];
+        1.0 - self.share + self.share * dot(normal, self.direction).max(0.0) + self.bounce * 0.5 * (1.0 + downward)
     }
 
+    /// Returns the reflection of the lamp by a surface with this normal, DN: a Gaussian over the tilt from the
+    /// mirroring direction.
     fn gloss_dn(&self, normal: [f32; 3]) -> f32 {
         // For small angles the square of the angle; smooth everywhere.
         let tilt2 = 2.0 * (1.0 - dot(normal, self.mirror));
@@ -127,7 +133,7 @@ mod tests {
             ([0.0, 0.0], 0.3 + 0.7 * half),
             ([0.0, 60.0], 0.3),
         ] {
-            let found = light.at(place[0], place[1]);
+            let found = light.diffuse_at(place[0], place[1]);
             assert!((found - expected).abs() < 1e-5, "{place:?}: {found}");
         }
         assert!(light.gloss_dn(0.0, -30.0).abs() < 1e-9);
@@ -136,8 +142,8 @@ mod tests {
     #[test]
     fn light_from_the_surface_is_strongest_below() {
         let light = lit(LightSetup { bounce: 0.4, ..Default::default() });
-        let [above, middle, below] = [-60.0, 0.0, 60.0].map(|dy| light.at(0.0, dy));
-        assert!((above - 1.0).abs() < 1e-6 && (middle - 1.2).abs() < 1e-6 && (below - 1.4).abs() < 1e-6);
+        let [above, middle, downward] = [-60.0, 0.0, 60.0].map(|dy| light.diffuse_at(0.0, dy));
+        assert!((above - 1.0).abs() < 1e-6 && (middle - 1.2).abs() < 1e-6 && (downward - 1.4).abs() < 1e-6);
     }
 
     #[test]

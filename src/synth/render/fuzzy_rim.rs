@@ -26,23 +26,25 @@ pub(crate) struct Rim {
 }
 
 impl Rim {
+    /// Prepares a rim with felt of `fuzz_px` (0: sharp). `stream` draws the tufts.
     pub(crate) fn new(radius_px: f64, sigma_px: f64, fuzz_px: f64, mut stream: Stream) -> Self {
         let mut wave = || {
             let [short, long] = TUFT_PX.map(|px| TAU * radius_px / px);
             (stream.between(long, short).round().max(MIN_TUFTS), stream.between(0.0, TAU))
         };
         let waves: Vec<_> = if fuzz_px > 0.0 { (0..WAVES).map(|_| wave()).collect() } else { Vec::new() };
-        Self::of_waves(radius_px, sigma_px, fuzz_px, waves)
+        Self::from_waves(radius_px, sigma_px, fuzz_px, waves)
     }
 
-    fn of_waves(radius_px: f64, sigma_px: f64, fuzz_px: f64, waves: Vec<(f64, f64)>) -> Self {
+    /// Tabulates the rim. The felt is a softer edge, shifted by the waves of its tufts.
+    fn from_waves(radius_px: f64, sigma_px: f64, fuzz_px: f64, waves: Vec<(f64, f64)>) -> Self {
         let soft_px = if fuzz_px > 0.0 { sigma_px.hypot(SOFT * fuzz_px) } else { sigma_px };
         Self { disc: BlurredDisc::new(radius_px, soft_px), radius_px, sigma_px, fuzz_px, waves }
     }
 
     /// Returns the rim at another scale.
     pub(crate) fn zoomed(&self, zoom: f64) -> Self {
-        Self::of_waves(zoom * self.radius_px, self.sigma_px, self.fuzz_px, self.waves.clone())
+        Self::from_waves(zoom * self.radius_px, self.sigma_px, self.fuzz_px, self.waves.clone())
     }
 
     /// Whether the rim is covered with felt.
@@ -59,11 +61,16 @@ impl Rim {
     ///
     /// The direction is counter-clockwise from the axis of the ball that pointed to the right before it turned, rad.
     #[inline]
-    pub(crate) fn at(&self, distance_px2: f32, around_rad: impl FnOnce() -> f64) -> f32 {
-        if self.waves.is_empty() { self.disc.at(distance_px2) } else { self.fuzzy(distance_px2, around_rad) }
+    pub(crate) fn coverage_at(&self, distance_px2: f32, around_rad: impl FnOnce() -> f64) -> f32 {
+        if self.waves.is_empty() {
+            self.disc.coverage_at(distance_px2)
+        } else {
+            self.fuzzy_coverage(distance_px2, around_rad)
+        }
     }
 
-    fn fuzzy(&self, distance_px2: f32, around_rad: impl FnOnce() -> f64) -> f32 {
+    /// Returns the coverage by a ball with felt, 0 to 1; see [`coverage_at`](Self::coverage_at).
+    fn fuzzy_coverage(&self, distance_px2: f32, around_rad: impl FnOnce() -> f64) -> f32 {
         let distance = f64::from(distance_px2).sqrt();
         if distance < self.radius_px - 4.5 * self.sigma_px.hypot(self.fuzz_px) - 3.0 * self.fuzz_px {
             return 1.0;
@@ -72,7 +79,7 @@ impl Rim {
         let waves: f64 = self.waves.iter().map(|(periods, phase)| (periods * around + phase).cos()).sum();
         let tuft_px = TUFTS * self.fuzz_px * waves * (2.0 / WAVES as f64).sqrt();
         let inside = (distance - tuft_px).max(0.0) as f32;
-        self.disc.at(inside * inside)
+        self.disc.coverage_at(inside * inside)
     }
 }
 
@@ -82,7 +89,7 @@ mod tests {
 
     fn at(rim: &Rim, place: [f32; 2], angle_rad: f64) -> f32 {
         let [x, y] = place;
-        rim.at(x * x + y * y, || f64::from(-y).atan2(f64::from(x)) - angle_rad)
+        rim.coverage_at(x * x + y * y, || f64::from(-y).atan2(f64::from(x)) - angle_rad)
     }
 
     #[test]

@@ -23,4 +23,4 @@ pub(in crate::synth) use regular_paint::RegularPaint;
 pub(in crate::synth) use rod::Rod;
 pub(in crate::synth) use speckle_pattern::{Field, Pattern};
 pub(in crate::synth) use speckled_sphere::SpeckledSphere;
-pub(in crate::synth) use texture::smooth;
+pub(in crate::synth) use texture::smooth_noise;

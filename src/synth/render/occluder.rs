@@ -25,8 +25,8 @@ pub(crate) enum Occluder {
 }
 
 impl Occluder {
-    /// Returns the distance outside it, negative inside, px, and its outward normal there.
-    pub(crate) fn outside(&self, x_px: f64, y_px: f64) -> (f64, [f64; 2]) {
+    /// Returns the distance of a point outside the occluder, negative inside, px, and the outward normal there.
+    pub(crate) fn distance_and_normal(&self, x_px: f64, y_px: f64) -> (f64, [f64; 2]) {
         match self {
             Self::Edge(edge) => (edge.distance_px(x_px, y_px), edge.normal),
             Self::Ball(DiscOutline { center_px, radius_px }) => {
@@ -37,8 +37,8 @@ impl Occluder {
         }
     }
 
-    /// Returns the correction of a distance from its blurred outline for its curvature, px.
-    pub(crate) fn curvature_px(&self, sigma_px: f64) -> f64 {
+    /// Returns the shift of the blurred outline because of its curvature, px: sigma^2 / 2 R.
+    pub(crate) fn curvature_shift_px(&self, sigma_px: f64) -> f64 {
         match self {
             Self::Edge(_) => 0.0,
             Self::Ball(DiscOutline { radius_px, .. }) => 0.5 * sigma_px * sigma_px / radius_px,
@@ -54,8 +54,9 @@ impl Occluder {
         }
     }
 
-    /// Returns the part of a straight line that it occludes: from a point along a unit vector, px.
-    fn occluded_part(&self, from_px: [f64; 2], along: [f64; 2]) -> Option<[f64; 2]> {
+    /// Returns the occluded interval of a straight line, px along the unit vector `along` from `from_px`; `None` if
+    /// it is visible.
+    fn occluded_interval_px(&self, from_px: [f64; 2], along: [f64; 2]) -> Option<[f64; 2]> {
         match self {
             Self::Edge(edge) => {
                 let outside = edge.distance_px(from_px[0], from_px[1]);
@@ -95,17 +96,18 @@ impl Axes {
         Self { origin_px, along, across: [-along[1], along[0]] }
     }
 
-    fn foot(&self, across_px: f64) -> [f64; 2] {
+    /// Returns the origin of the chord at this position across the chords, px.
+    fn chord_origin_px(&self, across_px: f64) -> [f64; 2] {
         [self.origin_px[0] + across_px * self.across[0], self.origin_px[1] + across_px * self.across[1]]
     }
 
-    /// Returns the positions across the chords at which an occluder begins or ends to occlude them.
+    /// Returns the positions across the chords at which an occluder begins or ends to occlude them, px.
     ///
     /// The chords reach `half_px` along.
-    fn splits(&self, half_px: f64, occluder: &Occluder) -> Vec<f64> {
+    fn chord_breaks_px(&self, half_px: f64, occluder: &Occluder) -> Vec<f64> {
         let crossings = [-half_px, 0.0, half_px].into_iter().flat_map(|along_px| {
             let from = [self.origin_px[0] + along_px * self.along[0], self.origin_px[1] + along_px * self.along[1]];
-            occluder.occluded_part(from, self.across).unwrap_or([f64::INFINITY; 2])
+            occluder.occluded_interval_px(from, self.across).unwrap_or([f64::INFINITY; 2])
         });
         let touching = match occluder {
             Occluder::Edge(_) => None,
@@ -136,7 +138,7 @@ static RULE: LazyLock<[(f64, f64); 16]> = LazyLock::new(gauss_legendre);
 ///
 /// `splits` are the positions across at which the ends have a kink or a jump. The nodes are denser near the ends of an
 /// ellipse.
-pub(crate) fn chords(
+pub(crate) fn divide_into_chords(
     half_px: f64,
     sigma_px: f64,
     splits: &[f64],
@@ -164,7 +166,8 @@ pub(crate) fn chords(
     chords
 }
 
-/// Divides the visible part of a shape that fits a square of `2 half_px` into chords.
+/// Divides the visible part of a shape that fits a square of side 2 `half_px` into chords; `ends` gives the ends of
+/// each.
 pub(crate) fn visible_chords(
     half_px: f64,
     sigma_px: f64,
@@ -172,57 +175,57 @@ pub(crate) fn visible_chords(
     occluders: &[Occluder],
     ends: impl Fn(f64) -> Option<[f64; 2]>,
 ) -> Vec<Chord> {
-    let splits: Vec<f64> = occluders.iter().flat_map(|occluder| axes.splits(half_px, occluder)).collect();
-    let mut left = chords(half_px, sigma_px, &splits, ends);
+    let splits: Vec<f64> = occluders.iter().flat_map(|occluder| axes.chord_breaks_px(half_px, occluder)).collect();
+    let mut visible = divide_into_chords(half_px, sigma_px, &splits, ends);
     for occluder in occluders {
-        left = left
+        visible = visible
             .into_iter()
             .flat_map(|chord| {
                 let [low, high] = chord.ends_px;
-                let occluded = occluder.occluded_part(axes.foot(chord.across_px), axes.along);
-                let [from, to] = occluded.unwrap_or([f64::INFINITY; 2]);
-                [[low, high.min(from)], [low.max(to), high]].map(|ends_px| Chord { ends_px, ..chord })
+                let occluded = occluder.occluded_interval_px(axes.chord_origin_px(chord.across_px), axes.along);
+                let [start, end] = occluded.unwrap_or([f64::INFINITY; 2]);
+                [[low, high.min(start)], [low.max(end), high]].map(|ends_px| Chord { ends_px, ..chord })
             })
             .filter(|chord| chord.ends_px[1] > chord.ends_px[0])
             .collect();
     }
-    left
+    visible
 }
 
-/// Returns the blurred coverage by the shape of these chords at a position along and across them.
-pub(crate) fn coverage(chords: &[Chord], along_px: f64, across_px: f64, sigma_px: f64) -> f64 {
+/// Returns the blurred coverage by the shape of these chords at a position along and across them, 0 to 1.
+pub(crate) fn chord_coverage(chords: &[Chord], along_px: f64, across_px: f64, sigma_px: f64) -> f64 {
     let scale = 1.0 / sigma_px;
     let sum: f64 = chords
         .iter()
         .map(|chord| {
-            let far = (across_px - chord.across_px) * scale;
-            if far.abs() > 6.0 {
+            let distance = (across_px - chord.across_px) * scale;
+            if distance.abs() > 6.0 {
                 return 0.0;
             }
             let [low, high] = chord.ends_px.map(|end| normal_cdf((end - along_px) * scale));
-            chord.width_px * (-0.5 * far * far).exp() * (high - low)
+            chord.width_px * (-0.5 * distance * distance).exp() * (high - low)
         })
         .sum();
     sum * scale / TAU.sqrt()
 }
 
-/// Returns the ends of a disc's chord, from the foot of its middle, px.
+/// Returns the ends of the chord of a disc at `across_px` from its centre, from the middle of the chord, px.
 pub(crate) fn disc_chord(radius_px: f64, across_px: f64) -> [f64; 2] {
     let half = (radius_px * radius_px - across_px * across_px).max(0.0).sqrt();
     [-half, half]
 }
 
-/// Returns the visible fraction of a disc behind several occluders.
+/// Returns the fraction of the area of a disc that several occluders leave visible, 0 to 1.
 pub(crate) fn visible_fraction(disc: &DiscOutline, occluders: &[Occluder]) -> f64 {
     let radius = disc.radius_px;
     let [x, y] = disc.center_px;
-    if occluders.iter().all(|occluder| occluder.outside(x, y).0 >= radius) {
+    if occluders.iter().all(|occluder| occluder.distance_and_normal(x, y).0 >= radius) {
         return 1.0;
     }
     let axes = Axes::new(disc.center_px, [1.0, 0.0]);
     // A fine blur gives many chords.
-    let left = visible_chords(radius, 0.02 * radius, &axes, occluders, |across| Some(disc_chord(radius, across)));
-    let area: f64 = left.iter().map(|chord| chord.width_px * (chord.ends_px[1] - chord.ends_px[0])).sum();
+    let visible = visible_chords(radius, 0.02 * radius, &axes, occluders, |across| Some(disc_chord(radius, across)));
+    let area: f64 = visible.iter().map(|chord| chord.width_px * (chord.ends_px[1] - chord.ends_px[0])).sum();
     (area / (std::f64::consts::PI * radius * radius)).clamp(0.0, 1.0)
 }
 

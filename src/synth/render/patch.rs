@@ -15,8 +15,8 @@ pub(crate) struct Patch {
 }
 
 impl Patch {
-    /// Returns coverage and light between the pixels; 0 outside.
-    pub(crate) fn at(&self, x: f64, y: f64) -> (f32, f32) {
+    /// Interpolates coverage and light (DN) bilinearly at an image position, px; 0 outside.
+    pub(crate) fn interpolate(&self, x: f64, y: f64) -> (f32, f32) {
         let (x, y) = (x - self.left as f64, y - self.top as f64);
         let (first_x, first_y) = (x.floor(), y.floor());
         let inside = |first: f64, count: usize| first >= 0.0 && first + 1.0 < count as f64;
@@ -26,8 +26,8 @@ impl Patch {
         let (right, down) = ((x - first_x) as f32, (y - first_y) as f32);
         let cell = first_y as usize * self.width + first_x as usize;
         let between = |values: &[f32]| {
-            let across = |cell: usize| values[cell] + right * (values[cell + 1] - values[cell]);
-            let (above, below) = (across(cell), across(cell + self.width));
+            let along_row = |cell: usize| values[cell] + right * (values[cell + 1] - values[cell]);
+            let (above, below) = (along_row(cell), along_row(cell + self.width));
             above + down * (below - above)
         };
         (between(&self.coverage), between(&self.light_dn))
@@ -40,7 +40,8 @@ pub(crate) struct Canvas<'a> {
     pub(crate) ink: &'a mut [f32],
 }
 
-/// Adds a coverage to every cell within `reach` of a position; `coverage` takes coordinates relative to it, px.
+/// Adds a coverage to the ink of every pixel within `reach` of a position, px; `coverage` takes coordinates relative
+/// to it.
 pub(crate) fn splat(place_px: [f64; 2], reach: f64, canvas: &mut Canvas<'_>, coverage: impl Fn(f32, f32) -> f32) {
     let Canvas { patch, ink } = canvas;
     let [x, y] = place_px;

@@ -47,7 +47,7 @@ impl RegularPaint {
             radius_px,
             sigma_px,
             dot: (setup.area_max_px2 / PI).sqrt() / radius_px,
-            panels: if setup.layout == Layout::Football { icosahedron(stream) } else { Vec::new() },
+            panels: if setup.layout == Layout::Football { icosahedron_vertices(stream) } else { Vec::new() },
         })
     }
 
@@ -56,23 +56,28 @@ impl RegularPaint {
         Self { radius_px: zoom * self.radius_px, ..self.clone() }
     }
 
-    /// Returns the painted share of a pixel, at a position from the centre (px, y down).
-    pub(crate) fn at(&self, pose: &Pose, dx: f64, dy: f64) -> f64 {
-        let level = |x: f64, y: f64| self.level(self.on_body(pose, x, y));
-        let slope =
-            [level(dx + STEP_PX, dy) - level(dx - STEP_PX, dy), level(dx, dy + STEP_PX) - level(dx, dy - STEP_PX)];
+    /// Returns the painted fraction of a pixel, 0 to 1, at a position from the centre (px, y down).
+    ///
+    /// Divides the level-set function by its gradient, which gives the distance from the edge, and blurs it.
+    pub(crate) fn coverage_at(&self, pose: &Pose, dx: f64, dy: f64) -> f64 {
+        let level_set = |x: f64, y: f64| self.level_set(self.body_point(pose, x, y));
+        let slope = [
+            level_set(dx + STEP_PX, dy) - level_set(dx - STEP_PX, dy),
+            level_set(dx, dy + STEP_PX) - level_set(dx, dy - STEP_PX),
+        ];
         let steepest = slope[0].hypot(slope[1]) / (2.0 * STEP_PX);
-        normal_cdf(level(dx, dy) / (steepest * self.sigma_px).max(1e-9))
+        normal_cdf(level_set(dx, dy) / (steepest * self.sigma_px).max(1e-9))
     }
 
     /// Returns whether a point is painted, 0 or 1.
     #[cfg(test)]
-    pub(crate) fn sharp(&self, pose: &Pose, dx: f64, dy: f64) -> f64 {
-        f64::from(u8::from(self.level(self.on_body(pose, dx, dy)) > 0.0))
+    pub(crate) fn is_painted(&self, pose: &Pose, dx: f64, dy: f64) -> f64 {
+        f64::from(u8::from(self.level_set(self.body_point(pose, dx, dy)) > 0.0))
     }
 
-    /// Returns the point of the body that is seen, in its own axes (x right, y up, z to the camera), in radii.
-    fn on_body(&self, pose: &Pose, dx: f64, dy: f64) -> [f64; 3] {
+    /// Returns the visible point of the body at a position from the centre, in the axes of the body (x right, y up, z
+    /// to the camera), in radii.
+    fn body_point(&self, pose: &Pose, dx: f64, dy: f64) -> [f64; 3] {
         let (x, y) = (dx / self.radius_px, -dy / self.radius_px);
         if self.shape != Shape::Sphere {
             let (sin, cos) = pose.angle_rad.sin_cos();
@@ -83,9 +88,9 @@ impl RegularPaint {
         pose.orientation.inverse_rotate([x, y, (1.0 - x * x - y * y).max(0.0).sqrt()])
     }
 
-    /// Returns the function of the pattern, positive inside the paint.
-    fn level(&self, at: [f64; 3]) -> f64 {
-        let [x, y, z] = at;
+    /// Returns the level-set function of the pattern at a point of the body, in radii; positive inside the paint.
+    fn level_set(&self, point: [f64; 3]) -> f64 {
+        let [x, y, z] = point;
         let edge = (PI * self.coverage).cos();
         match self.layout {
             Layout::Random => -1.0,
@@ -107,9 +112,9 @@ impl RegularPaint {
     }
 }
 
-/// Returns the corners of an icosahedron in a random orientation.
-fn icosahedron(mut stream: Stream) -> Vec<[f64; 3]> {
-    let turn = Orientation::about([0; 3].map(|_| stream.between(-PI, PI)));
+/// Returns unit vectors to the vertices of an icosahedron in a random orientation.
+fn icosahedron_vertices(mut stream: Stream) -> Vec<[f64; 3]> {
+    let rotation = Orientation::from_rotation_vector([0; 3].map(|_| stream.between(-PI, PI)));
     let golden = 0.5 * (1.0 + 5_f64.sqrt());
     let length = 1_f64.hypot(golden);
     let (short, long) = (1.0 / length, golden / length);
@@ -117,7 +122,7 @@ fn icosahedron(mut stream: Stream) -> Vec<[f64; 3]> {
     signs
         .iter()
         .flat_map(|(a, b)| [[0.0, a * short, b * long], [a * short, b * long, 0.0], [b * long, 0.0, a * short]])
-        .map(|corner| turn.of(corner))
+        .map(|corner| rotation.rotate(corner))
         .collect()
 }
 
@@ -137,7 +142,8 @@ mod tests {
     /// The share of the disc within 0.95 of the radius, so that the rim of a sphere does not matter.
     fn share(paint: &RegularPaint, pose: &Pose) -> f64 {
         let places = (-38..=38).flat_map(|y| (-38..=38).map(move |x| [f64::from(x), f64::from(y)]));
-        let inside: Vec<f64> = places.filter(|[x, y]| x.hypot(*y) < 38.0).map(|[x, y]| paint.at(pose, x, y)).collect();
+        let inside: Vec<f64> =
+            places.filter(|[x, y]| x.hypot(*y) < 38.0).map(|[x, y]| paint.coverage_at(pose, x, y)).collect();
         inside.iter().sum::<f64>() / inside.len() as f64
     }
 
@@ -151,10 +157,12 @@ mod tests {
                 let part = if layout == Layout::Stripes { PI } else { TAU / f64::from(repeats) };
                 let turned = pose(Orientation::in_plane(part), part);
                 let half = pose(Orientation::in_plane(0.5 * part), 0.5 * part);
-                let differs = |other: &Pose| (paint.at(&still, 13.0, 8.0) - paint.at(other, 13.0, 8.0)).abs();
+                let differs =
+                    |other: &Pose| (paint.coverage_at(&still, 13.0, 8.0) - paint.coverage_at(other, 13.0, 8.0)).abs();
                 assert!(differs(&turned) < 1e-9, "{layout:?} {shape:?}");
-                let places =
-                    (-30..30).map(|x| (paint.at(&still, f64::from(x), 5.0) - paint.at(&half, f64::from(x), 5.0)).abs());
+                let places = (-30..30).map(|x| {
+                    (paint.coverage_at(&still, f64::from(x), 5.0) - paint.coverage_at(&half, f64::from(x), 5.0)).abs()
+                });
                 assert!(places.fold(0.0, f64::max) > 0.5, "{layout:?} {shape:?}");
             }
         }
@@ -172,7 +180,7 @@ mod tests {
         let turned = pose(Orientation::in_plane(0.5 * PI), 0.5 * PI);
         for (x, y) in [(10.0, 3.0), (-22.0, 17.0), (4.0, -31.0)] {
             // Counter-clockwise on the screen: the point on the right comes to the top.
-            assert!((football.at(&still, x, y) - football.at(&turned, y, -x)).abs() < 1e-9);
+            assert!((football.coverage_at(&still, x, y) - football.coverage_at(&turned, y, -x)).abs() < 1e-9);
         }
     }
 }

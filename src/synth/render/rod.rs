@@ -27,17 +27,18 @@ pub(crate) struct Rod {
 
 impl Rod {
     /// Returns the speckled patch around the mark.
-    pub(crate) fn field(scenario: &Scenario, setup: &RodSetup) -> Field {
+    pub(crate) fn speckled_field(scenario: &Scenario, setup: &RodSetup) -> Field {
         Field::Rectangle([scenario.radius_px(), 0.5 * (setup.patch_px[1] - setup.patch_px[0])])
     }
 
-    /// Returns the height of the mark, the middle of the patch, above the lower end.
-    pub(crate) fn mark_px(setup: &RodSetup) -> f64 {
+    /// Returns the height of the mark, the middle of the patch, above the lower end, px.
+    pub(crate) fn mark_height_px(setup: &RodSetup) -> f64 {
         0.5 * (setup.patch_px[0] + setup.patch_px[1])
     }
 
+    /// Prepares the drawing of a rod with speckles of `pattern`. `full_dn` is the maximum grey level.
     pub(crate) fn new(scenario: &Scenario, setup: &RodSetup, pattern: Pattern, full_dn: f32) -> Self {
-        let mark_px = Self::mark_px(setup);
+        let mark_px = Self::mark_height_px(setup);
         let below = |[low, high]: [f64; 2]| [mark_px - high, mark_px - low];
         Self {
             half_width_px: scenario.radius_px(),
@@ -67,15 +68,17 @@ impl Rod {
                 let disc = &self.pattern.discs[speckle.size];
                 let place = [x + speckle.x_px, y + speckle.y_px - top as f64];
                 splat(place, disc.reach_px(), &mut Canvas { patch: &patch, ink: &mut ink }, |dx, dy| {
-                    disc.at(dx * dx + dy * dy)
+                    disc.coverage_at(dx * dx + dy * dy)
                 });
             }
-            self.paint(moment, &ink, weight, &mut patch);
+            self.paint_moment(moment, &ink, weight, &mut patch);
         }
         patch
     }
 
-    fn paint(&self, moment: &Moment, ink: &[f32], weight: f32, patch: &mut Patch) {
+    /// Adds coverage and light of the rod at one moment to the patch, both multiplied by `weight`. `ink` is that of
+    /// the speckles.
+    fn paint_moment(&self, moment: &Moment, ink: &[f32], weight: f32, patch: &mut Patch) {
         let [x, y] = moment.pose.center_px;
         // The surface occludes the part that has sunk into it; both edges lie along the rows.
         let end = moment.occluder.map_or(y + self.end_px, |flat| flat.point_px[1].min(y + self.end_px));
@@ -86,7 +89,7 @@ impl Rod {
                 let column = column as f64;
                 let covered = (below(x - self.half_width_px, column) - below(x + self.half_width_px, column)) as f32;
                 let dx = (column - x) as f32;
-                [covered, self.light.at(dx, 0.0), self.light.gloss_dn(dx, 0.0)]
+                [covered, self.light.diffuse_at(dx, 0.0), self.light.gloss_dn(dx, 0.0)]
             })
             .collect();
         let last = (end + REACH_SIGMA * self.sigma_px).ceil() - patch.top as f64;

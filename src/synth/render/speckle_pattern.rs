@@ -27,8 +27,8 @@ impl Field {
         }
     }
 
-    /// Returns the radius of a disc around it.
-    fn reach_px(self) -> f64 {
+    /// Returns the radius of the smallest disc around the region, px.
+    fn enclosing_radius_px(self) -> f64 {
         match self {
             Self::Disc(radius) => radius,
             Self::Rectangle([x, y]) => x.hypot(y),
@@ -59,7 +59,7 @@ pub(crate) struct Line {
 }
 
 impl Line {
-    /// Returns the distance from its centre line, px.
+    /// Returns the distance of a point from the centre line, px.
     fn distance_px(&self, x_px: f64, y_px: f64) -> f64 {
         let (dx, dy) = (x_px - self.middle_px[0], y_px - self.middle_px[1]);
         let along = dx * self.along[0] + dy * self.along[1];
@@ -67,27 +67,29 @@ impl Line {
         across.hypot((along.abs() - self.half_length_px).max(0.0))
     }
 
-    fn end(&self, side: f64) -> [f64; 2] {
+    /// Returns an end of the centre line, or a point between both ends: `side` is -1 to 1.
+    fn endpoint(&self, side: f64) -> [f64; 2] {
         let reach = side * self.half_length_px;
         [self.middle_px[0] + reach * self.along[0], self.middle_px[1] + reach * self.along[1]]
     }
 
-    /// Whether both lines come closer than a width and a pixel.
-    fn meets(&self, other: &Self) -> bool {
+    /// Whether both lines come closer than a pixel, or intersect.
+    fn is_near(&self, other: &Self) -> bool {
         let apart = self.half_width_px + other.half_width_px + 1.0;
         (-20..=20).any(|part| {
-            let [x, y] = self.end(f64::from(part) / 20.0);
-            let [u, v] = other.end(f64::from(part) / 20.0);
+            let [x, y] = self.endpoint(f64::from(part) / 20.0);
+            let [u, v] = other.endpoint(f64::from(part) / 20.0);
             other.distance_px(x, y) < apart || self.distance_px(u, v) < apart
-        }) || self.crosses(other)
+        }) || self.intersects(other)
     }
 
-    fn crosses(&self, other: &Self) -> bool {
+    /// Whether the centre lines intersect.
+    fn intersects(&self, other: &Self) -> bool {
         let side = |line: &Self, [x, y]: [f64; 2]| {
             (x - line.middle_px[0]) * line.along[1] - (y - line.middle_px[1]) * line.along[0]
         };
-        side(self, other.end(-1.0)) * side(self, other.end(1.0)) < 0.0
-            && side(other, self.end(-1.0)) * side(other, self.end(1.0)) < 0.0
+        side(self, other.endpoint(-1.0)) * side(self, other.endpoint(1.0)) < 0.0
+            && side(other, self.endpoint(-1.0)) * side(other, self.endpoint(1.0)) < 0.0
     }
 }
 
@@ -107,14 +109,18 @@ pub(crate) struct Pattern {
 }
 
 impl Pattern {
-    /// Places random speckles in a region until they reach the coverage.
+    /// Places random speckles in a region until they reach the coverage. `sigma_px` is the blur of their tables.
+    ///
+    /// # Errors
+    ///
+    /// Returns [`ScenarioError`] if the lines or the speckles do not fit.
     pub(crate) fn scatter(
         setup: &PatternSetup,
         field: Field,
         sigma_px: f64,
         mut stream: Stream,
     ) -> Result<Self, ScenarioError> {
-        let areas = areas_px2(setup);
+        let areas = size_areas_px2(setup);
         let sizes = areas.len();
         let radii_px: Vec<f64> = areas.iter().map(|area| (area / PI).sqrt()).collect();
         let mut placement = Placement::new(field, radii_px.clone(), setup.coverage);
@@ -131,7 +137,7 @@ impl Pattern {
             // Large ones first, since small ones still fit between them.
             batch.sort_unstable_by(|left, right| right.cmp(left));
             for size in batch {
-                if size < usable && !placement.place(size, &mut stream) {
+                if size < usable && !placement.place_speckle(size, &mut stream) {
                     usable = size;
                 }
             }
@@ -140,12 +146,12 @@ impl Pattern {
         let crossing =
             |size: usize| placement.speckles.iter().any(|speckle| speckle.size == size && speckle.crosses_rim);
         let cut_discs = (0..sizes)
-            .map(|size| crossing(size).then(|| CutDisc::new(radii_px[size], field.reach_px(), sigma_px)))
+            .map(|size| crossing(size).then(|| CutDisc::new(radii_px[size], field.enclosing_radius_px(), sigma_px)))
             .collect();
         Ok(Self { speckles: placement.speckles, lines: placement.lines, discs, cut_discs, radii_px })
     }
 
-    /// Returns the pattern at another scale, on a disc of `rim_px`.
+    /// Returns the pattern magnified by `zoom`, on a disc of radius `rim_px`.
     pub(crate) fn zoomed(&self, zoom: f64, rim_px: f64, sigma_px: f64) -> Self {
         let radii_px: Vec<f64> = self.radii_px.iter().map(|radius| zoom * radius).collect();
         let speckle = |speckle: &Speckle| Speckle { x_px: zoom * speckle.x_px, y_px: zoom * speckle.y_px, ..*speckle };
@@ -167,14 +173,14 @@ impl Pattern {
     }
 }
 
-/// Returns the areas of the speckle sizes, smallest first.
-pub(crate) fn areas_px2(setup: &PatternSetup) -> Vec<f64> {
+/// Returns the areas of the speckle sizes, smallest first, px^2. Their logarithms are equally spaced.
+pub(crate) fn size_areas_px2(setup: &PatternSetup) -> Vec<f64> {
     let sizes = if setup.area_max_px2 > setup.area_min_px2 { SIZES } else { 1 };
     let ratio = setup.area_max_px2 / setup.area_min_px2;
     (0..sizes).map(|size| setup.area_min_px2 * ratio.powf((size as f64 + 0.5) / sizes as f64)).collect()
 }
 
-/// Draws sizes, uniform in area, that together cover `wanted_px2`.
+/// Draws indices of sizes, uniform in area, that together cover at least `wanted_px2`.
 pub(crate) fn draw_sizes(areas: &[f64], wanted_px2: f64, stream: &mut Stream) -> Vec<usize> {
     let (low, high) = (areas[0], areas[areas.len() - 1]);
     let mut sizes = Vec::new();
@@ -206,7 +212,7 @@ struct Placement {
 
 impl Placement {
     fn new(field: Field, radii_px: Vec<f64>, coverage: f64) -> Self {
-        let radius_px = field.reach_px();
+        let radius_px = field.enclosing_radius_px();
         let largest = radii_px[radii_px.len() - 1];
         let cell_px = 2.0 * largest;
         let cells_wide = (2.0 * (radius_px + 2.0 * largest) / cell_px).ceil() as usize + 2;
@@ -225,7 +231,11 @@ impl Placement {
         }
     }
 
-    /// Places the lines: none crosses another or the rim.
+    /// Places the lines at random; none crosses another or the rim.
+    ///
+    /// # Errors
+    ///
+    /// Returns [`ScenarioError::TooManyLines`] if too many positions were tried.
     fn place_lines(&mut self, setup: &PatternSetup, stream: &mut Stream) -> Result<(), ScenarioError> {
         let half_width_px = 0.5 * setup.line_width_px;
         let inside_px = self.radius_px - half_width_px - 1.0;
@@ -242,7 +252,7 @@ impl Placement {
             let slide = stream.between(-1.0, 1.0) * (half_chord - half_length_px);
             let middle_px = [slide * along[0] - distance * along[1], slide * along[1] + distance * along[0]];
             let line = Line { middle_px, along, half_length_px, half_width_px };
-            if !self.lines.iter().any(|other| line.meets(other)) {
+            if !self.lines.iter().any(|other| line.is_near(other)) {
                 self.covered_px2 += 4.0 * half_length_px * half_width_px;
                 self.lines.push(line);
             }
@@ -250,11 +260,12 @@ impl Placement {
         Ok(())
     }
 
-    fn place(&mut self, size: usize, stream: &mut Stream) -> bool {
+    /// Places a speckle of this size at a random free position. Returns whether one was found.
+    fn place_speckle(&mut self, size: usize, stream: &mut Stream) -> bool {
         let small = self.radii_px[size];
         for _ in 0..TRIALS {
             let tried = match self.field {
-                Field::Disc(_) => self.try_in_disc(size, stream),
+                Field::Disc(_) => self.draw_in_disc(size, stream),
                 Field::Rectangle([x, y]) => {
                     let place = |half: f64, stream: &mut Stream| stream.between(-1.0, 1.0) * (half - small);
                     let (x_px, y_px) = (place(x, stream), place(y, stream));
@@ -264,7 +275,7 @@ impl Placement {
             let Some((speckle, covered_px2)) = tried.filter(|(speckle, _)| self.is_free(speckle)) else { continue };
             self.rim_left_px -= if speckle.crosses_rim { 2.0 * small } else { 0.0 };
             self.covered_px2 += covered_px2;
-            let cell = self.cell(speckle.y_px) * self.cells_wide + self.cell(speckle.x_px);
+            let cell = self.cell_index(speckle.y_px) * self.cells_wide + self.cell_index(speckle.x_px);
             self.cells[cell].push(self.speckles.len());
             self.speckles.push(speckle);
             return true;
@@ -272,8 +283,10 @@ impl Placement {
         false
     }
 
-    /// Draws a position in the disc or across its rim; also returns the area it would cover.
-    fn try_in_disc(&self, size: usize, stream: &mut Stream) -> Option<(Speckle, f64)> {
+    /// Draws a position in the disc or across its rim; also returns the area that it would cover, px^2.
+    ///
+    /// `None` if the rim is already covered.
+    fn draw_in_disc(&self, size: usize, stream: &mut Stream) -> Option<(Speckle, f64)> {
         let small = self.radii_px[size];
         let reach = self.radius_px + small;
         let angle = stream.between(0.0, TAU);
@@ -290,16 +303,18 @@ impl Placement {
         Some((speckle, overlap_px2(self.radius_px, small, distance)))
     }
 
-    fn cell(&self, place_px: f64) -> usize {
+    /// Returns the row or column of the cell of a coordinate.
+    fn cell_index(&self, place_px: f64) -> usize {
         (place_px / self.cell_px + 0.5 * self.cells_wide as f64) as usize
     }
 
+    /// Whether a speckle overlaps no line and no other speckle.
     fn is_free(&self, speckle: &Speckle) -> bool {
         let small = self.radii_px[speckle.size];
         if self.lines.iter().any(|line| line.distance_px(speckle.x_px, speckle.y_px) < small + line.half_width_px) {
             return false;
         }
-        let (column, row) = (self.cell(speckle.x_px), self.cell(speckle.y_px));
+        let (column, row) = (self.cell_index(speckle.x_px), self.cell_index(speckle.y_px));
         (row - 1..=row + 1).flat_map(|row| (column - 1..=column + 1).map(move |column| (row, column))).all(
             |(row, column)| {
                 self.cells[row * self.cells_wide + column].iter().all(|index| {
@@ -312,7 +327,8 @@ impl Placement {
     }
 }
 
-/// Returns the area that two discs share, the second no larger than the first.
+/// Returns the area that two discs share, px^2: the sum of two circular segments. The second disc is not larger than
+/// the first.
 fn overlap_px2(large: f64, small: f64, distance: f64) -> f64 {
     if distance <= large - small {
         return PI * small * small;
@@ -365,14 +381,14 @@ mod tests {
         assert_eq!(pattern.lines.len(), 5);
         for (index, line) in pattern.lines.iter().enumerate() {
             for side in [-1.0, 1.0] {
-                let [x, y] = line.end(side);
+                let [x, y] = line.endpoint(side);
                 assert!(x.hypot(y) < 59.0);
             }
             for speckle in &pattern.speckles {
                 let apart = line.distance_px(speckle.x_px, speckle.y_px);
                 assert!(apart >= pattern.radii_px[speckle.size] + 1.0);
             }
-            assert!(pattern.lines[..index].iter().all(|other| !line.crosses(other)));
+            assert!(pattern.lines[..index].iter().all(|other| !line.intersects(other)));
         }
         let crowded = Pattern::scatter(&PatternSetup { lines: 200, ..setup }, Field::Disc(60.0), 0.76, Stream::new(7));
         assert!(matches!(crowded, Err(ScenarioError::TooManyLines { wanted: 200, .. })));

@@ -1,8 +1,8 @@
 //! Speckles on a full sphere, which can rotate about any axis.
 
-use super::occluder::{Axes, Occluder, coverage, visible_chords};
+use super::occluder::{Axes, Occluder, chord_coverage, visible_chords};
 use super::patch::{Canvas, splat};
-use super::speckle_pattern::{TRIALS, areas_px2, draw_sizes};
+use super::speckle_pattern::{TRIALS, draw_sizes, size_areas_px2};
 use super::spherical_cap::{CapTable, SphericalCap};
 use crate::numeric::Stream;
 use crate::synth::orientation::Orientation;
@@ -28,14 +28,19 @@ pub(crate) struct SpeckledSphere {
 }
 
 impl SpeckledSphere {
-    /// Places random speckles on the whole sphere until they reach the coverage.
+    /// Places random speckles on the whole sphere until they reach the coverage. `sigma_px` is the blur of their
+    /// tables.
+    ///
+    /// # Errors
+    ///
+    /// Returns [`ScenarioError::TooDense`] if they do not fit.
     pub(crate) fn scatter(
         setup: &PatternSetup,
         ball_px: f64,
         sigma_px: f64,
         mut stream: Stream,
     ) -> Result<Self, ScenarioError> {
-        let areas = areas_px2(setup);
+        let areas = size_areas_px2(setup);
         let caps: Vec<SphericalCap> =
             areas.iter().map(|area| SphericalCap { ball_px, radius_px: (area / PI).sqrt() }).collect();
         let whole_px2 = 4.0 * PI * ball_px * ball_px;
@@ -53,7 +58,7 @@ impl SpeckledSphere {
             // Large ones first, since small ones still fit between them.
             batch.sort_unstable_by(|left, right| right.cmp(left));
             for size in batch {
-                if size < usable && !placement.place(size, &mut stream) {
+                if size < usable && !placement.place_speckle(size, &mut stream) {
                     usable = size;
                 }
             }
@@ -72,42 +77,45 @@ impl SpeckledSphere {
         canvas: &mut Canvas<'_>,
     ) {
         for spot in &self.spots {
-            let [x, y, z] = orientation.of(spot.direction);
+            let [x, y, z] = orientation.rotate(spot.direction);
             let table = &self.tables[spot.size];
             let cap = table.cap();
             let tilt_rad = z.clamp(-1.0, 1.0).acos();
             if tilt_rad >= FRAC_PI_2 + cap.opening_rad() {
                 continue;
             }
-            let flat = x.hypot(y);
-            let outward = if flat > 0.0 { [x / flat, -y / flat] } else { [1.0, 0.0] };
+            let radial = x.hypot(y);
+            let outward = if radial > 0.0 { [x / radial, -y / radial] } else { [1.0, 0.0] };
             let reach = cap.origin_px(tilt_rad);
             let place = [center_px[0] + reach * outward[0], center_px[1] + reach * outward[1]];
             self.draw_spot(table, tilt_rad, &Axes::new(place, outward), occluders, canvas);
         }
     }
 
+    /// Adds the visible part of one speckle, tilted by `tilt_rad` off the line of sight; `axes` lead from its origin
+    /// outwards.
     fn draw_spot(&self, table: &CapTable, tilt_rad: f64, axes: &Axes, occluders: &[Occluder], canvas: &mut Canvas<'_>) {
         let (cap, [x, y]) = (table.cap(), axes.origin_px);
         // The visible part of a speckle on the rim lies slightly off its origin.
         let extent = cap.radius_px * (1.0 + cap.radius_px / self.ball_px);
-        let outside = occluders.iter().map(|occluder| occluder.outside(x, y).0).fold(f64::INFINITY, f64::min);
+        let outside =
+            occluders.iter().map(|occluder| occluder.distance_and_normal(x, y).0).fold(f64::INFINITY, f64::min);
         if outside <= -extent {
             return;
         }
         let project = |dx: f32, dy: f32, [ex, ey]: [f64; 2]| dx * ex as f32 + dy * ey as f32;
         if outside < extent {
-            let chords = visible_chords(cap.half_px(tilt_rad), self.sigma_px, axes, occluders, |across| {
-                cap.ends_px(tilt_rad, across)
+            let chords = visible_chords(cap.half_width_px(tilt_rad), self.sigma_px, axes, occluders, |across| {
+                cap.chord_ends_px(tilt_rad, across)
             });
             splat([x, y], table.reach_px(), canvas, |dx, dy| {
                 let (along, across) = (project(dx, dy, axes.along), project(dx, dy, axes.across));
-                coverage(&chords, f64::from(along), f64::from(across), self.sigma_px) as f32
+                chord_coverage(&chords, f64::from(along), f64::from(across), self.sigma_px) as f32
             });
         } else {
             let view = table.tilted(tilt_rad);
             splat([x, y], table.reach_px(), canvas, |dx, dy| {
-                view.at(project(dx, dy, axes.along), project(dx, dy, axes.across))
+                view.coverage_at(project(dx, dy, axes.along), project(dx, dy, axes.across))
             });
         }
     }
@@ -132,22 +140,24 @@ impl<'a> Placement<'a> {
         Self { caps, slices: vec![Vec::new(); slices], near, spots: Vec::new(), covered_px2: 0.0 }
     }
 
-    fn slice(&self, direction: &[f64; 3]) -> usize {
+    /// Returns the slice that contains a direction.
+    fn slice_index(&self, direction: &[f64; 3]) -> usize {
         ((0.5 * (direction[2] + 1.0) * self.slices.len() as f64) as usize).min(self.slices.len() - 1)
     }
 
-    fn place(&mut self, size: usize, stream: &mut Stream) -> bool {
+    /// Places a speckle of this size in a random free direction. Returns whether one was found.
+    fn place_speckle(&mut self, size: usize, stream: &mut Stream) -> bool {
         let cap = &self.caps[size];
         for _ in 0..TRIALS {
             let (z, around) = (stream.between(-1.0, 1.0), stream.between(0.0, TAU));
-            let flat = (1.0 - z * z).max(0.0).sqrt();
-            let spot = Spot { direction: [flat * around.cos(), flat * around.sin(), z], size };
+            let radial = (1.0 - z * z).max(0.0).sqrt();
+            let spot = Spot { direction: [radial * around.cos(), radial * around.sin(), z], size };
             if !self.is_free(&spot) {
                 continue;
             }
             // The area of the cap itself, not of its plane.
             self.covered_px2 += TAU * cap.ball_px * cap.ball_px * (1.0 - cap.opening_rad().cos());
-            let slice = self.slice(&spot.direction);
+            let slice = self.slice_index(&spot.direction);
             self.slices[slice].push(self.spots.len());
             self.spots.push(spot);
             return true;
@@ -155,8 +165,9 @@ impl<'a> Placement<'a> {
         false
     }
 
+    /// Whether a speckle overlaps no other one.
     fn is_free(&self, spot: &Spot) -> bool {
-        let slice = self.slice(&spot.direction);
+        let slice = self.slice_index(&spot.direction);
         let opening = self.caps[spot.size].opening_rad();
         let slices = slice.saturating_sub(self.near)..(slice + self.near + 1).min(self.slices.len());
         self.slices[slices].iter().flatten().all(|index| {

@@ -4,7 +4,7 @@
 //! narrower along the radius. If it crosses the rim, the front part is visible.
 
 use super::blurred_edge::REACH_SIGMA;
-use super::occluder::{Chord, chords};
+use super::occluder::{Chord, divide_into_chords};
 use crate::numeric::normal_cdf;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -19,32 +19,34 @@ pub(crate) struct SphericalCap {
 
 impl SphericalCap {
     /// Returns the distance of the cap's plane from the ball's centre, px.
-    fn plane_px(&self) -> f64 {
+    fn plane_distance_px(&self) -> f64 {
         (self.ball_px * self.ball_px - self.radius_px * self.radius_px).sqrt()
     }
 
-    /// Returns the angle between its centre and its edge, seen from the ball's centre, rad.
+    /// Returns the angle between the centre and the edge of the cap, seen from the centre of the ball, rad.
     pub(crate) fn opening_rad(&self) -> f64 {
         (self.radius_px / self.ball_px).asin()
     }
 
-    /// Returns the distance of its origin from the ball's centre in the image, px, at `tilt_rad` off the line of sight.
+    /// Returns the distance of the cap's origin from the ball's centre in the image, px, at `tilt_rad` off the line
+    /// of sight.
     pub(crate) fn origin_px(&self, tilt_rad: f64) -> f64 {
-        self.plane_px() * tilt_rad.sin()
+        self.plane_distance_px() * tilt_rad.sin()
     }
 
-    /// Returns the reach of its visible part across the radius, px.
-    pub(crate) fn half_px(&self, tilt_rad: f64) -> f64 {
+    /// Returns half the width of the visible part, across the radius, px.
+    pub(crate) fn half_width_px(&self, tilt_rad: f64) -> f64 {
         let behind = (tilt_rad - FRAC_PI_2).max(0.0).cos();
-        let part = self.plane_px() / (self.ball_px * behind);
+        let part = self.plane_distance_px() / (self.ball_px * behind);
         self.ball_px * (1.0 - part * part).max(0.0).sqrt()
     }
 
-    /// Returns the ends of the chord along the radius, from the origin outwards, px, at `across_px` from the radius.
-    pub(crate) fn ends_px(&self, tilt_rad: f64, across_px: f64) -> Option<[f64; 2]> {
+    /// Returns the ends of the chord along the radius, at `across_px` from it, px from the origin outwards; `None`
+    /// where no part is visible.
+    pub(crate) fn chord_ends_px(&self, tilt_rad: f64, across_px: f64) -> Option<[f64; 2]> {
         // The section of the sphere along the radius is a circle, from which the cap's plane cuts an arc.
         let circle = (self.ball_px * self.ball_px - across_px * across_px).sqrt();
-        let part = self.plane_px() / circle;
+        let part = self.plane_distance_px() / circle;
         if part >= 1.0 {
             return None;
         }
@@ -54,8 +56,9 @@ impl SphericalCap {
         (inner < outer).then(|| [circle * inner.sin() - origin, circle * outer.sin() - origin])
     }
 
+    /// Divides the visible part into chords along the radius.
     fn chords(&self, tilt_rad: f64, sigma_px: f64) -> Vec<Chord> {
-        chords(self.half_px(tilt_rad), sigma_px, &[], |across| self.ends_px(tilt_rad, across))
+        divide_into_chords(self.half_width_px(tilt_rad), sigma_px, &[], |across| self.chord_ends_px(tilt_rad, across))
     }
 }
 
@@ -99,6 +102,7 @@ pub(crate) struct CapView<'a> {
 }
 
 impl CapTable {
+    /// Tabulates a cap over all tilts at which a part of it is visible. `sigma_px` is the blur.
     pub(crate) fn new(cap: SphericalCap, sigma_px: f64) -> Self {
         let reach_px = cap.radius_px + REACH_SIGMA * sigma_px;
         let columns = (reach_px / STEP_PX).ceil() as usize + 2;
@@ -110,7 +114,7 @@ impl CapTable {
         // One extra page, so that there is always a next.
         let tilts = tilts.chain((0..=cut as usize + 1).map(|index| full_rad + 2.0 * opening * index as f64 / cut));
         let pages: Vec<Vec<u16>> =
-            tilts.map(|tilt| page(&cap.chords(tilt, sigma_px), reach_px, columns, sigma_px)).collect();
+            tilts.map(|tilt| tabulate_page(&cap.chords(tilt, sigma_px), reach_px, columns, sigma_px)).collect();
         let both =
             |pair: &[Vec<u16>]| pair[0].iter().zip(&pair[1]).map(|(here, next)| [*here, *next]).collect::<Vec<_>>();
         let values = pages.windows(2).flat_map(both).collect();
@@ -146,7 +150,7 @@ impl CapTable {
 impl CapView<'_> {
     /// Returns the coverage at a position along the radius and across it, from the origin, 0 to 1.
     #[inline]
-    pub(crate) fn at(&self, outward_px: f32, across_px: f32) -> f32 {
+    pub(crate) fn coverage_at(&self, outward_px: f32, across_px: f32) -> f32 {
         const STEPS_PER_PX: f32 = (1.0 / STEP_PX) as f32;
         let row = ((outward_px + self.reach_px) * STEPS_PER_PX).clamp(0.0, (2 * self.columns - 2) as f32);
         let column = (across_px.abs() * STEPS_PER_PX).min((self.columns - 2) as f32);
@@ -165,15 +169,16 @@ impl CapView<'_> {
     }
 }
 
-/// Computes one page of a table: the profiles of the chords along the radius, blurred across it.
-fn page(chords: &[Chord], reach_px: f64, columns: usize, sigma_px: f64) -> Vec<u16> {
+/// Computes one page of a table: the profiles of the chords along the radius, blurred across it, in units of
+/// [`FULL`].
+fn tabulate_page(chords: &[Chord], reach_px: f64, columns: usize, sigma_px: f64) -> Vec<u16> {
     let scale = 1.0 / sigma_px;
     let blurred: Vec<f64> = chords
         .iter()
         .flat_map(|chord| {
             (0..columns).map(move |column| {
-                let far = (column as f64 * STEP_PX - chord.across_px) * scale;
-                chord.width_px * scale * (-0.5 * far * far).exp() / TAU.sqrt()
+                let distance = (column as f64 * STEP_PX - chord.across_px) * scale;
+                chord.width_px * scale * (-0.5 * distance * distance).exp() / TAU.sqrt()
             })
         })
         .collect();
@@ -209,7 +214,7 @@ mod tests {
         let cap = SphericalCap { ball_px: 60.0, radius_px: 5.0 };
         for tilt in [0.0f64, 0.4, 1.0, 1.48] {
             assert!((area_px2(&cap, tilt) - PI * 25.0 * tilt.cos()).abs() < 1e-6, "{tilt}");
-            let [inner, outer] = cap.ends_px(tilt, 0.0).unwrap();
+            let [inner, outer] = cap.chord_ends_px(tilt, 0.0).unwrap();
             assert!((inner + 5.0 * tilt.cos()).abs() < 1e-9 && (outer - 5.0 * tilt.cos()).abs() < 1e-9, "{tilt}");
         }
     }
@@ -235,7 +240,7 @@ mod tests {
             let light: f64 = (-count..=count)
                 .flat_map(|row| (-count..=count).map(move |column| (row, column)))
                 .map(|(row, column)| {
-                    f64::from(view.at((f64::from(row) * step) as f32, (f64::from(column) * step) as f32))
+                    f64::from(view.coverage_at((f64::from(row) * step) as f32, (f64::from(column) * step) as f32))
                 })
                 .sum();
             let (light, area) = (light * step * step, area_px2(&cap, tilt));

@@ -3,36 +3,37 @@
 use crate::numeric::Stream;
 
 /// Returns noise of mean 0 and standard deviation 1, smoothed by a Gaussian, row-major.
-pub(crate) fn smooth(width: usize, height: usize, sigma_px: [f64; 2], mut stream: Stream) -> Vec<f32> {
+pub(crate) fn smooth_noise(width: usize, height: usize, sigma_px: [f64; 2], mut stream: Stream) -> Vec<f32> {
     let white: Vec<f64> = (0..width * height).map(|_| stream.normal()).collect();
-    let along = weights(sigma_px[0]);
-    let down = weights(sigma_px[1]);
+    let along = gaussian_weights(sigma_px[0]);
+    let down = gaussian_weights(sigma_px[1]);
     let rows: Vec<f64> = (0..width * height)
         .map(|index| {
             let (row, column) = (index / width, index % width);
-            convolved(&along, column, width, |place| white[row * width + place])
+            weighted_sum_at(&along, column, width, |place| white[row * width + place])
         })
         .collect();
-    let both: Vec<f64> = (0..width * height)
+    let smoothed: Vec<f64> = (0..width * height)
         .map(|index| {
             let (row, column) = (index / width, index % width);
-            convolved(&down, row, height, |place| rows[place * width + column])
+            weighted_sum_at(&down, row, height, |place| rows[place * width + column])
         })
         .collect();
     let power = |weights: &[f64]| weights.iter().map(|weight| weight * weight).sum::<f64>();
     let scale = 1.0 / (power(&along) * power(&down)).sqrt();
-    both.into_iter().map(|value| (value * scale) as f32).collect()
+    smoothed.into_iter().map(|value| (value * scale) as f32).collect()
 }
 
-fn weights(sigma_px: f64) -> Vec<f64> {
+/// Returns the weights of a Gaussian out to 3 standard deviations, with sum 1.
+fn gaussian_weights(sigma_px: f64) -> Vec<f64> {
     let reach = (3.0 * sigma_px).ceil() as i32;
     let weights: Vec<f64> = (-reach..=reach).map(|step| (-0.5 * (f64::from(step) / sigma_px).powi(2)).exp()).collect();
     let sum: f64 = weights.iter().sum();
     weights.into_iter().map(|weight| weight / sum).collect()
 }
 
-/// Returns the weighted sum around `middle`; the row wraps around.
-fn convolved(weights: &[f64], middle: usize, length: usize, value: impl Fn(usize) -> f64) -> f64 {
+/// Returns the weighted sum of the values around index `middle`. The row of `length` values wraps around.
+fn weighted_sum_at(weights: &[f64], middle: usize, length: usize, value: impl Fn(usize) -> f64) -> f64 {
     let start = middle + length * (1 + weights.len() / length) - weights.len() / 2;
     weights.iter().enumerate().map(|(step, weight)| weight * value((start + step) % length)).sum()
 }
@@ -43,7 +44,7 @@ mod tests {
 
     #[test]
     fn a_texture_has_mean_0_and_standard_deviation_1() {
-        let values = smooth(200, 150, [2.0, 1.5], Stream::new(3));
+        let values = smooth_noise(200, 150, [2.0, 1.5], Stream::new(3));
         let count = values.len() as f64;
         let mean = values.iter().copied().map(f64::from).sum::<f64>() / count;
         let power = values.iter().map(|value| f64::from(*value).powi(2)).sum::<f64>() / count;

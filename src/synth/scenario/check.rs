@@ -15,7 +15,7 @@ impl Scenario {
     pub fn check(&self) -> Result<(), ScenarioError> {
         self.check_camera()?;
         self.check_scale()?;
-        within("surface.angle_deg", self.surface.angle_deg, -360.0, 360.0)?;
+        check_range("surface.angle_deg", self.surface.angle_deg, -360.0, 360.0)?;
         self.check_body()?;
         self.check_light()?;
         self.check_motion()?;
@@ -23,47 +23,47 @@ impl Scenario {
         if self.body.rod.is_some() || other.body.rod.is_some() {
             return Err(ScenarioError::Misplaced { key: "other", why: "a rod is filmed alone" });
         }
-        let single = self.alone(other);
+        let single = self.second_ball_alone(other);
         let checked = single.check_body().and_then(|()| single.check_light()).and_then(|()| single.check_motion());
         checked.map_err(|error| ScenarioError::Other(Box::new(error)))
     }
 
     fn check_scale(&self) -> Result<(), ScenarioError> {
         let (scale, key) = (&self.scale, "scale.nearer_per_s");
-        within("scale.mm_per_px", scale.mm_per_px, 1e-6, 1e3)?;
-        within(key, scale.nearer_per_s, -1e3, 1e3)?;
+        check_range("scale.mm_per_px", scale.mm_per_px, 1e-6, 1e3)?;
+        check_range(key, scale.nearer_per_s, -1e3, 1e3)?;
         let is_flat = self.body.shape != Shape::Sphere && self.body.rod.is_none() && self.other.is_none();
         if scale.nearer_per_s.abs() > 0.0 && !is_flat {
             return Err(ScenarioError::Misplaced { key, why: "spheres, rods and pairs of balls keep their distance" });
         }
         // From half to one and a half times the distance, because the whole film uses speckles of one size.
         let film_s = self.camera.frames as f64 / self.camera.frame_rate_hz;
-        within("scale.nearer_per_s x length of the film", scale.nearer_per_s * film_s, -0.5, 0.5)
+        check_range("scale.nearer_per_s x length of the film", scale.nearer_per_s * film_s, -0.5, 0.5)
     }
 
     fn check_motion(&self) -> Result<(), ScenarioError> {
-        let edge_is_placed = || match &self.occluder {
+        let check_occluder_position = || match &self.occluder {
             Some(occluder) if occluder.point_px.is_none() => Err(ScenarioError::OccluderPlace),
             _ => Ok(()),
         };
         match &self.motion {
             MotionSetup::Constant { vx_px_frame, vy_px_frame, omega_deg_frame, start_px } => {
-                within("motion.vx_px_frame", *vx_px_frame, -1e4, 1e4)?;
-                within("motion.vy_px_frame", *vy_px_frame, -1e4, 1e4)?;
-                within("motion.omega_deg_frame", *omega_deg_frame, -180.0, 180.0)?;
-                place("motion.start_px", *start_px)?;
-                edge_is_placed()
+                check_range("motion.vx_px_frame", *vx_px_frame, -1e4, 1e4)?;
+                check_range("motion.vy_px_frame", *vy_px_frame, -1e4, 1e4)?;
+                check_range("motion.omega_deg_frame", *omega_deg_frame, -180.0, 180.0)?;
+                check_position("motion.start_px", *start_px)?;
+                check_occluder_position()
             }
             MotionSetup::Piecewise { start_px, parts } => {
-                place("motion.start_px", *start_px)?;
-                within("motion.parts (number)", parts.len() as f64, 1.0, 1000.0)?;
+                check_position("motion.start_px", *start_px)?;
+                check_range("motion.parts (number)", parts.len() as f64, 1.0, 1000.0)?;
                 parts.iter().try_for_each(PartSetup::check)?;
                 let tilts = parts.iter().any(|part| part.tilt_deg_frame.iter().any(|tilt| tilt.abs() > 0.0));
                 if tilts && self.body.shape != Shape::Sphere {
                     let why = "it takes body.shape = \"sphere\", a disc faces the camera";
                     return Err(ScenarioError::Misplaced { key: "motion.parts.tilt_deg_frame", why });
                 }
-                edge_is_placed()
+                check_occluder_position()
             }
             MotionSetup::Impact(_) if self.body.shape == Shape::Plane => {
                 let why = "a plane strikes nothing: \"constant\" or \"piecewise\"";
@@ -75,26 +75,26 @@ impl Scenario {
 
     fn check_camera(&self) -> Result<(), ScenarioError> {
         let camera = &self.camera;
-        within("camera.width_px", f64::from(camera.width_px), 16.0, 8192.0)?;
-        within("camera.height_px", f64::from(camera.height_px), 16.0, 8192.0)?;
-        within("camera.frame_rate_hz", camera.frame_rate_hz, 1e-3, 1e7)?;
-        within("camera.exposure_us", camera.exposure_us, 0.0, 1e6 / camera.frame_rate_hz)?;
+        check_range("camera.width_px", f64::from(camera.width_px), 16.0, 8192.0)?;
+        check_range("camera.height_px", f64::from(camera.height_px), 16.0, 8192.0)?;
+        check_range("camera.frame_rate_hz", camera.frame_rate_hz, 1e-3, 1e7)?;
+        check_range("camera.exposure_us", camera.exposure_us, 0.0, 1e6 / camera.frame_rate_hz)?;
         let row_us = 1e6 / camera.frame_rate_hz / f64::from(camera.height_px);
-        within("camera.row_time_us", camera.row_time_us, -row_us.min(1000.0), row_us.min(1000.0))?;
-        within("camera.frames", camera.frames as f64, 1.0, 1e8)?;
+        check_range("camera.row_time_us", camera.row_time_us, -row_us.min(1000.0), row_us.min(1000.0))?;
+        check_range("camera.frames", camera.frames as f64, 1.0, 1e8)?;
         if ![8, 10, 12, 16].contains(&camera.bits) {
             return Err(out_of_range("camera.bits", camera.bits, "8, 10, 12 or 16"));
         }
-        within("camera.noise_dn", camera.noise_dn, 0.0, 0.25 * 2f64.powi(camera.bits as i32))?;
-        within("camera.shot_share", camera.shot_share, 0.0, 1.0)?;
-        within("camera.gain_spread", camera.gain_spread, 0.0, 0.1)?;
-        within("camera.offset_spread_dn", camera.offset_spread_dn, 0.0, 2f64.powi(camera.bits as i32 - 4))?;
-        within("camera.stuck_share", camera.stuck_share, 0.0, 0.1)?;
-        within("camera.blur_px", camera.blur_px, 0.3, 5.0)?;
-        within("camera.gamma", camera.gamma, 0.2, 1.0)?;
+        check_range("camera.noise_dn", camera.noise_dn, 0.0, 0.25 * 2f64.powi(camera.bits as i32))?;
+        check_range("camera.shot_share", camera.shot_share, 0.0, 1.0)?;
+        check_range("camera.gain_spread", camera.gain_spread, 0.0, 0.1)?;
+        check_range("camera.offset_spread_dn", camera.offset_spread_dn, 0.0, 2f64.powi(camera.bits as i32 - 4))?;
+        check_range("camera.stuck_share", camera.stuck_share, 0.0, 0.1)?;
+        check_range("camera.blur_px", camera.blur_px, 0.3, 5.0)?;
+        check_range("camera.gamma", camera.gamma, 0.2, 1.0)?;
         // The last stamp, at 1e8 frames of 1000 s, must still fit 64 bits.
-        within("camera.start_ns", camera.start_ns as f64, 0.0, 9e18)?;
-        within("camera.frames / camera.frame_rate_hz", camera.frames as f64 / camera.frame_rate_hz, 0.0, 9e9)
+        check_range("camera.start_ns", camera.start_ns as f64, 0.0, 9e18)?;
+        check_range("camera.frames / camera.frame_rate_hz", camera.frames as f64 / camera.frame_rate_hz, 0.0, 9e9)
     }
 
     fn check_body(&self) -> Result<(), ScenarioError> {
@@ -107,19 +107,19 @@ impl Scenario {
         let (width_px, height_px) = (camera.width_px, camera.height_px);
         let diameter_px = 2.0 * self.radius_px();
         if self.body.shape == Shape::Plane {
-            within("body.diameter_mm / scale.mm_per_px", diameter_px, 8.0, MAX_PLANE_PX)?;
+            check_range("body.diameter_mm / scale.mm_per_px", diameter_px, 8.0, MAX_PLANE_PX)?;
         } else if diameter_px > f64::from(width_px.min(height_px)) {
             return Err(ScenarioError::BallTooLarge { diameter_mm, mm_per_px, diameter_px, width_px, height_px });
         }
         let pattern = &self.body.pattern;
         self.check_rod()?;
         let largest = self.speckled_px2() / 20.0;
-        within("body.pattern.area_min_px2", pattern.area_min_px2, 0.5, largest)?;
-        within("body.pattern.area_max_px2", pattern.area_max_px2, pattern.area_min_px2, largest)?;
-        within("body.pattern.coverage", pattern.coverage, 0.0, 0.6)?;
-        within("body.pattern.lines", f64::from(pattern.lines), 0.0, 20.0)?;
-        within("body.pattern.line_width_px", pattern.line_width_px, 0.5, 10.0)?;
-        within("body.pattern.repeats", f64::from(pattern.repeats), 1.0, 64.0)?;
+        check_range("body.pattern.area_min_px2", pattern.area_min_px2, 0.5, largest)?;
+        check_range("body.pattern.area_max_px2", pattern.area_max_px2, pattern.area_min_px2, largest)?;
+        check_range("body.pattern.coverage", pattern.coverage, 0.0, 0.6)?;
+        check_range("body.pattern.lines", f64::from(pattern.lines), 0.0, 20.0)?;
+        check_range("body.pattern.line_width_px", pattern.line_width_px, 0.5, 10.0)?;
+        check_range("body.pattern.repeats", f64::from(pattern.repeats), 1.0, 64.0)?;
         if pattern.lines > 0 && self.body.shape == Shape::Sphere {
             let range = "0 with body.shape = \"sphere\", on which nothing is straight";
             return Err(out_of_range("body.pattern.lines", pattern.lines, range));
@@ -134,9 +134,10 @@ impl Scenario {
         self.check_fuzz()
     }
 
+    /// Checks the felt of a ball and that the body can have felt.
     fn check_fuzz(&self) -> Result<(), ScenarioError> {
         let (fuzz_px, key) = (self.body.fuzz_px, "body.fuzz_px");
-        within(key, fuzz_px, 0.0, (0.125 * self.radius_px()).min(4.0))?;
+        check_range(key, fuzz_px, 0.0, (0.125 * self.radius_px()).min(4.0))?;
         let why = match () {
             () if fuzz_px <= 0.0 => return Ok(()),
             () if self.body.shape == Shape::Plane => "a plane has no rim",
@@ -146,23 +147,24 @@ impl Scenario {
         Err(ScenarioError::Misplaced { key, why })
     }
 
-    /// Returns the area of the disc or patch that carries the speckles.
+    /// Returns the area of the disc or patch that carries the speckles, px^2.
     fn speckled_px2(&self) -> f64 {
         let radius = self.radius_px();
         let disc = std::f64::consts::PI * radius * radius;
         self.body.rod.as_ref().map_or(disc, |rod| 2.0 * radius * (rod.patch_px[1] - rod.patch_px[0]))
     }
 
+    /// Checks a rod and the settings that a rod does not support; without a rod, that nothing needs one.
     fn check_rod(&self) -> Result<(), ScenarioError> {
         let Some(rod) = &self.body.rod else {
             let ringing = matches!(&self.motion, MotionSetup::Impact(impact) if impact.ringing.is_some());
             return if ringing { Err(ScenarioError::RodOnly("motion.ringing needs one")) } else { Ok(()) };
         };
-        within("body.rod.tape_px", rod.tape_px[0], 1.0, 8192.0)?;
-        within("body.rod.tape_px", rod.tape_px[1], rod.tape_px[0] + 1.0, 8192.0)?;
-        within("body.rod.patch_px", rod.patch_px[0], rod.tape_px[1] + 1.0, 8192.0)?;
-        within("body.rod.patch_px", rod.patch_px[1], rod.patch_px[0] + 4.0, 8192.0)?;
-        within("body.rod.shade", rod.shade, 0.0, 1.0)?;
+        check_range("body.rod.tape_px", rod.tape_px[0], 1.0, 8192.0)?;
+        check_range("body.rod.tape_px", rod.tape_px[1], rod.tape_px[0] + 1.0, 8192.0)?;
+        check_range("body.rod.patch_px", rod.patch_px[0], rod.tape_px[1] + 1.0, 8192.0)?;
+        check_range("body.rod.patch_px", rod.patch_px[1], rod.patch_px[0] + 4.0, 8192.0)?;
+        check_range("body.rod.shade", rod.shade, 0.0, 1.0)?;
         let (turns, slides) = match &self.motion {
             MotionSetup::Constant { omega_deg_frame, .. } => (omega_deg_frame.abs() > 0.0, false),
             MotionSetup::Piecewise { parts, .. } => (parts.iter().any(|part| part.omega_deg_frame.abs() > 0.0), false),
@@ -189,11 +191,11 @@ impl Scenario {
         Ok(())
     }
 
-    /// Checks the flat as the camera sees it from above.
+    /// Checks the settings of a flat that the camera sees from above.
     fn check_flat(&self, flat: &OccluderSetup) -> Result<(), ScenarioError> {
-        within("occluder.behind_px", flat.behind_px, 0.0, 8192.0)?;
-        within("occluder.shadow", flat.shadow, 0.0, 1.0)?;
-        within("occluder.mirror", flat.mirror, 0.0, 0.9)?;
+        check_range("occluder.behind_px", flat.behind_px, 0.0, 8192.0)?;
+        check_range("occluder.shadow", flat.shadow, 0.0, 1.0)?;
+        check_range("occluder.mirror", flat.mirror, 0.0, 0.9)?;
         let is_lit = flat.shadow > 0.0 || flat.mirror > 0.0;
         let is_rolling = self.camera.row_time_us.abs() > 0.0;
         for (wrong, key, why) in [
@@ -210,86 +212,91 @@ impl Scenario {
     }
 
     fn check_light(&self) -> Result<(), ScenarioError> {
-        within("shade.ball", self.shade.ball, 0.0, 1.0)?;
-        within("shade.speckle", self.shade.speckle, 0.0, 1.0)?;
-        within("shade.ground", self.shade.ground, 0.0, 1.0)?;
-        within("shade.ground_texture", self.shade.ground_texture, 0.0, 0.2)?;
-        within("light.gradient_x", self.light.gradient_x, -0.9, 0.9)?;
-        within("light.gradient_y", self.light.gradient_y, -0.9, 0.9)?;
-        within("light.side", self.light.side, 0.0, 0.9)?;
-        within("light.side_angle_deg", self.light.side_angle_deg, -360.0, 360.0)?;
-        within("light.limb", self.light.limb, 0.0, 0.9)?;
+        check_range("shade.ball", self.shade.ball, 0.0, 1.0)?;
+        check_range("shade.speckle", self.shade.speckle, 0.0, 1.0)?;
+        check_range("shade.ground", self.shade.ground, 0.0, 1.0)?;
+        check_range("shade.ground_texture", self.shade.ground_texture, 0.0, 0.2)?;
+        check_range("light.gradient_x", self.light.gradient_x, -0.9, 0.9)?;
+        check_range("light.gradient_y", self.light.gradient_y, -0.9, 0.9)?;
+        check_range("light.side", self.light.side, 0.0, 0.9)?;
+        check_range("light.side_angle_deg", self.light.side_angle_deg, -360.0, 360.0)?;
+        check_range("light.limb", self.light.limb, 0.0, 0.9)?;
         self.light.check_lamp()?;
         if self.light.is_directed() && self.body.shape == Shape::Plane {
             let why = "a plane is not round: light.bounce and light.highlight must be 0 as well";
             return Err(ScenarioError::Misplaced { key: "light.lamp", why });
         }
-        within("light.vignette", self.light.vignette, 0.0, 0.9)?;
-        within("light.flicker", self.light.flicker, 0.0, 0.9)?;
-        within("light.flicker_hz", self.light.flicker_hz, 0.0, 1e6)?;
+        check_range("light.vignette", self.light.vignette, 0.0, 0.9)?;
+        check_range("light.flicker", self.light.flicker, 0.0, 0.9)?;
+        check_range("light.flicker_hz", self.light.flicker_hz, 0.0, 1e6)?;
         let Some(occluder) = &self.occluder else { return Ok(()) };
-        within("occluder.shade", occluder.shade, 0.0, 1.0)?;
-        within("occluder.texture", occluder.texture, 0.0, if occluder.speed_px_frame.abs() > 0.0 { 0.0 } else { 0.2 })?;
-        within("occluder.speed_px_frame", occluder.speed_px_frame, -1e4, 1e4)?;
-        within("occluder.normal_deg", occluder.normal_deg.unwrap_or(0.0), -360.0, 360.0)?;
+        check_range("occluder.shade", occluder.shade, 0.0, 1.0)?;
+        check_range(
+            "occluder.texture",
+            occluder.texture,
+            0.0,
+            if occluder.speed_px_frame.abs() > 0.0 { 0.0 } else { 0.2 },
+        )?;
+        check_range("occluder.speed_px_frame", occluder.speed_px_frame, -1e4, 1e4)?;
+        check_range("occluder.normal_deg", occluder.normal_deg.unwrap_or(0.0), -360.0, 360.0)?;
         self.check_flat(occluder)?;
-        place("occluder.point_px", occluder.point_px.unwrap_or_default())
+        check_position("occluder.point_px", occluder.point_px.unwrap_or_default())
     }
 }
 
 impl LightSetup {
     fn check_lamp(&self) -> Result<(), ScenarioError> {
-        within("light.lamp_elevation_deg", self.lamp_elevation_deg, 0.0, 90.0)?;
-        within("light.lamp", self.lamp, 0.0, 1.0)?;
-        within("light.bounce", self.bounce, 0.0, 0.9)?;
-        within("light.highlight", self.highlight, 0.0, 10.0)?;
-        within("light.highlight_deg", self.highlight_deg, 1.0, 45.0)
+        check_range("light.lamp_elevation_deg", self.lamp_elevation_deg, 0.0, 90.0)?;
+        check_range("light.lamp", self.lamp, 0.0, 1.0)?;
+        check_range("light.bounce", self.bounce, 0.0, 0.9)?;
+        check_range("light.highlight", self.highlight, 0.0, 10.0)?;
+        check_range("light.highlight_deg", self.highlight_deg, 1.0, 45.0)
     }
 }
 
 impl PartSetup {
     fn check(&self) -> Result<(), ScenarioError> {
-        within("motion.parts.frames", self.frames, 1e-6, 1e8)?;
-        within("motion.parts.vx_px_frame", self.vx_px_frame, -1e4, 1e4)?;
-        within("motion.parts.vy_px_frame", self.vy_px_frame, -1e4, 1e4)?;
-        within("motion.parts.omega_deg_frame", self.omega_deg_frame, -180.0, 180.0)?;
-        within("motion.parts.tilt_deg_frame", self.tilt_deg_frame[0], -180.0, 180.0)?;
-        within("motion.parts.tilt_deg_frame", self.tilt_deg_frame[1], -180.0, 180.0)
+        check_range("motion.parts.frames", self.frames, 1e-6, 1e8)?;
+        check_range("motion.parts.vx_px_frame", self.vx_px_frame, -1e4, 1e4)?;
+        check_range("motion.parts.vy_px_frame", self.vy_px_frame, -1e4, 1e4)?;
+        check_range("motion.parts.omega_deg_frame", self.omega_deg_frame, -180.0, 180.0)?;
+        check_range("motion.parts.tilt_deg_frame", self.tilt_deg_frame[0], -180.0, 180.0)?;
+        check_range("motion.parts.tilt_deg_frame", self.tilt_deg_frame[1], -180.0, 180.0)
     }
 }
 
 impl ImpactSetup {
     fn check(&self) -> Result<(), ScenarioError> {
-        within("motion.contact_start_s", self.contact_start_s, 0.0, 1e3)?;
-        place("motion.contact_center_px", self.contact_center_px)?;
-        within("motion.vn_m_s", self.vn_m_s, -1e3, -1e-3)?;
-        within("motion.vt_m_s", self.vt_m_s, -1e3, 1e3)?;
-        within("motion.omega_rad_s", self.omega_rad_s, -1e5, 1e5)?;
-        within("motion.gravity_m_s2", self.gravity_m_s2[0], -100.0, 100.0)?;
-        within("motion.gravity_m_s2", self.gravity_m_s2[1], -100.0, 100.0)?;
-        within("motion.mass_kg", self.mass_kg, 1e-6, 1e3)?;
-        within("motion.inertia_factor", self.inertia_factor, 0.1, 1.0)?;
+        check_range("motion.contact_start_s", self.contact_start_s, 0.0, 1e3)?;
+        check_position("motion.contact_center_px", self.contact_center_px)?;
+        check_range("motion.vn_m_s", self.vn_m_s, -1e3, -1e-3)?;
+        check_range("motion.vt_m_s", self.vt_m_s, -1e3, 1e3)?;
+        check_range("motion.omega_rad_s", self.omega_rad_s, -1e5, 1e5)?;
+        check_range("motion.gravity_m_s2", self.gravity_m_s2[0], -100.0, 100.0)?;
+        check_range("motion.gravity_m_s2", self.gravity_m_s2[1], -100.0, 100.0)?;
+        check_range("motion.mass_kg", self.mass_kg, 1e-6, 1e3)?;
+        check_range("motion.inertia_factor", self.inertia_factor, 0.1, 1.0)?;
         match self.law {
             NormalLaw::KelvinVoigt { stiffness_n_m, damping_n_s_m } => {
-                within("motion.law.stiffness_n_m", stiffness_n_m, 1.0, 1e10)?;
-                within("motion.law.damping_n_s_m", damping_n_s_m, 0.0, 1e6)?;
+                check_range("motion.law.stiffness_n_m", stiffness_n_m, 1.0, 1e10)?;
+                check_range("motion.law.damping_n_s_m", damping_n_s_m, 0.0, 1e6)?;
             }
             NormalLaw::HuntCrossley { stiffness_n_m15, damping_s_m } => {
-                within("motion.law.stiffness_n_m15", stiffness_n_m15, 1.0, 1e12)?;
-                within("motion.law.damping_s_m", damping_s_m, 0.0, 1e3)?;
+                check_range("motion.law.stiffness_n_m15", stiffness_n_m15, 1.0, 1e12)?;
+                check_range("motion.law.damping_s_m", damping_s_m, 0.0, 1e3)?;
             }
         }
         if let Some(ringing) = &self.ringing {
-            within("motion.ringing.speed_m_s", ringing.speed_m_s, -1e3, 1e3)?;
-            within("motion.ringing.frequency_hz", ringing.frequency_hz, 1.0, 1e7)?;
-            within("motion.ringing.decay_s", ringing.decay_s, 1e-6, 1e3)?;
+            check_range("motion.ringing.speed_m_s", ringing.speed_m_s, -1e3, 1e3)?;
+            check_range("motion.ringing.frequency_hz", ringing.frequency_hz, 1.0, 1e7)?;
+            check_range("motion.ringing.decay_s", ringing.decay_s, 1e-6, 1e3)?;
         }
         let Some(friction) = self.friction else { return Ok(()) };
-        within("motion.friction.stiffness_n_m", friction.stiffness_n_m, 1.0, 1e8)?;
+        check_range("motion.friction.stiffness_n_m", friction.stiffness_n_m, 1.0, 1e8)?;
         // A patch that relaxes faster could not be integrated in steps of 0.05 us.
         let min = 1e-6 * friction.stiffness_n_m;
-        within("motion.friction.damping_n_s_m", friction.damping_n_s_m, min, 1e4)?;
-        within("motion.friction.coefficient", friction.coefficient, 0.0, 10.0)
+        check_range("motion.friction.damping_n_s_m", friction.damping_n_s_m, min, 1e4)?;
+        check_range("motion.friction.coefficient", friction.coefficient, 0.0, 10.0)
     }
 }
 
@@ -323,12 +330,17 @@ fn out_of_range(key: &'static str, value: impl ToString, range: impl Into<String
     ScenarioError::OutOfRange { key, value: value.to_string(), range: range.into() }
 }
 
-fn within(key: &'static str, value: f64, low: f64, high: f64) -> Result<(), ScenarioError> {
-    // A NaN lies in no range.
+/// Checks that a value lies in its range, both ends included. A NaN lies in no range.
+///
+/// # Errors
+///
+/// Returns [`ScenarioError::OutOfRange`].
+fn check_range(key: &'static str, value: f64, low: f64, high: f64) -> Result<(), ScenarioError> {
     if (low..=high).contains(&value) { Ok(()) } else { Err(out_of_range(key, value, format!("{low} to {high}"))) }
 }
 
-fn place(key: &'static str, place_px: [f64; 2]) -> Result<(), ScenarioError> {
-    within(key, place_px[0], -1e5, 1e5)?;
-    within(key, place_px[1], -1e5, 1e5)
+/// Checks that a position lies within 100,000 px of the image corner.
+fn check_position(key: &'static str, place_px: [f64; 2]) -> Result<(), ScenarioError> {
+    check_range(key, place_px[0], -1e5, 1e5)?;
+    check_range(key, place_px[1], -1e5, 1e5)
 }

@@ -86,7 +86,7 @@ impl LightSetup {
     }
 
     /// Returns the unit vector towards the lamp: x right, y up, z towards the camera.
-    pub(crate) fn to_lamp(&self) -> [f64; 3] {
+    pub(crate) fn lamp_direction(&self) -> [f64; 3] {
         let (sin, cos) = self.side_angle_deg.to_radians().sin_cos();
         let (up, flat) = self.lamp_elevation_deg.to_radians().sin_cos();
         [flat * cos, flat * sin, up]

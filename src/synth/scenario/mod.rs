@@ -83,7 +83,7 @@ pub struct CameraSetup {
     /// Length of the film, 1 to 100 million frames.
     pub frames: u64,
     /// Significant bits: 8, 10, 12 or 16.
-    #[serde(default = "eight")]
+    #[serde(default = "default_bits")]
     pub bits: u32,
     /// Standard deviation of the noise at half of full scale, DN; 0 to a quarter of full scale.
     #[serde(default)]
@@ -101,14 +101,14 @@ pub struct CameraSetup {
     #[serde(default)]
     pub stuck_share: f64,
     /// Blur of the lens, standard deviation, 0.3 to 5 px.
-    #[serde(default = "lens_blur")]
+    #[serde(default = "default_blur_px")]
     pub blur_px: f64,
     /// Exponent of the tone curve, 0.2 to 1: the grey level is the light, with its noise, to this power. Black and full
     /// scale stay.
-    #[serde(default = "linear")]
+    #[serde(default = "default_gamma")]
     pub gamma: f64,
     /// Stamp of the first frame (exposure start), ns since the Unix epoch.
-    #[serde(default = "start")]
+    #[serde(default = "default_start_ns")]
     pub start_ns: u64,
 }
 
@@ -312,6 +312,7 @@ impl CameraSetup {
 }
 
 impl MotionSetup {
+    /// Multiplies all lengths of the motion by `length` and the duration of a frame by `time`, both dimensionless.
     fn rescale(&mut self, length: f64, time: f64) {
         match self {
             Self::Constant { vx_px_frame, vy_px_frame, omega_deg_frame, start_px } => {
@@ -335,19 +336,19 @@ impl MotionSetup {
     }
 }
 
-fn eight() -> u32 {
+fn default_bits() -> u32 {
     8
 }
 
-fn lens_blur() -> f64 {
+fn default_blur_px() -> f64 {
     0.7
 }
 
-fn linear() -> f64 {
+fn default_gamma() -> f64 {
     1.0
 }
 
-fn start() -> u64 {
+fn default_start_ns() -> u64 {
     1_700_000_000_000_000_000
 }
 
@@ -380,8 +381,9 @@ impl Scenario {
         }
     }
 
-    /// Returns a film of the second ball alone, with the same camera, lamp and surface, and without an occluder.
-    pub(crate) fn alone(&self, other: &OtherSetup) -> Self {
+    /// Returns the scenario of the second ball alone, with the same camera, lamp and surface, and without an
+    /// occluder.
+    pub(crate) fn second_ball_alone(&self, other: &OtherSetup) -> Self {
         Self {
             body: other.body.clone(),
             shade: ShadeSetup {

@@ -16,13 +16,13 @@ pub struct PatternSetup {
     #[serde(default)]
     pub lines: u32,
     /// Width of the lines, 0.5 to 10 px.
-    #[serde(default = "line_width")]
+    #[serde(default = "default_line_width_px")]
     pub line_width_px: f64,
     /// Arrangement, default `random`.
     #[serde(default)]
     pub layout: Layout,
     /// Number of equal parts of a regular pattern, 1 to 64; default 6.
-    #[serde(default = "repeats")]
+    #[serde(default = "default_repeats")]
     pub repeats: u32,
 }
 
@@ -50,17 +50,17 @@ impl Default for PatternSetup {
             area_max_px2: 40.0,
             coverage: 0.45,
             lines: 0,
-            line_width_px: line_width(),
+            line_width_px: default_line_width_px(),
             layout: Layout::Random,
-            repeats: repeats(),
+            repeats: default_repeats(),
         }
     }
 }
 
-fn line_width() -> f64 {
+fn default_line_width_px() -> f64 {
     2.0
 }
 
-fn repeats() -> u32 {
+fn default_repeats() -> u32 {
     6
 }

@@ -141,7 +141,7 @@ fn sphere_ink(sphere: &SpeckledSphere, ball_px: f64, pose: &Pose) -> Vec<f64> {
     const POINTS: [f64; 4] = [-0.375, -0.125, 0.125, 0.375];
     let mut ink = vec![0.0f64; FINE_SIDE * FINE_SIDE];
     for spot in &sphere.spots {
-        let [nx, ny, nz] = pose.orientation.of(spot.direction);
+        let [nx, ny, nz] = pose.orientation.rotate(spot.direction);
         let radius = sphere.tables[spot.size].cap().radius_px;
         let plane = (ball_px * ball_px - radius * radius).sqrt();
         let [x, y] = [pose.center_px[0] + ball_px * nx, pose.center_px[1] - ball_px * ny];
@@ -172,7 +172,7 @@ fn sampled(scenario: &Scenario, surface: &Surface, moment: &Moment) -> Vec<f64> 
         Surface::Regular(paint) => {
             let at = |index: usize| {
                 let place = [place(index % FINE_SIDE), place(index / FINE_SIDE)];
-                paint.sharp(pose, place[0] - pose.center_px[0], place[1] - pose.center_px[1])
+                paint.is_painted(pose, place[0] - pose.center_px[0], place[1] - pose.center_px[1])
             };
             (0..FINE_SIDE * FINE_SIDE).map(at).collect()
         }
@@ -329,7 +329,7 @@ fn a_speckled_sphere_is_drawn_within_half_a_grey_level_and_not_shifted_at_any_or
         for (x, y, angle_deg) in POSES {
             for tilt in [[0.0, 0.0], [0.3, 0.0], [-0.7, 1.1]] {
                 let mut pose = pose(x, y, angle_deg);
-                pose.orientation = Orientation::about([tilt[0], tilt[1], pose.angle_rad]);
+                pose.orientation = Orientation::from_rotation_vector([tilt[0], tilt[1], pose.angle_rad]);
                 let what = format!("{area_max_px2} px^2 at ({x}, {y}), {angle_deg} deg, tilt {tilt:?}");
                 let shift = agree(&scenario, &sphere, &alone(pose), &what);
                 assert!(shift.iter().all(|part| part.abs() < 2e-4), "{shift:?}");

@@ -29,21 +29,21 @@ impl BodyTracker {
             let velocity = node.and_then(|node| self.velocity_at(node));
             let (Some(velocity), Some(normal), Some(tangential)) = (velocity, normal, tangential) else { return false };
             let tolerance_m_s = SAME_SPEED * normal.value.hypot(tangential.value);
-            [(velocity.vn_m_s, normal), (velocity.vt_m_s, tangential)].iter().any(|(seen, found)| {
+            [(velocity.vn_m_s, normal), (velocity.vt_m_s, tangential)].iter().any(|(local, found)| {
                 let sigma = velocity.sigma_v_m_s.hypot(found.sigma);
-                (seen - found.value).abs() > tolerance_m_s.max(SAME_SPEED_SIGMAS * sigma)
+                (local - found.value).abs() > tolerance_m_s.max(SAME_SPEED_SIGMAS * sigma)
             })
         };
         differs(before, impact.vn_before_m_s, impact.vt_before_m_s)
             || differs(after, impact.vn_after_m_s, impact.vt_after_m_s)
     }
 
-    /// Returns the velocity at a node.
+    /// Returns the velocity fitted around a node; `None` without a scale or enough nodes.
     fn velocity_at(&self, node: &Pose) -> Option<BodyVelocity> {
         let regime = self.detector.as_ref().map_or(Regime::Unknown, |detector| detector.regime(node.frame));
         let here = self.outline_drift.here(node, regime);
         let known = KnownMotion { nodes: &self.nodes, to_frame: self.newest_frame, gravity: self.gravity() };
-        let rates = self.in_plane(smooth(known, node.frame, regime, &self.params)?, regime, node, &here);
-        Some(physical(&self.with_systematic(rates), self.radius.metres_per_px(self.params.scale)?, &self.params))
+        let rates = self.correct_out_of_plane(smooth(known, node.frame, regime, &self.params)?, regime, node, &here);
+        Some(physical(&self.with_systematic_errors(rates), self.radius.metres_per_px(self.params.scale)?, &self.params))
     }
 }
