@@ -272,15 +272,15 @@ pub fn run(command: Command, stop: &Stop) -> Result<Outcome, Failure> {
         Command::Bench(options) => bench::run(&options),
         Command::Export(options) => {
             let exported = export::run(&options)?;
-            Ok(Outcome::of_file(0, &options.file, exported.truncated.as_deref()))
+            Ok(Outcome::from_file(0, &options.file, exported.truncated.as_deref()))
         }
         Command::Report(options) => report::run(&options),
         Command::Info(options) => {
             let info = info::run(&options)?;
             let lost = info.frames.as_ref().and_then(|frames| frames.lost).unwrap_or(0);
-            Ok(Outcome::of_file(lost, &info.file, info.truncated.as_deref()))
+            Ok(Outcome::from_file(lost, &info.file, info.truncated.as_deref()))
         }
-        Command::Recover(options) => Ok(Outcome::of_losses(recover::run(&options)?.skipped.len() as u64)),
+        Command::Recover(options) => Ok(Outcome::from_losses(recover::run(&options)?.skipped.len() as u64)),
         Command::Import(options) => {
             import::run(&options)?;
             Ok(Outcome::Clean)

@@ -30,6 +30,13 @@ pub(super) struct Outline {
     pub radius: f64,
 }
 
+impl Outline {
+    /// Returns the distance from another circle, px: the larger of the differences of centre and radius.
+    pub fn distance(&self, other: &Self) -> f64 {
+        (self.x - other.x).hypot(self.y - other.y).max((self.radius - other.radius).abs())
+    }
+}
+
 /// One pixel of every bin of a block.
 pub(super) type Lane = [f32; LANES];
 

@@ -34,7 +34,7 @@ impl SideLight {
     /// The brightness inside along the rim is `a + b cos + c sin`. Illumination that changes linearly across the disc
     /// then falls by `(b cos + c sin) / R` per pixel inwards. The slope is zero if the used bins do not surround the
     /// centre.
-    pub fn estimate_slope(&mut self, rim: &Annulus, edges: &[Edge], used: &[bool], radius: f64, slope: &mut Vec<f32>) {
+    pub fn fit_slope(&mut self, rim: &Annulus, edges: &[Edge], used: &[bool], radius: f64, slope: &mut Vec<f32>) {
         slope.clear();
         slope.resize(rim.bins(), 0.0);
         self.amplitude = [0.0; 2];

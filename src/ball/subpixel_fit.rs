@@ -161,11 +161,6 @@ const NEAR: Effort = Effort {
     is_near: true,
 };
 
-/// Returns the distance between two circles, px: the larger of the distances of centres and radii.
-fn circle_distance(a: &Outline, b: &Outline) -> f64 {
-    (a.x - b.x).hypot(a.y - b.y).max((a.radius - b.radius).abs())
-}
-
 /// The subpixel fit with its scratch memory.
 #[derive(Debug, Default)]
 pub(super) struct SubpixelFit {
@@ -194,14 +189,9 @@ impl SubpixelFit {
         self.fit_unclipped_or_all(image, candidate, effort)
     }
 
-    /// Fits the circle near an accurate prediction, off by at most `max_shift_px`.
-    pub fn fit_prediction(
-        &mut self,
-        image: ImageView<'_>,
-        candidate: &Candidate,
-        max_shift_px: f64,
-    ) -> Option<Measured> {
-        self.fit_unclipped_or_all(image, candidate, Effort { max_shift_px, ..NEAR })
+    /// Fits the circle near an accurate prediction, off by at most `limit_px`.
+    pub fn fit_prediction(&mut self, image: ImageView<'_>, candidate: &Candidate, limit_px: f64) -> Option<Measured> {
+        self.fit_unclipped_or_all(image, candidate, Effort { max_shift_px: limit_px, ..NEAR })
     }
 
     /// Fits the circle near an examined candidate, which may be off by more than the noise of an outline.
@@ -256,9 +246,7 @@ impl SubpixelFit {
         self.fit.rim_kind = kind;
     }
 
-    /// Fits the circle in rounds of gathering pixels, fitting edges and fitting a circle.
-    ///
-    /// `None` if the circle moves too far or is rejected.
+    /// Fits the circle in rounds of gathering and fitting; `None` if it moves too far or is rejected.
     fn fit_circle(&mut self, image: ImageView<'_>, candidate: &Candidate, effort: Effort) -> Option<Measured> {
         let start = Outline { x: candidate.x.into(), y: candidate.y.into(), radius: candidate.radius.into() };
         let mut outline = start;
@@ -269,7 +257,7 @@ impl SubpixelFit {
         self.gather(image, &start);
         for round in 0..MAX_ROUNDS {
             // The second gathering makes the bins independent of the start, if that was far off.
-            let apart = circle_distance(&outline, &gathered);
+            let apart = outline.distance(&gathered);
             if (round == 2 && apart > effort.regather_px) || apart > SLACK_PX {
                 self.gather(image, &outline);
                 gathered = outline;
@@ -289,7 +277,7 @@ impl SubpixelFit {
             outline =
                 Outline { x: outline.x + fitted.dx, y: outline.y + fitted.dy, radius: outline.radius + fitted.dr };
             // NaN fails the comparison.
-            let near = circle_distance(&outline, &start) <= effort.max_shift_px;
+            let near = outline.distance(&start) <= effort.max_shift_px;
             if !near {
                 return None;
             }
@@ -298,13 +286,7 @@ impl SubpixelFit {
             }
             self.move_edges(&fitted);
             blur = self.refine_blur(blur);
-            self.side_light.estimate_slope(
-                &self.rim,
-                &self.edges,
-                &self.selection.used,
-                outline.radius,
-                &mut self.slope,
-            );
+            self.side_light.fit_slope(&self.rim, &self.edges, &self.selection.used, outline.radius, &mut self.slope);
         }
         self.accept_circle(image, outline, blur)
     }
@@ -388,7 +370,7 @@ impl SubpixelFit {
         if !(center_sigma < max_sigma_px && radius_sigma < max_sigma_px) {
             return None;
         }
-        let clipped = self.clipped_sigma_px()?;
+        let clip = self.clipped_sigma_px()?;
         let outlier_fraction = 1.0 - inliers as f64 / used as f64;
         let marks = match (self.fit.rim_kind, self.selection.excludes_speckle) {
             (RimKind::Speckled, _) => SPECKLED_FACTORS,
@@ -405,19 +387,13 @@ impl SubpixelFit {
         // Under side light, the edges of the brighter limb are shifted more.
         let [amplitude_x, amplitude_y] = self.side_light.amplitude;
         let amplitude = amplitude_x.hypot(amplitude_y).max(f64::MIN_POSITIVE);
-        let side_shift = shift.center_correction(amplitude);
+        let side = shift.center_correction(amplitude);
         let circle = Circle {
-            x_px: outline.x + side_shift.value * amplitude_x / amplitude,
-            y_px: outline.y + side_shift.value * amplitude_y / amplitude,
+            x_px: outline.x + side.value * amplitude_x / amplitude,
+            y_px: outline.y + side.value * amplitude_y / amplitude,
             radius_px: outline.radius + shift.rim.value,
-            sigma_center_px: (center * center_sigma)
-                .hypot(clipped[0])
-                .hypot(side_shift.sigma)
-                .hypot(MIN_CENTER_SIGMA_PX),
-            sigma_radius_px: (radius * radius_sigma)
-                .hypot(clipped[1])
-                .hypot(shift.rim.sigma)
-                .hypot(MIN_RADIUS_SIGMA_PX),
+            sigma_center_px: (center * center_sigma).hypot(clip[0]).hypot(side.sigma).hypot(MIN_CENTER_SIGMA_PX),
+            sigma_radius_px: (radius * radius_sigma).hypot(clip[1]).hypot(shift.rim.sigma).hypot(MIN_RADIUS_SIGMA_PX),
             visible_fraction,
         };
         Some(Measured { circle, inlier_fraction, scatter_px })

@@ -64,7 +64,7 @@ impl FieldSubscriber {
     }
 
     /// Connects to writers that joined since the last call; consumes nothing.
-    pub fn greet(&self) {
+    pub fn update_connections(&self) {
         let _ = self.port.update_connections();
     }
 }

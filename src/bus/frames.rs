@@ -81,7 +81,7 @@ impl FramePublisher {
     }
 
     /// Connects to readers that joined since the last frame, so that they receive the next one.
-    pub fn greet(&self) {
+    pub fn update_connections(&self) {
         let _ = self.port.update_connections();
     }
 
@@ -136,7 +136,7 @@ impl FrameSubscriber {
     /// Connects to writers that joined since the last call; consumes nothing.
     ///
     /// Without it, a reader that only waits loses all frames when the writer dies.
-    pub fn greet(&self) {
+    pub fn update_connections(&self) {
         let _ = self.port.update_connections();
     }
 }

@@ -62,7 +62,7 @@ impl<T: Topic> Publisher<T> {
     }
 
     /// Sends the history to readers that joined since the last message.
-    pub fn greet(&self) {
+    pub fn update_connections(&self) {
         let _ = self.port.update_connections();
     }
 }

@@ -40,7 +40,7 @@ impl StreamFormat {
     }
 
     /// Returns the metadata of a frame without row padding, in the stream's first epoch.
-    fn meta(&self, sequence: u64, stamp_ns: u64, device_ns: u64) -> FrameMeta {
+    fn frame_meta(&self, sequence: u64, stamp_ns: u64, device_ns: u64) -> FrameMeta {
         FrameMeta {
             sequence,
             epoch: 0,
@@ -167,7 +167,7 @@ pub trait Camera {
     /// Returns the number of slots the camera wants to hold at once.
     fn slots(&self) -> usize;
 
-    /// Hands over a slot of at least `format().slot_bytes()` bytes.
+    /// Queues a slot of at least `format().slot_bytes()` bytes.
     fn queue(&mut self, slot: Slot);
 
     /// Starts the stream. Called once, after the first slots were queued and every reader is ready.

@@ -47,7 +47,7 @@ pub fn stream_format(world: &SimulatedFilm) -> StreamFormat {
 /// Returns the metadata of one frame of a simulated film.
 pub fn meta(world: &SimulatedFilm, index: u64) -> FrameMeta {
     let stamp_ns = world.stamp_ns(index);
-    stream_format(world).meta(index, stamp_ns, stamp_ns - world.stamp_ns(0))
+    stream_format(world).frame_meta(index, stamp_ns, stamp_ns - world.stamp_ns(0))
 }
 
 /// A simulated camera. Its frames are a pure function of the scenario.

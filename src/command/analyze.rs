@@ -115,9 +115,9 @@ pub(super) fn measure_and_print(
     let rows = results.velocities()?.collect::<Result<Vec<_>, _>>()?;
     let rows = rows.iter().filter(|row| measured.runs.contains(row.frame));
     let film = FilmShape { size_px: Some([format.width_px, format.height_px]), first_frame: measured.runs.first() };
-    let bodies = body_summary::of_rows(rows, &config, &film);
+    let bodies = body_summary::summarize_rows(rows, &config, &film);
     print_results(&last_revisions(&results)?, &bodies, &results, options);
-    let outcome = Outcome::of_file(measured.missing, &inputs[0], truncated.as_deref());
+    let outcome = Outcome::from_file(measured.missing, &inputs[0], truncated.as_deref());
     Ok(if bodies.iter().all(BodySummary::is_empty) { outcome.with_nothing_measured() } else { outcome })
 }
 
@@ -216,7 +216,7 @@ pub(super) fn measure(film: Film, output: &Path, stop: &Stop) -> Result<Measured
             }
             let (meta, bytes) = frame?;
             runs.push(meta.sequence);
-            shot.frame(0, &Frame { meta, bytes: &bytes })?;
+            shot.write_frame(0, &Frame { meta, bytes: &bytes })?;
             send_to_all(&workers, &Arc::new((meta, bytes)));
             results.try_iter().try_for_each(|answer| write_measured(&mut shot, answer))?;
             bar.inc(1);
@@ -268,7 +268,7 @@ fn run_worker(mut measurer: Measurer, todo: &Receiver<Job>, answers: &Sender<Ans
 /// Adds the results of a worker to the results file.
 fn write_measured(shot: &mut Shot, answer: Answer) -> Result<(), Failure> {
     for measured in answer? {
-        shot.step(0, measured.step, measured.field)?;
+        shot.write_step(0, measured.step, measured.field)?;
     }
     Ok(())
 }

@@ -62,8 +62,8 @@ pub fn run(options: &AnalyzeOptions, shard: Shard, stop: &Stop) -> Result<Outcom
     let count = failures.len();
     match failures.into_iter().next() {
         Some(first) => Err(FailedFilms { count, films: tried, first }.into()),
-        None if tried > 0 && empty == tried => Ok(Outcome::of_losses(lost).with_nothing_measured()),
-        None => Ok(Outcome::of_losses(lost)),
+        None if tried > 0 && empty == tried => Ok(Outcome::from_losses(lost).with_nothing_measured()),
+        None => Ok(Outcome::from_losses(lost)),
     }
 }
 

@@ -43,7 +43,7 @@ pub(super) struct FilmShape {
 }
 
 /// Counts the velocity rows of each body, and finds the most frequent reason why it was not measured.
-pub(super) fn of_rows<'a>(
+pub(super) fn summarize_rows<'a>(
     rows: impl Iterator<Item = &'a VelocitySample> + Clone,
     config: &Config,
     film: &FilmShape,
@@ -69,11 +69,11 @@ pub(super) fn of_rows<'a>(
 }
 
 /// Counts the rows of each body of a shot, whose missing frames do not count.
-pub(super) fn of_shot(shot: &Shot, config: &Config) -> Vec<MeasuredBody> {
+pub(super) fn summarize_shot(shot: &Shot, config: &Config) -> Vec<MeasuredBody> {
     let rows = shot.velocities().iter().filter(|row| !shot.is_missing(row.frame));
     let film = FilmShape { size_px: shot.size_px(), first_frame: shot.first_frame() };
     let body = |summary: &BodySummary| MeasuredBody { line: summary.line(), is_complete: summary.is_complete() };
-    of_rows(rows, config, &film).iter().map(body).collect()
+    summarize_rows(rows, config, &film).iter().map(body).collect()
 }
 
 /// Returns the value that a key has, or its default where the rig file leaves it out; `None` where that is unknown.

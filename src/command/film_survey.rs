@@ -53,7 +53,7 @@ impl FilmFiles {
         result_film::open(&self.inputs, self.camera.as_deref(), self.fps, self.order)
     }
 
-    /// Hands the frames to `take`, each with its number from 0, until it returns [`Visit::Stop`].
+    /// Passes the frames to `take`, each with its number from 0, until it returns [`Visit::Stop`].
     pub(super) fn visit(
         &self,
         stop: &Stop,
@@ -218,7 +218,7 @@ fn follow_all(
         if track.len() < body.kind.found_frames() {
             body.kind = Identified::Unknown;
         } else {
-            body.path = Some(Path::of(track));
+            body.path = Some(Path::from_track(track));
         }
     }
     Ok(())

@@ -104,7 +104,7 @@ impl Film {
         config: Option<&Path>,
         fps: Option<f64>,
     ) -> Result<Self, Failure> {
-        let recordings = Recording::open_all(paths)?.into_iter().map(|recording| recording.of_camera(camera));
+        let recordings = Recording::open_all(paths)?.into_iter().map(|recording| recording.select_view(camera));
         let parts = recordings.map(|recording| Part::open(recording?));
         let mut parts = parts.collect::<Result<Vec<_>, Failure>>()?;
         parts.sort_by_key(|part| part.first.stamp_ns);
@@ -133,7 +133,7 @@ impl Film {
             count: parts.iter().map(|part| part.recording.frame_count()).sum(),
             metadata: recording.metadata().clone(),
             truncated: parts.iter().find_map(|part| part.recording.truncated().map(str::to_owned)),
-            reference: reference_picture::of_recording(&recording, &config)?,
+            reference: reference_picture::from_recording(&recording, &config)?,
             config,
             frames: Box::new(parts.into_iter().flat_map(|part| part.frames).map(move |frame| {
                 let (next, bytes) = frame?;
@@ -163,7 +163,7 @@ impl Film {
         let mut frames = ReportedFrames { findings: footage.findings.clone(), frames: footage }.peekable();
         let first = frames.peek().and_then(|first| first.as_ref().ok());
         let reference =
-            first.and_then(|(meta, bytes)| reference_picture::of_first_frame(&Frame { meta: *meta, bytes }, &config));
+            first.and_then(|(meta, bytes)| reference_picture::from_first_frame(&Frame { meta: *meta, bytes }, &config));
         Ok(Self {
             format,
             count,

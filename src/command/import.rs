@@ -61,7 +61,7 @@ pub fn run(options: &ImportOptions) -> Result<Imported, Failure> {
     let bar = progress::frame_bar(footage.count, "import");
     for frame in footage {
         let (meta, bytes) = frame?;
-        writer.frame(&Frame { meta, bytes: &bytes })?;
+        writer.write_frame(&Frame { meta, bytes: &bytes })?;
         bar.inc(1);
     }
     bar.finish_and_clear();

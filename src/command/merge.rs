@@ -57,7 +57,7 @@ pub fn run(options: &MergeOptions) -> Result<Outcome, Failure> {
         }
     };
     unfinished.iter().for_each(|path| print_note(&format!("{}: unfinished, left out", path.display())));
-    Ok(Outcome::of_losses(unfinished.len() as u64))
+    Ok(Outcome::from_losses(unfinished.len() as u64))
 }
 
 /// Adds the recordings of a folder by name, and those that are unfinished.

@@ -131,8 +131,8 @@ pub fn run(options: &ReplayOptions, stop: &Stop) -> Result<Outcome, Failure> {
         }
     }
     let cut = streams.iter().find(|one| one.recording.truncated().is_some()).or(streams.first());
-    let Some(Streamed { recording, .. }) = cut else { return Ok(Outcome::of_losses(lost)) };
-    Ok(Outcome::of_file(lost, recording.path(), recording.truncated()))
+    let Some(Streamed { recording, .. }) = cut else { return Ok(Outcome::from_losses(lost)) };
+    Ok(Outcome::from_file(lost, recording.path(), recording.truncated()))
 }
 
 /// Plays one stream, paced by its camera source.

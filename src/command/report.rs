@@ -45,13 +45,13 @@ pub fn run(options: &ReportOptions) -> Result<Outcome, Failure> {
     let mut shots = Vec::with_capacity(options.files.len());
     for file in &options.files {
         let camera = options.camera.as_deref();
-        let recording = Recording::open(file)?.of_camera(camera)?;
+        let recording = Recording::open(file)?.select_view(camera)?;
         let mut shot = match options.film.first() {
             None => Shot::read(&recording)?,
             Some(path) => Shot::read_with(&recording, path, result_film::frames(&recording, &options.film, camera)?)?,
         };
         if let Ok(config) = frame_source::rig_config(&recording, camera, None) {
-            shot.set_measured(body_summary::of_shot(&shot, &config));
+            shot.set_measured(body_summary::summarize_shot(&shot, &config));
         }
         shots.push(shot);
     }

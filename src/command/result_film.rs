@@ -68,7 +68,7 @@ pub(super) fn open(
         let frames = Box::new(footage.map(move |frame| frame.map_err(&damaged)));
         return Ok(OpenedFilm { frames, count, frame_rate_hz, rate_source, warnings });
     }
-    let film = Recording::open_all(film)?.into_iter().map(|recording| recording.of_camera(camera));
+    let film = Recording::open_all(film)?.into_iter().map(|recording| recording.select_view(camera));
     let film = film.collect::<Result<Vec<_>, _>>()?;
     let Some(film) = Recording::joined(film) else { return Err(UsageError("--film: no file".into()).into()) };
     let (first, frames) = (film.first_frame()?, film.frames()?);

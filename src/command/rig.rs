@@ -116,7 +116,7 @@ pub fn run(config: &Path, stop: &Stop) -> Result<Outcome, Failure> {
 
 /// Returns the outcome of a rig with the causes of its losses.
 fn outcome(summary: &Summary) -> Outcome {
-    Outcome::of_rig(summary)
+    Outcome::from_rig(summary)
 }
 
 /// Loads the rig file of a rig that runs, and checks that its cameras have sources; `-` is standard input.

@@ -50,7 +50,7 @@ pub fn run(options: &SimulateOptions) -> Result<Outcome, Failure> {
     Overwrite::REFUSED.check(&options.output)?;
     let mut writer = RecordingWriter::create(&options.output, &info, &WriterOptions::default())?;
     for impact in world.impacts() {
-        writer.truth_impact(&impact)?;
+        writer.write_truth_impact(&impact)?;
     }
     render_frames(&world, &format, &mut writer)?;
     let finished = writer.finish()?;
@@ -69,9 +69,9 @@ fn render_frames(world: &SimulatedFilm, format: &StreamFormat, writer: &mut Reco
     let bar = progress::frame_bar(world.frames(), "simulate");
     for index in 0..world.frames() {
         world.render(index, &mut bytes);
-        writer.frame(&Frame { meta: simulated::meta(world, index), bytes: &bytes })?;
+        writer.write_frame(&Frame { meta: simulated::meta(world, index), bytes: &bytes })?;
         for row in world.truths(index) {
-            writer.truth(&row)?;
+            writer.write_truth(&row)?;
         }
         bar.inc(1);
     }

@@ -121,8 +121,8 @@ impl Config {
                 BodyKind::Patch => Form::Patch,
             },
             interval_frames: self.intervals_frames[0],
-            walk: RandomWalk::of(&self.intervals_frames, renewal),
-            spans: Intervals::of(&self.intervals_frames, renewal),
+            walk: RandomWalk::new(&self.intervals_frames, renewal),
+            spans: Intervals::new(&self.intervals_frames, renewal),
             exposure_ns: 1.0e3 * self.camera.exposure_us.unwrap_or(exposure_us),
             shutter: Shutter {
                 row_time_frames: 1.0e-6 * self.camera.row_time_us.unwrap_or(0.0) * frame_rate_hz,

@@ -95,7 +95,7 @@ impl OutputFile {
         &self.part
     }
 
-    /// Gives the complete file its name.
+    /// Renames the complete file to its final name.
     ///
     /// # Errors
     ///

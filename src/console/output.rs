@@ -64,12 +64,12 @@ impl Outcome {
     }
 
     /// Returns `Clean` if `lost` is 0.
-    pub fn of_losses(lost: u64) -> Self {
+    pub fn from_losses(lost: u64) -> Self {
         if lost == 0 { Self::Clean } else { Self::Lost { count: lost, cause: None } }
     }
 
     /// Returns the outcome of a rig, with the causes of its losses. Faults count as a loss without lost data.
-    pub fn of_rig(summary: &Summary) -> Self {
+    pub fn from_rig(summary: &Summary) -> Self {
         let count = summary.losses();
         if count == 0 && summary.faults == 0 {
             return Self::Clean;
@@ -78,9 +78,9 @@ impl Outcome {
     }
 
     /// Returns the outcome of a file; a truncated file counts as one more loss.
-    pub fn of_file(lost: u64, path: &Path, truncated: Option<&str>) -> Self {
+    pub fn from_file(lost: u64, path: &Path, truncated: Option<&str>) -> Self {
         match truncated {
-            None => Self::of_losses(lost),
+            None => Self::from_losses(lost),
             Some(reason) => Self::Lost { count: lost + 1, cause: Some(format!("{}: {reason}", path.display())) },
         }
     }

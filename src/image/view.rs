@@ -77,7 +77,7 @@ impl Image {
         Self { data: vec![0.0; width * height], width, height }
     }
 
-    /// Takes `data` as `height` rows of `width` pixels.
+    /// Creates a view of `data` as `height` rows of `width` pixels.
     ///
     /// # Errors
     ///

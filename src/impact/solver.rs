@@ -393,7 +393,7 @@ fn rates_at(flight: &[Polynomial; 3], at: Estimate, context: &ImpactContext) -> 
 fn speed_bias(rates: &[Estimate; 3], context: &ImpactContext) -> [f64; 2] {
     let [normal, tangential, angle] = [NORMAL, TANGENTIAL, ANGLE].map(|k| rates[k].value);
     let rates = [tangential, normal, angle.to_degrees()];
-    [context.speed_bias.of(rates), context.speed_bias.interpolated(rates)]
+    [context.speed_bias.underestimate(rates), context.speed_bias.interpolation_error(rates)]
 }
 
 /// Returns the moment within the contact at which the contact point stops, frames; see [`find_slip_end`].

@@ -75,11 +75,11 @@ impl Footage {
         frames: impl Iterator<Item = Pixels> + Send + 'static,
     ) -> Self {
         let stored = (0..).zip(frames).map(|(index, pixels)| Ok(Stored { index, pixels: pixels? }));
-        Self::of_stored(shape, timeline, count, Box::new(stored))
+        Self::from_stored(shape, timeline, count, Box::new(stored))
     }
 
     /// Collects frames of which some of the `count` stored ones may be left out.
-    pub(super) fn of_stored(shape: Shape, timeline: Timeline, count: u64, frames: Frames) -> Self {
+    pub(super) fn from_stored(shape: Shape, timeline: Timeline, count: u64, frames: Frames) -> Self {
         let Shape { width_px, height_px, format } = shape;
         let provenance = Provenance::new(timeline.source.clone(), timeline.gaps(), format);
         let frame_rate_hz = timeline.rate_hz;

@@ -41,7 +41,7 @@ pub(super) struct Rate {
 
 impl Rate {
     /// Returns the rate that a field of the file states; `None` when it cannot be a rate.
-    pub(super) fn of_header(hz: f64, field: &str) -> Option<Self> {
+    pub(super) fn from_header(hz: f64, field: &str) -> Option<Self> {
         RATES_HZ.contains(&hz).then(|| Self { hz, source: RateSource::Header(field.to_owned()) })
     }
 
@@ -50,8 +50,8 @@ impl Rate {
     /// # Errors
     ///
     /// [`ImportError::FrameRate`] when neither states one.
-    pub(super) fn known(path: &Path, fps: Option<f64>, of_file: Option<Self>) -> Result<Self, ImportError> {
-        fps.map(|hz| Self { hz, source: RateSource::Option }).or(of_file).ok_or_else(|| ImportError::FrameRate {
+    pub(super) fn known(path: &Path, fps: Option<f64>, from_file: Option<Self>) -> Result<Self, ImportError> {
+        fps.map(|hz| Self { hz, source: RateSource::Option }).or(from_file).ok_or_else(|| ImportError::FrameRate {
             reason: format!("{} does not record it; pass --fps", path.display()),
         })
     }

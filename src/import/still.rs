@@ -52,12 +52,12 @@ impl Still {
         Ok(Self { shape: square.unwrap_or(shape), bytes, look: Look { pixel_aspect, ..look } })
     }
 
-    /// Takes a decoded image of the file `path`. Colours become their luma.
+    /// Converts a decoded image of the file `path`. Colours become their luma.
     ///
     /// # Errors
     ///
     /// [`ImportError::Invalid`] for an image of floating-point numbers.
-    pub(super) fn of_picture(path: &Path, picture: DynamicImage, look: Look) -> Result<Self, ImportError> {
+    pub(super) fn from_picture(path: &Path, picture: DynamicImage, look: Look) -> Result<Self, ImportError> {
         let (width_px, height_px) = (u64::from(picture.width()), u64::from(picture.height()));
         let (format, bytes, grey_rule) = grey_levels(picture).ok_or_else(|| {
             ImportError::invalid(path, "floating-point numbers; save it in grey or RGB with 8 or 16 bits")

@@ -45,7 +45,7 @@ pub(super) fn fit_rigid_step(
 ///
 /// Returns the motion of the centre in x and y, px, and the rotation, deg, per frame, of a ball that may rotate about
 /// any axis.
-pub(super) fn fit_dilatation_into(
+pub(super) fn write_dilatation(
     field: &PairField,
     step: &mut BodyStep,
     outline: &Outline,
@@ -79,7 +79,7 @@ pub(super) fn set_drift(step: &mut BodyStep, motion: Option<[Estimate; 3]>) {
 /// Estimates the unknown motion of a ball per frame from a few subsets, which suffices to match the whole ball.
 ///
 /// `None` for other bodies, for few subsets, or if they do not determine it.
-pub(super) fn estimate_initial_motion(
+pub(super) fn search_motion(
     correlator: &mut Correlator,
     params: &MeasureParams,
     reference: &PendingFrame,

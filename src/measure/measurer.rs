@@ -2,7 +2,7 @@
 
 use super::block_state::BlockStates;
 use super::body_motion::{
-    estimate_initial_motion, fit_center_step, fit_dilatation_into, fit_rigid_step, predicted_start, set_drift,
+    fit_center_step, fit_rigid_step, predicted_start, search_motion, set_drift, write_dilatation,
 };
 use super::bounding_box::BoundingBox;
 use super::consistency::{self, OutlinePair};
@@ -186,9 +186,10 @@ impl Measurer {
                     self.measure_due(reference, Some(Target { sequence, prepared: &prepared, is_narrow }));
                 }
             }
-            match of_block == block {
-                true => own = Some((prepared, bounds)),
-                false => self.spare.push(prepared),
+            if of_block == block {
+                own = Some((prepared, bounds))
+            } else {
+                self.spare.push(prepared)
             }
             first = last;
         }
@@ -202,9 +203,7 @@ impl Measurer {
         self.correlator.prepare_part_into(view, bounds.rectangle(), prepared);
     }
 
-    /// Finds the bodies in the current frame and keeps the frame until its targets have come.
-    ///
-    /// `own` is the frame as prepared for `block`, if it was.
+    /// Finds the bodies in the current frame, perhaps prepared as `own`, and keeps it until its targets have come.
     fn add_pending(&mut self, frame: &Frame<'_>, block: u64, own: Option<(PreparedFrame, BoundingBox)>) {
         let meta = frame.meta;
         let (outlines, origins): (Vec<_>, Vec<_>) =
@@ -311,8 +310,8 @@ impl Measurer {
         }
     }
 
-    /// Discards the motion of a body after a contradiction, and stops following it within a block after the second
-    /// one.
+    /// Discards the motion of a body after a contradiction. After the second one it is lost for the rest of the
+    /// block.
     ///
     /// Another object may be taken for it, and one contradiction may be chance.
     fn record_contradiction(&mut self, key: BodyKey) {
@@ -333,11 +332,7 @@ impl Measurer {
         self.states.clear();
     }
 
-    /// Checks the size of a frame.
-    ///
-    /// # Errors
-    ///
-    /// Returns [`MeasureError::Size`] if it differs from the planned size.
+    /// Returns an error if the size of a frame differs from the planned size.
     fn check_size(&self, meta: &FrameMeta) -> Result<(), MeasureError> {
         let ImageSize { width: expected_width_px, height: expected_height_px } = self.size;
         if (meta.width_px as usize, meta.height_px as usize) == (expected_width_px, expected_height_px) {
@@ -401,9 +396,7 @@ impl Measurer {
         let points = self.finders[body].grid_points(&outline, &self.params.correlation, self.size);
         self.correlator.set_region(self.finders[body].correlated_region(&outline, &self.params.correlation));
         let mut rigid = known
-            .or_else(|| {
-                estimate_initial_motion(&mut self.correlator, &self.params, reference, &target, &outline, &points)
-            })
+            .or_else(|| search_motion(&mut self.correlator, &self.params, reference, &target, &outline, &points))
             .and_then(|rate| self.match_whole_body(span, &outline, &rate));
         let known = rigid.map(|rigid| rigid.step).or(known);
         let start = known.map_or(Start::Search, |step| predicted_start(&step, &outline, frames));
@@ -458,8 +451,7 @@ impl Measurer {
 
     /// Fits the step to the subsets and writes its dilatation and drift.
     ///
-    /// Returns the motion of the centre in x and y, px, and the rotation, deg, per frame, of a ball that may also
-    /// rotate out of the image plane.
+    /// Returns the motion of the centre, px, and the rotation, deg, per frame, of a ball that rotates about any axis.
     fn fit_subsets(
         &mut self,
         span: Span<'_>,
@@ -470,7 +462,7 @@ impl Measurer {
     ) -> Option<[Estimate; 3]> {
         let (frames, correlation) = (f64::from(step.interval_frames), &self.params.correlation);
         step.motion = fit_rigid_step(field, outline, frames, correlation.subset_size_px, start);
-        let ball_motion = fit_dilatation_into(field, step, outline, correlation.subset_size_px);
+        let ball_motion = write_dilatation(field, step, outline, correlation.subset_size_px);
         let circle = step.circle();
         if let (Rotation::Center, Some(_)) = (self.params.rotation, &circle) {
             step.motion = step.motion.and_then(|_| fit_center_step(field, outline, frames, correlation));

@@ -81,7 +81,7 @@ macro_rules! sample_message {
                 $(
                     let $group = || {
                         Some($Group {
-                            $($part: <$Part as Part>::of(self.$part.into())?,)*
+                            $($part: <$Part as Part>::from_number(self.$part.into())?,)*
                             $($count: self.$count,)*
                         })
                     };

@@ -55,7 +55,7 @@ pub struct View {
 impl View {
     /// Returns the principal point for images of this width and height, px: of the calibration if there is one, else
     /// the centre of the image.
-    pub fn of(size_px: [u32; 2], rectifier: Option<&Rectifier>) -> Self {
+    pub fn new(size_px: [u32; 2], rectifier: Option<&Rectifier>) -> Self {
         let size = size_px.map(f64::from);
         let longest_px = size[0].max(size[1]);
         match rectifier {

@@ -156,7 +156,7 @@ impl PoseIntegrator {
         }
     }
 
-    /// Takes the next step in frame order, the shortest of its frame. Returns the frame's node unless no step leads to
+    /// Adds the next step in frame order, the shortest of its frame. Returns the frame's node unless no step leads to
     /// or from it.
     ///
     /// `periods` is the time between the exposures of the body in this frame and the next, in nominal frame periods.
@@ -208,7 +208,8 @@ impl PoseIntegrator {
         Some(node)
     }
 
-    /// Takes a step over a longer interval, after the shortest one of its frame.
+    /// Adds a step over a longer interval, which links its frame to a later one. It follows the shortest step of its
+    /// frame.
     pub fn link(&mut self, step: &BodyStep) {
         let Some(from) = self.newest.filter(|node| node.frame == step.frame && step.angle_deg.is_none()) else {
             return;
@@ -428,7 +429,7 @@ mod tests {
 
     #[test]
     fn a_pose_drifts_as_the_step_that_led_to_it() {
-        let mut chain = PoseIntegrator::new(RandomWalk::of(&[1], Some(Renewal { block_frames: 8, stale_deg: 3.0 })));
+        let mut chain = PoseIntegrator::new(RandomWalk::new(&[1], Some(Renewal { block_frames: 8, stale_deg: 3.0 })));
         let shares = (0..6).map(|frame| {
             let method = if frame == 1 || frame == 2 { MotionMethod::WholeBody } else { MotionMethod::Subsets };
             let step = BodyStep { method, ..step(frame, 1, 0.5) };
@@ -443,7 +444,7 @@ mod tests {
 
     #[test]
     fn each_of_several_interleaved_chains_has_the_renewal_in_it() {
-        let mut chain = PoseIntegrator::new(RandomWalk::of(&[3], Some(Renewal { block_frames: 6, stale_deg: 3.0 })));
+        let mut chain = PoseIntegrator::new(RandomWalk::new(&[3], Some(Renewal { block_frames: 6, stale_deg: 3.0 })));
         let renewed = |frame: u64| {
             let step = BodyStep { method: MotionMethod::WholeBody, ..step(frame, 3, 0.5) };
             chain.push(&step, frame as f64, 1.0).unwrap().walk_share[0] > 0.0
@@ -459,7 +460,7 @@ mod tests {
         let alone = drift(&[1]);
         assert!((alone / 4000_f64.sqrt() - 1.0).abs() < 0.1, "{alone}");
         for intervals in [&[1, 4][..], &[1, 10], &[1, 3, 9]] {
-            let share = |intervals: &[u32]| RandomWalk::of(intervals, None).subsets([0.5, 0.0, 0.0])[0];
+            let share = |intervals: &[u32]| RandomWalk::new(intervals, None).subsets([0.5, 0.0, 0.0])[0];
             let (found, stated) = (drift(intervals) / alone, share(intervals) / share(&[1]));
             assert!((found / stated - 1.0).abs() < 0.2, "{intervals:?}: {found}, stated {stated}");
         }

@@ -64,7 +64,7 @@ impl RandomWalk {
     /// times as many frames, errors of the pose follow E(i) = (1 - g) (E(i-1) + a(i)) + g (E(i-n) + b(i)). The
     /// permanent part moves by [(1 - g) a + g b] / [1 - g + g n] per frame; a and b are of the same size for any
     /// interval. Poses relative to a kept reference drift less for any interval.
-    pub fn of(intervals_frames: &[u32], renewal: Option<Renewal>) -> Self {
+    pub fn new(intervals_frames: &[u32], renewal: Option<Renewal>) -> Self {
         let shortest = intervals_frames.first().map_or(1.0, |interval| f64::from((*interval).max(1)));
         let g = LONG_STEP_WEIGHT;
         let mut variance = 1.0;
@@ -120,13 +120,13 @@ mod tests {
 
     #[test]
     fn a_kept_reference_leaves_something_only_where_it_is_renewed() {
-        let walk = RandomWalk::of(&[1], Some(Renewal { block_frames: 8, stale_deg: 3.0 }));
+        let walk = RandomWalk::new(&[1], Some(Renewal { block_frames: 8, stale_deg: 3.0 }));
         let mut kept = None;
         let renewed = |(frame, angle_deg): (u64, f64)| walk.whole_body(frame, angle_deg, &mut kept)[0] > 0.0;
         let turning = (0..16).map(|frame| (frame, 0.8 * frame as f64));
         let frames: Vec<u64> =
             (0..16).zip(turning.map(renewed)).filter(|(_, renewed)| *renewed).map(|(f, _)| f).collect();
         assert_eq!(frames, [0, 4, 8, 12]);
-        assert!(RandomWalk::of(&[1], None).whole_body(3, 0.0, &mut None)[0] <= 0.0, "a patch's is never renewed");
+        assert!(RandomWalk::new(&[1], None).whole_body(3, 0.0, &mut None)[0] <= 0.0, "a patch's is never renewed");
     }
 }

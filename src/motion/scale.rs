@@ -31,7 +31,7 @@ impl RunningMedian {
         Self { kept: Vec::new(), stride: 1, seen: 0, median: None }
     }
 
-    /// Takes the next radius, px, or skips it once the list is thinned out.
+    /// Adds the next radius, px, or skips it once the list is thinned out.
     fn push(&mut self, radius: f64, sigma: f64) {
         let is_sampled = self.seen.is_multiple_of(self.stride);
         self.seen += 1;
@@ -55,7 +55,7 @@ impl RunningRadius {
         Self { whole: RunningMedian::new(), any: RunningMedian::new() }
     }
 
-    /// Takes the next outline; one without a positive radius is ignored.
+    /// Adds the next outline; one without a positive radius is ignored.
     pub fn push(&mut self, circle: &Circle) {
         if !(circle.radius_px > 0.0 && circle.radius_px.is_finite() && circle.sigma_radius_px.is_finite()) {
             return;

@@ -32,10 +32,10 @@ pub struct Canvas {
 
 impl Canvas {
     /// Shows grey levels from 0 to 255 of a frame of this width, row by row. A small frame is enlarged.
-    pub fn of_levels(levels: &[u8], width_px: u32) -> Self {
+    pub fn from_levels(levels: &[u8], width_px: u32) -> Self {
         let height_px = levels.len() as u32 / width_px.max(1);
         let zoom = WIDTH_PX.div_ceil(width_px.max(1)).clamp(1, 4);
-        Self::of_part(levels, width_px, [0, 0, width_px, height_px], zoom)
+        Self::from_part(levels, width_px, [0, 0, width_px, height_px], zoom)
     }
 
     /// Shows a part (x, y, width, height) of a frame, each pixel `zoom` px wide.
@@ -43,7 +43,7 @@ impl Canvas {
     /// # Panics
     ///
     /// If the part reaches over the edge of the frame.
-    pub fn of_part(levels: &[u8], width_px: u32, part_px: [u32; 4], zoom: u32) -> Self {
+    pub fn from_part(levels: &[u8], width_px: u32, part_px: [u32; 4], zoom: u32) -> Self {
         let [left, top, width, height] = part_px;
         let picture = RgbImage::from_fn(width * zoom, height * zoom, |x, y| {
             Rgb([levels[((top + y / zoom) * width_px + left + x / zoom) as usize]; 3])
@@ -166,7 +166,7 @@ mod tests {
     #[test]
     fn a_part_is_drawn_on_in_the_pixels_of_the_frame() {
         let levels: Vec<u8> = (0..200).collect();
-        let mut canvas = Canvas::of_part(&levels, 20, [10, 4, 6, 5], 3);
+        let mut canvas = Canvas::from_part(&levels, 20, [10, 4, 6, 5], 3);
         canvas.dot([12.0, 6.0], RED);
         let picture = canvas.into_picture();
         assert_eq!(picture.dimensions(), (18, 15));
@@ -176,7 +176,7 @@ mod tests {
 
     #[test]
     fn whatever_lies_outside_is_left_out() {
-        let mut canvas = Canvas::of_part(&[0; 64], 8, [0, 0, 8, 8], 1).with_line(3);
+        let mut canvas = Canvas::from_part(&[0; 64], 8, [0, 0, 8, 8], 1).with_line(3);
         canvas.circle([100.0, 100.0], 5.0, RED);
         canvas.line([-9.0, 3.0], [30.0, 3.0], RED);
         canvas.rectangle([-5.0, -5.0, 50.0, 50.0], RED);

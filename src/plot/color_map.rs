@@ -76,7 +76,7 @@ struct Range {
 
 impl Range {
     /// Returns the range of all valid points; `None` if there are none.
-    fn of_field(field: &[FieldPoint], quantity: Quantity) -> Option<Self> {
+    fn from_field(field: &[FieldPoint], quantity: Quantity) -> Option<Self> {
         let values = field.iter().filter_map(|point| quantity.value_at(point));
         values.fold(None, |range, value| {
             let Self { low, high } = range.unwrap_or(Self { low: value, high: value });
@@ -125,7 +125,7 @@ pub struct ColorMap {
 pub fn draw_map(image: ImageView<'_>, field: &[FieldPoint], quantity: Quantity, step_px: u32) -> ColorMap {
     let mut picture = grey_picture(image);
     let (name, unit) = quantity.title();
-    let Some(range) = Range::of_field(field, quantity) else {
+    let Some(range) = Range::from_field(field, quantity) else {
         return ColorMap { picture, legend: format!("map of {name}: no valid subset") };
     };
     for point in field {
@@ -232,7 +232,7 @@ mod tests {
     fn every_quantity_is_its_own_and_invalid_zncc_does_not_stretch_the_range() {
         let mut field = [point(12.0, Some(1.0)), point(20.0, None)];
         field[1].zncc = Some(0.1);
-        let range = |quantity: Quantity| Range::of_field(&field, quantity).unwrap().low;
+        let range = |quantity: Quantity| Range::from_field(&field, quantity).unwrap().low;
         for ((word, quantity), expected) in Quantity::WORDS.into_iter().zip([1.0, -1.0, 0.9, 0.003_535_534]) {
             assert!((range(quantity) - expected).abs() < 1e-6, "{word}: {}", range(quantity));
         }

@@ -210,11 +210,11 @@ impl Loop {
                 log::warn!("starting without {}: not ready in time", self.readers.missing(run_id));
                 break;
             }
-            self.ring.greet();
+            self.ring.update_connections();
             self.reporter.publish_status_if_due(&self.summary, FrameStamp::default())?;
             std::thread::sleep(Duration::from_millis(1));
         }
-        self.ring.greet();
+        self.ring.update_connections();
         Ok(())
     }
 
@@ -410,7 +410,7 @@ impl Loop {
         self.publish_event(EventKind::Ended, &text)?;
         let timeout = Timeout::new(LINGER_TIMEOUT);
         while !timeout.has_expired() && !stop.is_abandoned() && !self.readers.all_done(self.reporter.run_id())? {
-            self.ring.greet();
+            self.ring.update_connections();
             self.reporter.publish_status_if_due(&self.summary, self.newest())?;
             std::thread::sleep(Duration::from_millis(2));
         }

@@ -135,7 +135,7 @@ impl Worker<'_> {
             self.measurer.finish(&mut self.measured);
             self.publish()?;
         }
-        self.frames.greet();
+        self.frames.update_connections();
         self.measurer.reset();
         self.newest = FrameStamp::default();
         (self.shot, self.is_ended) = (0, true);

@@ -22,7 +22,7 @@ impl HardwareTrigger {
         (config.trigger.mode == TriggerMode::Hardware).then_some(Self { name, silence, is_silent: true, shot: 0 })
     }
 
-    /// Notes a frame; if it begins a shot, returns the cause as text.
+    /// Records a frame; if it begins a shot, returns the cause as text.
     pub(super) fn on_frame(&mut self) -> Option<String> {
         self.silence.renew();
         if !std::mem::take(&mut self.is_silent) {
@@ -32,7 +32,7 @@ impl HardwareTrigger {
         Some(format!("line {}", self.name))
     }
 
-    /// Notes that no frame came, and returns whether that ends a shot.
+    /// Records that no frame came, and returns whether that ends a shot.
     pub(super) fn on_timeout(&mut self) -> bool {
         let ends = !self.is_silent && self.silence.has_expired();
         self.is_silent |= ends;

@@ -231,7 +231,7 @@ impl Recorder<'_> {
             if let Some(kind) = event.kind() {
                 let text = format!("{}frame {}: {text}", self.feeds[camera].prefix(), event.sequence);
                 let row = EventRow { stamp_ns: event.stamp_ns, kind: kind.as_str().into(), text };
-                self.write(|open| open.shot.event(&row))?;
+                self.write(|open| open.shot.write_event(&row))?;
             }
         }
         Ok(())
@@ -249,8 +249,8 @@ impl Recorder<'_> {
         if self.shot.is_none() {
             if self.connect_timer.due() {
                 for feed in &self.feeds {
-                    feed.frames.greet();
-                    feed.fields.greet();
+                    feed.frames.update_connections();
+                    feed.fields.update_connections();
                 }
             }
             return Ok(false);
@@ -362,7 +362,7 @@ impl Recorder<'_> {
             feed.reporter.publish_event(EventKind::Matched, feed.newest, &text)?;
             self.publish_event(EventKind::Matched, &text)?;
             let kind = EventKind::Matched.as_str().into();
-            written = written.and_then(|()| shot.event(&EventRow { stamp_ns, kind, text }));
+            written = written.and_then(|()| shot.write_event(&EventRow { stamp_ns, kind, text }));
         }
         let (finished, missing) = match written.and_then(|()| shot.finish(&ends)) {
             Ok(finished) => finished,

@@ -33,8 +33,8 @@ pub(super) fn begin_stream(config: &Config, bus: &Bus) -> Result<(), CameraError
     }
     let camera = &config.camera;
     let recording = Recording::open(Path::new(camera.id.as_deref().unwrap_or_default()))?;
-    let recording = recording.of_camera(camera.view.as_deref())?;
-    if let Some(picture) = of_recording(&recording, config)? {
+    let recording = recording.select_view(camera.view.as_deref())?;
+    if let Some(picture) = from_recording(&recording, config)? {
         store(&path, &picture);
     }
     Ok(())
@@ -80,7 +80,7 @@ pub(super) fn png_attachment(png: Vec<u8>) -> (String, String, Vec<u8>) {
 }
 
 /// Returns the picture from a film's first frame; `None` if no patches are measured.
-pub fn of_first_frame(frame: &Frame<'_>, config: &Config) -> Option<Image> {
+pub fn from_first_frame(frame: &Frame<'_>, config: &Config) -> Option<Image> {
     if is_needed(config) { unpack(frame) } else { None }
 }
 
@@ -98,7 +98,7 @@ fn unpack(frame: &Frame<'_>) -> Option<Image> {
 /// # Errors
 ///
 /// If the recording cannot be read.
-pub fn of_recording(recording: &Recording, config: &Config) -> Result<Option<Image>, RecordingError> {
+pub fn from_recording(recording: &Recording, config: &Config) -> Result<Option<Image>, RecordingError> {
     if !is_needed(config) {
         return Ok(None);
     }

@@ -145,7 +145,7 @@ pub fn open_camera(config: &Config) -> Result<Box<dyn Camera>, CameraError> {
                 std::iter::once(path.clone()).chain(camera.parts.iter().map(Into::into)).collect();
             let film = Recording::joined(Recording::open_all(&files)?);
             let film = film.ok_or_else(|| RecordingError::invalid(&path, "no recording"))?;
-            let film = film.of_camera(camera.view.as_deref())?;
+            let film = film.select_view(camera.view.as_deref())?;
             let recording = ReplayCamera::new(film, Playback { rate, range, shift_ns: camera.shift_ns })?;
             if recording.format().frame_rate_hz <= 0.0 {
                 let reason = "it has no frame rate; pass one with `ricochet analyze --fps`";
@@ -245,7 +245,7 @@ pub(super) fn expected_format(config: &Config) -> Result<StreamFormat, CameraErr
     Ok(open_camera(config)?.format())
 }
 
-/// Takes the exposure from a frame's header if neither rig file nor camera gave it; returns whether it did.
+/// Copies the exposure from the header of a frame if neither rig file nor camera gave it. Returns whether it did.
 pub(super) fn update_exposure(config: &Config, format: &mut StreamFormat, exposure_ns: u32) -> bool {
     let is_new = config.camera.exposure_us.is_none() && format.exposure_us <= 0.0 && exposure_ns > 0;
     if is_new {
@@ -276,7 +276,7 @@ pub fn analysis_params(config: &Config, format: &StreamFormat) -> (MeasureParams
     let motion = |body: usize| {
         let params = config.motion(body, format.frame_rate_hz, format.exposure_us);
         MotionParams {
-            view: View::of([format.width_px, format.height_px], params.rectifier.as_ref()),
+            view: View::new([format.width_px, format.height_px], params.rectifier.as_ref()),
             shutter: params.shutter.over([format.width_px, format.height_px]),
             ..params
         }

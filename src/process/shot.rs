@@ -79,7 +79,7 @@ impl Shot {
     pub fn set_truth(&mut self, camera: usize, world: Option<Rc<SimulatedFilm>>) -> Result<(), RecordingError> {
         self.writer.select_camera(camera);
         for impact in world.iter().flat_map(|world| world.impacts()) {
-            self.writer.truth_impact(&impact)?;
+            self.writer.write_truth_impact(&impact)?;
         }
         if let Some(part) = &mut self.parts[camera] {
             part.truth = world;
@@ -92,25 +92,25 @@ impl Shot {
     /// # Errors
     ///
     /// If the file cannot be written.
-    pub fn frame(&mut self, camera: usize, frame: &Frame<'_>) -> Result<(), RecordingError> {
+    pub fn write_frame(&mut self, camera: usize, frame: &Frame<'_>) -> Result<(), RecordingError> {
         let Some(part) = &mut self.parts[camera] else { return Ok(()) };
         self.writer.select_camera(camera);
         part.count(frame.meta.sequence);
         if self.writes_frames {
-            self.writer.frame(frame)?;
+            self.writer.write_frame(frame)?;
         }
         if let Some(world) = &part.truth
             && frame.meta.sequence < world.frames()
         {
             for row in world.truths(frame.meta.sequence) {
                 // Between pulses the camera's clock runs on, but the simulated time stands still.
-                self.writer.truth(&VelocitySample { stamp_ns: frame.meta.stamp_ns, ..row })?;
+                self.writer.write_truth(&VelocitySample { stamp_ns: frame.meta.stamp_ns, ..row })?;
             }
         }
         Ok(())
     }
 
-    /// Hands buffered frames to the system, when nothing else is to be written at once.
+    /// Writes buffered frames to the system, when nothing else is to be written at once.
     ///
     /// # Errors
     ///
@@ -171,15 +171,20 @@ impl Shot {
     /// # Errors
     ///
     /// If the file cannot be written.
-    pub fn step(&mut self, camera: usize, step: BodyStep, field: Option<PairField>) -> Result<bool, RecordingError> {
+    pub fn write_step(
+        &mut self,
+        camera: usize,
+        step: BodyStep,
+        field: Option<PairField>,
+    ) -> Result<bool, RecordingError> {
         let Some(part) = &mut self.parts[camera] else { return Ok(false) };
         let Some((step, field)) = part.clip(step, field) else { return Ok(false) };
         self.writer.select_camera(camera);
         if let Some(field) = &field {
-            self.writer.field(field)?;
+            self.writer.write_field(field)?;
         }
         if step.interval_frames == part.shortest_frames {
-            self.writer.annotations(step.stamp_ns, &annotations(&step, field.as_ref()))?;
+            self.writer.write_annotations(step.stamp_ns, &annotations(&step, field.as_ref()))?;
         }
         let rows = part.ordered.as_mut().map(|ordered| std::mem::take(ordered.push(step))).unwrap_or_default();
         self.write_rows(camera, &rows)?;
@@ -191,8 +196,8 @@ impl Shot {
     /// # Errors
     ///
     /// If the file cannot be written.
-    pub fn event(&mut self, event: &EventRow) -> Result<(), RecordingError> {
-        self.writer.event(event)
+    pub fn write_event(&mut self, event: &EventRow) -> Result<(), RecordingError> {
+        self.writer.write_event(event)
     }
 
     /// Whether the steps of every frame of a camera before `end` have come, or none will.
@@ -224,13 +229,13 @@ impl Shot {
     fn write_rows(&mut self, camera: usize, rows: &TrackerRows) -> Result<(), RecordingError> {
         self.writer.select_camera(camera);
         for sample in &rows.tracks {
-            self.writer.track(sample)?;
+            self.writer.write_track(sample)?;
         }
         for sample in &rows.velocities {
-            self.writer.velocity(sample)?;
+            self.writer.write_velocity(sample)?;
         }
         for impact in &rows.impacts {
-            self.writer.impact(impact)?;
+            self.writer.write_impact(impact)?;
         }
         Ok(())
     }

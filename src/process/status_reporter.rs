@@ -112,9 +112,9 @@ impl StatusReporter {
 
     /// Publishes the status if its period has passed, and connects to readers that joined in the meantime.
     pub(super) fn publish_status_if_due(&mut self, summary: &Summary, newest: FrameStamp) -> Result<(), BusError> {
-        self.milestones.greet();
-        self.events.greet();
-        self.progress.greet();
+        self.milestones.update_connections();
+        self.events.update_connections();
+        self.progress.update_connections();
         if self.timer.due() { self.publish_status(summary, newest) } else { Ok(()) }
     }
 

@@ -241,7 +241,7 @@ impl<'a> Supervisor<'a> {
             }
             self.reap()?;
             if self.draining.as_ref().is_some_and(Timeout::has_expired) {
-                self.count_unfinished();
+                self.record_unfinished();
                 return Ok(());
             }
             self.watch_heartbeats()?;
@@ -262,8 +262,9 @@ impl<'a> Supervisor<'a> {
         self.children.iter().any(|(child, running)| child.role != Role::Serve && running.is_alive())
     }
 
-    /// Counts the frames that the processes which have not finished by now leave undone.
-    fn count_unfinished(&mut self) {
+    /// Records the processes that did not finish in time, and the number of frames that they are behind, in the
+    /// summary.
+    fn record_unfinished(&mut self) {
         let is_unfinished = |(child, running): &(&Child, &Running)| child.role != Role::Serve && running.is_alive();
         let unfinished = || self.children.iter().filter(is_unfinished).map(|(child, _)| *child);
         let sequence = |child: &Child| self.statuses.get(child).map(|status| status.sequence);
@@ -310,7 +311,7 @@ impl<'a> Supervisor<'a> {
         cameras.all(|(_, running)| running.code.is_some())
     }
 
-    /// Takes new status messages, collisions and events.
+    /// Reads new status messages, collisions and events.
     fn receive(&mut self) -> Result<(), Failure> {
         for (camera, group) in (0..).zip(&self.groups) {
             while let Some(status) = group.status.take()? {

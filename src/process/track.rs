@@ -128,13 +128,13 @@ impl Loop<'_> {
         (self.measured, self.newest) = (0, FrameStamp::default());
         self.shots.clear();
         (self.shot, self.published_end) = (None, 0);
-        self.fields.greet();
+        self.fields.update_connections();
         self.ordered = None;
         self.reporter.set_run(stream.run_id.unwrap_or(0));
         self.reporter.publish_progress(u64::MAX)
     }
 
-    /// Takes the available steps and publishes the rows that become final; returns whether there were any steps.
+    /// Tracks the available steps and publishes the rows that become final; returns whether there were any steps.
     fn drain(&mut self, stream: &StreamState) -> Result<bool, BusError> {
         let mut progressed = false;
         // The order starts at the first frame, so its number must be known.
@@ -167,7 +167,7 @@ impl Loop<'_> {
         Ok(progressed)
     }
 
-    /// Notes the shots that a hardware trigger begins.
+    /// Records the shots that a hardware trigger begins.
     fn note_shots(&mut self, events: &[Event]) {
         let run_id = self.reporter.run_id();
         let begins = |event: &&Event| event.kind() == Some(EventKind::Decided) && event.run_id == run_id;

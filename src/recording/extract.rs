@@ -66,7 +66,7 @@ fn copy_content(recording: &Recording, writer: &mut RecordingWriter) -> Result<u
         let mut entries = entries.clone();
         // The copy is a single file.
         split::remove(&mut entries);
-        writer.metadata(name, entries)?;
+        writer.write_metadata(name, entries)?;
     }
     for attachment in recording.attachments() {
         let content = recording.attachment(&attachment.name)?;
@@ -129,9 +129,9 @@ fn write_ros2(file: std::fs::File, part: &Path, frames: super::Frames) -> Result
     let mut container = Container::create(PartFile::new(file), settings).map_err(failure)?;
     let data = ROS2_SCHEMA.as_bytes().to_vec();
     let schema = Schema { name: ROS2_SCHEMA_NAME.into(), encoding: "ros2msg".into(), data };
-    let schema = container.schema(&schema).map_err(failure)?;
+    let schema = container.register_schema(&schema).map_err(failure)?;
     let channel = Channel { schema, topic: ROS2_TOPIC.into(), encoding: "cdr".into(), metadata: BTreeMap::new() };
-    let channel = container.channel(&channel).map_err(failure)?;
+    let channel = container.register_channel(&channel).map_err(failure)?;
     let mut message = Vec::new();
     let mut count = 0;
     for frame in frames {
@@ -142,7 +142,7 @@ fn write_ros2(file: std::fs::File, part: &Path, frames: super::Frames) -> Result
         let (log_time_ns, publish_time_ns) = (meta.stamp_ns, meta.stamp_ns);
         let header = MessageHeader { channel, sequence, log_time_ns, publish_time_ns };
         let image = Payload { head: &message, body: &pixels, body_crc: crc32fast::hash(&pixels) };
-        container.message(&header, &image).map_err(failure)?;
+        container.write_message(&header, &image).map_err(failure)?;
         count += 1;
     }
     container.finish().map_err(failure)?;

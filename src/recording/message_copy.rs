@@ -53,8 +53,8 @@ impl<'a> Copier<'a> {
         let channel = self.recording.channels().get(&old).cloned().unwrap_or_default();
         let schema: Option<&Schema> = self.recording.schemas().get(&channel.schema);
         let new = self.writer.with_container(|container| {
-            let schema = schema.map_or(Ok(0), |schema| container.schema(schema))?;
-            container.channel(&Channel { schema, ..channel })
+            let schema = schema.map_or(Ok(0), |schema| container.register_schema(schema))?;
+            container.register_channel(&Channel { schema, ..channel })
         })?;
         self.channels.insert(old, new);
         Ok(new)

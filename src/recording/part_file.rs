@@ -22,7 +22,7 @@ pub(super) struct PartFile {
 }
 
 impl PartFile {
-    /// Takes an empty file that is open for writing.
+    /// Creates a part file from an empty file that is open for writing.
     pub(super) fn new(file: File) -> Self {
         Self { file, is_broken: false, length: 0, reserved: Some(0) }
     }
@@ -133,7 +133,7 @@ pub(super) fn create(path: &Path, part: &Path) -> Result<File, RecordingError> {
     })
 }
 
-/// Gives a complete, synced part file its final name, without replacing another file.
+/// Renames a complete, synced part file to its final name, without replacing another file.
 ///
 /// # Errors
 ///

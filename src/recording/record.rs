@@ -35,7 +35,7 @@ pub(super) mod op {
 pub(super) struct Fields<'a>(pub(super) &'a [u8]);
 
 impl<'a> Fields<'a> {
-    /// Takes the next `count` bytes.
+    /// Reads the next `count` bytes.
     pub(super) fn take(&mut self, count: usize) -> Option<&'a [u8]> {
         let (head, rest) = self.0.split_at_checked(count)?;
         self.0 = rest;
@@ -54,18 +54,18 @@ impl<'a> Fields<'a> {
         self.take(8)?.try_into().ok().map(u64::from_le_bytes)
     }
 
-    /// Takes bytes preceded by a 32-bit length.
+    /// Reads bytes preceded by a 32-bit length.
     pub(super) fn block(&mut self) -> Option<&'a [u8]> {
         let length = self.u32()?;
         self.take(usize::try_from(length).ok()?)
     }
 
-    /// Takes UTF-8 preceded by its 32-bit length.
+    /// Reads UTF-8 preceded by its 32-bit length.
     pub(super) fn text(&mut self) -> Option<&'a str> {
         std::str::from_utf8(self.block()?).ok()
     }
 
-    /// Takes a map of texts, preceded by its 32-bit length in bytes.
+    /// Reads a map of texts, preceded by its 32-bit length in bytes.
     pub(super) fn map(&mut self) -> Option<BTreeMap<String, String>> {
         let mut entries = Fields(self.block()?);
         let mut map = BTreeMap::new();

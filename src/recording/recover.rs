@@ -63,11 +63,11 @@ fn copy_description(
     skipped: &mut Vec<String>,
 ) -> Result<(), RecordingError> {
     for (name, entries) in recording.metadata_records() {
-        writer.metadata(name, entries.clone())?;
+        writer.write_metadata(name, entries.clone())?;
     }
     let from = recording.path().file_name().unwrap_or_default().to_string_lossy().into_owned();
     let reason = recording.truncated().unwrap_or("the file was whole").to_owned();
-    writer.metadata(RECOVERED_NAME, BTreeMap::from([("from".into(), from), ("reason".into(), reason)]))?;
+    writer.write_metadata(RECOVERED_NAME, BTreeMap::from([("from".into(), from), ("reason".into(), reason)]))?;
     for attachment in recording.attachments() {
         match recording.attachment(&attachment.name) {
             Ok(content) => writer.attach(&attachment.name, &attachment.media_type, &content)?,

@@ -104,8 +104,8 @@ impl RecordingWriter {
         writer.views = info.views.iter().map(|view| view.name.clone()).collect();
         writer.channels = vec![NO_CHANNELS; 1 + info.views.len()];
         writer.split = options.split_bytes.map(|bytes| SplitState::new(path, bytes, info, options));
-        let of_file = writer.split.as_ref().map(SplitState::info);
-        writer.describe(of_file.as_ref().unwrap_or(info)).map(|()| writer)
+        let from_file = writer.split.as_ref().map(SplitState::info);
+        writer.describe(from_file.as_ref().unwrap_or(info)).map(|()| writer)
     }
 
     /// Creates the part file of a recording without a description.
@@ -164,10 +164,10 @@ impl RecordingWriter {
         for (index, view) in info.views.iter().enumerate() {
             entries.insert(format!("{VIEW_KEY}.{index}"), view.name.clone());
         }
-        self.metadata(super::METADATA_NAME, entries)?;
+        self.write_metadata(super::METADATA_NAME, entries)?;
         for view in &info.views {
             let name = format!("{}/{}", super::METADATA_NAME, view.name);
-            self.metadata(&name, info::with_bodies(&view.metadata, &view.bodies))?;
+            self.write_metadata(&name, info::with_bodies(&view.metadata, &view.bodies))?;
             let name = format!("{}/{}", view.name, super::CONFIG_NAME);
             self.attach(&name, "application/toml", view.config_toml.as_bytes())?;
         }
@@ -181,8 +181,12 @@ impl RecordingWriter {
     }
 
     /// Writes a metadata record.
-    pub(super) fn metadata(&mut self, name: &str, entries: BTreeMap<String, String>) -> Result<(), RecordingError> {
-        self.with_container(|container| container.metadata(name, &entries))
+    pub(super) fn write_metadata(
+        &mut self,
+        name: &str,
+        entries: BTreeMap<String, String>,
+    ) -> Result<(), RecordingError> {
+        self.with_container(|container| container.write_metadata(name, &entries))
     }
 
     /// Writes an attachment with this media type.
@@ -190,13 +194,13 @@ impl RecordingWriter {
         self.with_container(|container| container.attach(name, media_type, content))
     }
 
-    /// Adds a frame.
+    /// Writes a frame.
     ///
     /// # Errors
     ///
     /// [`RecordingError::Refused`] when the bytes do not fit the shape; [`RecordingError::Io`] when the disk is full or
     /// gone.
-    pub fn frame(&mut self, frame: &Frame<'_>) -> Result<(), RecordingError> {
+    pub fn write_frame(&mut self, frame: &Frame<'_>) -> Result<(), RecordingError> {
         let meta = &frame.meta;
         let row_bytes = u64::from(meta.width_px) * meta.format.bytes_per_pixel() as u64;
         if u64::from(meta.stride_bytes) < row_bytes || frame.bytes.len() != meta.size_bytes() {
@@ -218,11 +222,12 @@ impl RecordingWriter {
         let mut message = std::mem::take(&mut self.scratch);
         let body_crc = crc32fast::hash(frame.bytes);
         frame_message::encode_info(frame, body_crc, &mut message);
-        let mut result = self.message(Topic::FrameInfo, meta.sequence, meta.stamp_ns, &Payload::from_bytes(&message));
+        let mut result =
+            self.write_message(Topic::FrameInfo, meta.sequence, meta.stamp_ns, &Payload::from_bytes(&message));
         if result.is_ok() {
             frame_message::encode_image_head(frame, &mut message);
             let image = Payload { head: &message, body: frame.bytes, body_crc };
-            result = self.message(Topic::Image, meta.sequence, meta.stamp_ns, &image);
+            result = self.write_message(Topic::Image, meta.sequence, meta.stamp_ns, &image);
         }
         self.scratch = message;
         result?;
@@ -355,7 +360,7 @@ impl RecordingWriter {
             let camera = self.camera;
             for (of_camera, topic, log_time_ns, message) in batch.iter() {
                 self.camera = of_camera;
-                self.message(topic, 0, log_time_ns, &Payload::from_bytes(message))?;
+                self.write_message(topic, 0, log_time_ns, &Payload::from_bytes(message))?;
             }
             self.camera = camera;
             self.flush()?;
@@ -393,14 +398,14 @@ impl RecordingWriter {
     }
 
     /// Writes a message of the selected camera on a topic.
-    fn message(
+    fn write_message(
         &mut self,
         topic: Topic,
         sequence: u64,
         time_ns: u64,
         message: &Payload<'_>,
     ) -> Result<(), RecordingError> {
-        let channel = self.channel(topic)?;
+        let channel = self.register_topic(topic)?;
         // The header has room for the low half only. FrameInfo has the whole number.
         let sequence = (sequence & u64::from(u32::MAX)) as u32;
         let header = MessageHeader { channel, sequence, log_time_ns: time_ns, publish_time_ns: time_ns };
@@ -409,11 +414,11 @@ impl RecordingWriter {
         if let Some(split) = &mut self.split {
             split.add(message.len());
         }
-        self.with_container(|container| container.message(&header, message))
+        self.with_container(|container| container.write_message(&header, message))
     }
 
     /// Returns the channel of a topic of the selected camera, which is written if it is new.
-    fn channel(&mut self, topic: Topic) -> Result<u16, RecordingError> {
+    fn register_topic(&mut self, topic: Topic) -> Result<u16, RecordingError> {
         let camera = self.camera;
         if let Some(id) = self.channels[camera][topic as usize] {
             return Ok(id);
@@ -430,17 +435,17 @@ impl RecordingWriter {
         let prefix = camera.checked_sub(1).map_or_else(String::new, |view| format!("/{}", self.views[view]));
         let id = self.with_container(|container| {
             let (topic, encoding) = (prefix + topic.as_str(), schema.encoding.clone());
-            let schema = container.schema(&schema)?;
-            container.channel(&Channel { schema, topic, encoding, metadata: BTreeMap::new() })
+            let schema = container.register_schema(&schema)?;
+            container.register_channel(&Channel { schema, topic, encoding, metadata: BTreeMap::new() })
         })?;
         self.channels[camera][topic as usize] = Some(id);
         Ok(id)
     }
 
-    /// Adds a message of another file byte by byte, on the channel of this file that its header names.
+    /// Writes a message of another file byte by byte, on the channel of this file that its header names.
     pub(super) fn copy(&mut self, header: &MessageHeader, data: &[u8]) -> Result<(), RecordingError> {
         self.unsynced_bytes += data.len() as u64;
-        self.with_container(|container| container.message(header, &Payload::from_bytes(data)))
+        self.with_container(|container| container.write_message(header, &Payload::from_bytes(data)))
     }
 
     /// Counts a copied message as a frame.

@@ -86,7 +86,7 @@ impl<'a> SpreadRow<'a> {
                 Some((shot, Estimate { value: value * quantity.factor, sigma: sigma * quantity.factor }))
             })
             .collect();
-        let spread = Spread::of(&values.iter().map(|(_, estimate)| *estimate).collect::<Vec<_>>());
+        let spread = Spread::from_estimates(&values.iter().map(|(_, estimate)| *estimate).collect::<Vec<_>>());
         Self { group, quantity, shots: impacts.len(), values, spread }
     }
 

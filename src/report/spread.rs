@@ -28,7 +28,7 @@ pub struct Spread {
 
 impl Spread {
     /// Computes the spread of values; `None` without any.
-    pub fn of(values: &[Estimate]) -> Option<Self> {
+    pub fn from_estimates(values: &[Estimate]) -> Option<Self> {
         let outliers = outliers(values);
         let kept: Vec<&Estimate> =
             values.iter().zip(&outliers).filter(|(_, out)| !**out).map(|(value, _)| value).collect();
@@ -69,7 +69,7 @@ mod tests {
 
     #[test]
     fn one_wild_value_of_six_is_left_out_of_mean_and_sd() {
-        let spread = Spread::of(&values(&[1.0, 1.2, 0.8, 1.1, 0.9, 5.0], 0.01)).unwrap();
+        let spread = Spread::from_estimates(&values(&[1.0, 1.2, 0.8, 1.1, 0.9, 5.0], 0.01)).unwrap();
         assert_eq!(spread.outliers, [false, false, false, false, false, true]);
         assert_eq!(spread.kept, 5);
         assert!((spread.mean - 1.0).abs() < 1e-12 && (spread.sd.unwrap() - 0.025_f64.sqrt()).abs() < 1e-12);
@@ -77,24 +77,24 @@ mod tests {
 
     #[test]
     fn values_that_agree_within_their_uncertainty_have_no_outlier() {
-        let spread = Spread::of(&values(&[1.0, 1.0, 1.0, 1.0, 1.03], 0.01)).unwrap();
+        let spread = Spread::from_estimates(&values(&[1.0, 1.0, 1.0, 1.0, 1.03], 0.01)).unwrap();
         assert_eq!((spread.kept, spread.outliers.contains(&true)), (5, false));
-        let spread = Spread::of(&values(&[1.0, 1.0, 1.0, 1.0, 1.04], 0.01)).unwrap();
+        let spread = Spread::from_estimates(&values(&[1.0, 1.0, 1.0, 1.0, 1.04], 0.01)).unwrap();
         assert_eq!(spread.kept, 4);
     }
 
     #[test]
     fn a_value_that_states_a_large_uncertainty_is_no_outlier_within_it() {
         let mut shots = values(&[1.0, 1.0, 1.0, 1.0, 2.0], 0.01);
-        assert_eq!(Spread::of(&shots).unwrap().kept, 4);
+        assert_eq!(Spread::from_estimates(&shots).unwrap().kept, 4);
         shots[4].sigma = 0.5;
-        assert_eq!(Spread::of(&shots).unwrap().kept, 5);
+        assert_eq!(Spread::from_estimates(&shots).unwrap().kept, 5);
     }
 
     #[test]
     fn of_three_values_none_is_an_outlier_and_one_has_no_sd() {
-        assert_eq!(Spread::of(&values(&[1.0, 1.0, 100.0], 0.01)).unwrap().kept, 3);
-        assert_eq!(Spread::of(&values(&[2.0], 0.1)).unwrap().sd, None);
-        assert_eq!(Spread::of(&[]), None);
+        assert_eq!(Spread::from_estimates(&values(&[1.0, 1.0, 100.0], 0.01)).unwrap().kept, 3);
+        assert_eq!(Spread::from_estimates(&values(&[2.0], 0.1)).unwrap().sd, None);
+        assert_eq!(Spread::from_estimates(&[]), None);
     }
 }

@@ -87,8 +87,8 @@ pub trait Part: Copy {
     /// Returns the number, if it was measured.
     fn known(self) -> Option<f64>;
 
-    /// Returns the part of a measured group; `None` if the group cannot be without this number.
-    fn of(number: Option<f64>) -> Option<Self>;
+    /// Creates the part of a measured group; `None` if the group cannot be without this number.
+    fn from_number(number: Option<f64>) -> Option<Self>;
 }
 
 impl Part for f64 {
@@ -96,7 +96,7 @@ impl Part for f64 {
         Some(self)
     }
 
-    fn of(number: Option<f64>) -> Option<Self> {
+    fn from_number(number: Option<f64>) -> Option<Self> {
         number
     }
 }
@@ -106,7 +106,7 @@ impl Part for Option<f64> {
         self
     }
 
-    fn of(number: Option<f64>) -> Option<Self> {
+    fn from_number(number: Option<f64>) -> Option<Self> {
         Some(number)
     }
 }

@@ -3,7 +3,7 @@
 use super::PointStatus;
 use super::columns::{Cell, Column};
 
-/// Hands the columns of the `field` table to a macro, each with its number in the protobuf message.
+/// Passes the columns of the `field` table to a macro, each with its number in the protobuf message.
 macro_rules! field_row {
     ($derive:ident) => {
         $derive! {

@@ -20,7 +20,7 @@ named_enum! {
     }
 }
 
-/// Hands the measured numbers of the `impact` row to a macro, in the order of the table: each with its number in the protobuf
+/// Passes the measured numbers of the `impact` row to a macro, in the order of the table: each with its number in the protobuf
 /// message, and its standard uncertainty with its own. A `Moment` counts from [`Impact::origin_ns`].
 macro_rules! impact_row {
     ($derive:ident) => {

@@ -3,7 +3,7 @@
 use super::Rod;
 use super::columns::sample_row;
 
-/// Hands the columns of the `track` row to a macro, each with its number in the protobuf message.
+/// Passes the columns of the `track` row to a macro, each with its number in the protobuf message.
 macro_rules! track_row {
     ($derive:ident) => {
         $derive! {

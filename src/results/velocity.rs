@@ -3,7 +3,7 @@
 use super::Phase;
 use super::columns::sample_row;
 
-/// Hands the columns of the `velocity` row to a macro, each with its number in the protobuf message.
+/// Passes the columns of the `velocity` row to a macro, each with its number in the protobuf message.
 macro_rules! velocity_row {
     ($derive:ident) => {
         $derive! {

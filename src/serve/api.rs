@@ -88,7 +88,7 @@ async fn read_body(body: Body) -> Result<Bytes, Box<Response>> {
 fn check_control(app: &App, headers: &HeaderMap) -> Result<(), Box<Response>> {
     let Some(page) = headers.get(PAGE) else { return Ok(()) };
     match page.to_str().ok().and_then(parse_page_name) {
-        Some(page) if app.control.may_act(page) => Ok(()),
+        Some(page) if app.control.take_control_if_free(page) => Ok(()),
         _ => Err(Box::new(refuse(StatusCode::CONFLICT, "another page holds control; take control first"))),
     }
 }

@@ -48,7 +48,7 @@ impl Control {
         self.lock_pages().holder.clone()
     }
 
-    /// Notes a connection of a page, which takes control if no page has it.
+    /// Adds a connection of a page, which takes control if no page has it.
     pub(super) fn open(&self, page: &str) -> OpenPage {
         let mut pages = self.lock_pages();
         *pages.open.entry(page.to_owned()).or_insert(0) += 1;
@@ -61,8 +61,8 @@ impl Control {
         self.lock_pages().holder = Some(page.to_owned());
     }
 
-    /// Whether a page holds control; it takes control that nobody has.
-    pub(super) fn may_act(&self, page: &str) -> bool {
+    /// Takes control for a page unless another one has it. Returns whether the page has control.
+    pub(super) fn take_control_if_free(&self, page: &str) -> bool {
         self.lock_pages().holder.get_or_insert_with(|| page.to_owned()) == page
     }
 }
@@ -100,12 +100,12 @@ mod tests {
         let first = control.open("a");
         let again = control.open("a");
         let second = control.open("b");
-        assert_eq!((control.may_act("a"), control.may_act("b")), (true, false));
+        assert_eq!((control.take_control_if_free("a"), control.take_control_if_free("b")), (true, false));
         control.take("b");
-        assert_eq!((control.may_act("a"), control.may_act("b")), (false, true));
+        assert_eq!((control.take_control_if_free("a"), control.take_control_if_free("b")), (false, true));
         drop(second);
         assert_eq!(control.holder(), None);
-        assert!(control.may_act("a"));
+        assert!(control.take_control_if_free("a"));
         drop(first);
         assert_eq!(control.holder().as_deref(), Some("a"), "one connection is left");
         drop(again);

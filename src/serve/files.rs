@@ -84,6 +84,6 @@ pub(super) async fn report(State(app): State<Arc<App>>, Path(name): Path<String>
 
 /// Reads a recording and returns its report as a page of HTML.
 fn build_report(path: &std::path::Path) -> Result<String, RecordingError> {
-    let shot = report::Shot::read(&Recording::open(path)?.of_camera(None)?)?;
+    let shot = report::Shot::read(&Recording::open(path)?.select_view(None)?)?;
     Ok(report::page(&[shot]))
 }

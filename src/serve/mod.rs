@@ -110,7 +110,7 @@ pub struct Service<'a> {
 }
 
 impl Service<'_> {
-    /// Takes the address. The page of a run that has just died may still have it for a moment.
+    /// Binds the address. The page of a run that has just died may still have it for a moment.
     ///
     /// # Errors
     ///

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-/// Interval of the heartbeats.
+/// The interval of the heartbeats.
 const PERIOD: Duration = Duration::from_millis(200);
 
 /// The number of times that the server's thread has taken its turn.
@@ -26,14 +26,14 @@ impl Pulse {
 
 /// Publishes the heartbeat as a status message.
 #[derive(Debug)]
-pub(super) struct Heart {
+pub(super) struct Heartbeat {
     pulse: Pulse,
     status: Publisher<StatusMessage>,
     /// The number of turns at the last heartbeat, and its time.
     last: (u64, Instant),
 }
 
-impl Heart {
+impl Heartbeat {
     /// Opens the status of a running rig.
     pub(super) fn new(bus: &Bus, pulse: Pulse) -> Result<Self, BusError> {
         Ok(Self { pulse, status: bus.guest_publisher()?, last: (0, now()) })

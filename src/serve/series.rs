@@ -25,7 +25,7 @@ impl Series {
         let column = |name: &str| {
             let measured = impacts.iter().enumerate().filter_map(|(at, impact)| Some((at, (*impact)?.get(name)?)));
             let (places, values): (Vec<usize>, Vec<Estimate>) = measured.unzip();
-            Column { spread: Spread::of(&values), places }
+            Column { spread: Spread::from_estimates(&values), places }
         };
         Self(QUANTITIES.iter().map(|quantity| column(quantity.column)).collect())
     }

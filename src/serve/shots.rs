@@ -198,7 +198,7 @@ impl Shots {
         Ok(())
     }
 
-    /// Notes that a shot is rejected for a reason, or accepted if `None`.
+    /// Records that a shot is rejected for a reason, or accepted if `None`.
     fn set_rejected(&self, name: &str, rejected: Option<String>) {
         let mut list = self.lock_list();
         if let Some(shot) = list.shots.get_mut(name) {

@@ -32,18 +32,18 @@ impl Link {
         Self { stop: stop.clone(), run: AtomicU64::new(0), runs: AtomicU64::new(0), origin_ns: AtomicU64::new(0) }
     }
 
-    /// Notes that a run of the rig is followed from now on. Each has shared memory of its own.
+    /// Records that a run of the rig is followed from now on. Each has shared memory of its own.
     pub(super) fn begin_run(&self) {
         let run = self.runs.fetch_add(1, Ordering::Relaxed) + 1;
         self.run.store(run, Ordering::Relaxed);
     }
 
-    /// Notes that no process of the rig is alive.
+    /// Records that no process of the rig is alive.
     pub(super) fn end_run(&self) {
         self.run.store(0, Ordering::Relaxed);
     }
 
-    /// Notes when the stream of the rig began.
+    /// Records when the stream of the rig began.
     pub(super) fn set_origin(&self, origin_ns: Option<u64>) {
         self.origin_ns.store(origin_ns.unwrap_or(0), Ordering::Relaxed);
     }

@@ -3,7 +3,7 @@
 use super::clock::now;
 use super::control::Control;
 use super::feed::{BATCH_ROWS, Feed};
-use super::pulse::{Heart, Pulse};
+use super::pulse::{Heartbeat, Pulse};
 use super::rig_state::RigState;
 use super::rows::{self, RowContext};
 use super::shots::Shots;
@@ -44,7 +44,7 @@ struct Topics {
     events: Subscriber<Event>,
     impacts: Subscriber<ImpactMessage>,
     statuses: Subscriber<StatusMessage>,
-    heart: Option<Heart>,
+    heart: Option<Heartbeat>,
     bus: Bus,
 }
 
@@ -56,7 +56,7 @@ impl Topics {
         }
         let bus = Bus::join(rig, "serve")?;
         let (events, impacts, statuses) = (bus.listen()?, bus.listen()?, bus.listen()?);
-        let heart = pulse.map(|pulse| Heart::new(&bus, pulse.clone())).transpose()?;
+        let heart = pulse.map(|pulse| Heartbeat::new(&bus, pulse.clone())).transpose()?;
         Ok(Some(Self { events, impacts, statuses, heart, bus }))
     }
 }

@@ -63,7 +63,7 @@ pub struct Path {
 
 impl Path {
     /// Evaluates a track: its bounce, its acceleration and its maximum speed.
-    pub fn of(track: Vec<TrackPoint>) -> Self {
+    pub fn from_track(track: Vec<TrackPoint>) -> Self {
         let side = (track.len() / SIDE_SHARE).clamp(*SIDE_POINTS.start(), *SIDE_POINTS.end());
         let bounce = find_bounce(&track, side);
         let flights: Vec<&[TrackPoint]> = match &bounce {
@@ -174,7 +174,7 @@ mod tests {
 
     #[test]
     fn a_bounce_is_found_with_its_direction_and_gravity_on_both_sides() {
-        let path = Path::of(track(true));
+        let path = Path::from_track(track(true));
         let bounce = path.bounce.unwrap();
         assert_eq!(bounce.index, 24);
         assert!(bounce.direction[1] < -0.99, "{:?}", bounce.direction);
@@ -186,10 +186,10 @@ mod tests {
 
     #[test]
     fn a_fall_is_no_bounce() {
-        let path = Path::of(track(false));
+        let path = Path::from_track(track(false));
         assert!(path.bounce.is_none());
         let acceleration = path.acceleration.unwrap();
         assert!((acceleration.value_px_s2[1] - 2000.0).abs() < 4.0 * acceleration.sigma_px_s2, "{acceleration:?}");
-        assert!(Path::of(track(true)[..5].to_vec()).bounce.is_none());
+        assert!(Path::from_track(track(true)[..5].to_vec()).bounce.is_none());
     }
 }

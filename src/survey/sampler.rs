@@ -54,7 +54,7 @@ impl Sampler {
         index.is_multiple_of(self.interval_frames) && (self.frames.len() as u64) < 2 * MAX_SAMPLES
     }
 
-    /// Takes a frame.
+    /// Adds a frame.
     ///
     /// # Panics
     ///

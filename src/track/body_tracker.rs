@@ -94,10 +94,9 @@ impl BodyTracker {
         }
     }
 
-    /// Processes the next step of this body. Impacts and alarms are appended to `rows`.
+    /// Adds the next step and appends its impacts and alarms to `rows`; `origin_ns` is the first stamp of the stream.
     ///
-    /// Returns the accepted step, which [`Self::rows`] expects. `origin_ns` is the stamp of the first step of the
-    /// stream.
+    /// Returns the accepted step, which [`Self::rows`] expects.
     pub fn add_step(&mut self, step: &BodyStep, origin_ns: u64, rows: &mut TrackerRows) -> BodyStep {
         let accepted = self.gate.gate(step);
         let later_frames = self.rolling.push(&accepted);
@@ -414,7 +413,7 @@ impl BodyTracker {
     /// Adds the systematic uncertainty of measured motions: fixed pattern, interpolation and light.
     fn with_systematic_errors(&self, rates: PixelRates) -> PixelRates {
         let (speed_bias, motion) = (self.speed_bias(), [rates.x.value, rates.y.value, rates.theta.value]);
-        let rates = rates.biased_by(speed_bias.of(motion)).biased_by(speed_bias.interpolated(motion));
+        let rates = rates.biased_by(speed_bias.underestimate(motion)).biased_by(speed_bias.interpolation_error(motion));
         PixelRates { theta: rates.theta.short_by(self.light_bias.significant()), ..rates }
     }
 

@@ -138,8 +138,9 @@ impl MeasuredTrigger {
         Self { condition, edge, bodies }
     }
 
-    /// Takes the next step, in frame order, and returns a decision if the condition is met by it. If several intervals
-    /// are measured, only the shortest counts.
+    /// Adds the next step in frame order. Returns a decision if it meets the condition.
+    ///
+    /// If several intervals are measured, only the shortest counts.
     pub fn push(&mut self, step: &BodyStep) -> Option<Decision> {
         let (condition, edge) = (self.condition, self.edge);
         let body = self.bodies.get_mut(step.body as usize)?;

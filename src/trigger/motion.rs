@@ -25,7 +25,7 @@ impl MotionTrigger {
         Self { threshold_dn, roi_px, previous: Vec::new(), shape: (0, 0, 0), is_above: false }
     }
 
-    /// Takes the next frame and returns whether motion begins in it.
+    /// Adds the next frame and returns whether motion begins in it.
     ///
     /// The trigger fires once each time the change rises above the threshold. The first frame, and the first frame of
     /// another shape, are only the reference of the next one.

@@ -82,44 +82,44 @@ impl States {
         self.reported
     }
 
-    /// Notes that a camera was opened and has not delivered a frame yet.
+    /// Records that a camera was opened and has not delivered a frame yet.
     pub fn note_prepared(&mut self) {
         (self.prepared, self.started, self.ended, self.recorded) = (true, false, false, false);
         self.bodies.fill(BodyState::Idle);
     }
 
-    /// Notes the first frame.
+    /// Records the first frame.
     pub fn note_started(&mut self) {
         self.started = true;
     }
 
-    /// Notes the last frame.
+    /// Records the last frame.
     pub fn note_ended(&mut self) {
         self.ended = true;
         self.bodies.fill(BodyState::Idle);
     }
 
-    /// Notes that the recorder waits for a trigger.
+    /// Records that the recorder waits for a trigger.
     pub fn note_armed(&mut self) {
         (self.armed, self.recorded) = (true, false);
     }
 
-    /// Notes that the recorder waits for no trigger.
+    /// Records that the recorder waits for no trigger.
     pub fn note_disarmed(&mut self) {
         (self.armed, self.recorded) = (false, false);
     }
 
-    /// Notes the start of a shot.
+    /// Records the start of a shot.
     pub fn note_triggered(&mut self) {
         self.writing = true;
     }
 
-    /// Notes that a camera with a hardware trigger is silent, so no body is visible.
+    /// Records that a camera with a hardware trigger is silent, so no body is visible.
     pub fn note_silence(&mut self) {
         self.bodies.fill(BodyState::Idle);
     }
 
-    /// Notes that a shot is complete or was given up.
+    /// Records that a shot is complete or was given up.
     pub fn note_recorded(&mut self) {
         (self.writing, self.recorded) = (false, true);
     }

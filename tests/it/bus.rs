@@ -31,7 +31,7 @@ fn frames_arrive_bit_exact_in_order_and_aligned() {
     let mut ring = bus.frame_publisher(&LIMITS, 64).unwrap();
     let reader = bus.frame_subscriber(&LIMITS).unwrap();
     ring.touch().unwrap();
-    ring.greet();
+    ring.update_connections();
     for sequence in 0..20_u64 {
         let mut slot = ring.lend().unwrap().unwrap();
         slot.bytes_mut().iter_mut().enumerate().for_each(|(index, byte)| *byte = (index as u64 * 7 + sequence) as u8);
@@ -90,7 +90,7 @@ fn a_late_reader_gets_the_newest_events_at_once() {
     let events = bus.publisher::<Event>(&LIMITS).unwrap();
     events.send(&Event::new(EventKind::Prepared, 5, 0, 0, "ready")).unwrap();
     let late = bus.listen::<Event>().unwrap();
-    events.greet();
+    events.update_connections();
     let event = late.take().unwrap().unwrap();
     assert_eq!((event.kind(), event.run_id, event.text()), (Some(EventKind::Prepared), 5, "ready".to_owned()));
 }

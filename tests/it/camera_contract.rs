@@ -140,7 +140,7 @@ fn a_recording_keeps_the_contract_as_a_camera() {
             stride_bytes: 128,
             ..FrameMeta::default()
         };
-        writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
+        writer.write_frame(&Frame { meta, bytes: &bytes }).unwrap();
     }
     writer.finish().unwrap();
     for rate in [PlaybackRate::Max, PlaybackRate::Times(1.0)] {

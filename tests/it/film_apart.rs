@@ -60,7 +60,7 @@ fn another_film_is_refused_by_the_stamps_of_its_frames() {
             .unwrap();
     for (mut meta, bytes) in frames(&film) {
         meta.stamp_ns += 5;
-        writer.frame(&ricochet::image::Frame { meta, bytes: &bytes }).unwrap();
+        writer.write_frame(&ricochet::image::Frame { meta, bytes: &bytes }).unwrap();
     }
     writer.finish().unwrap();
     let (results, folder) = (results.to_str().unwrap(), rig.path("other"));

@@ -28,7 +28,7 @@ pub fn rows_of_pictures(pictures: impl Iterator<Item = Vec<u8>>, world: &Simulat
     for (index, bytes) in (0..).zip(pictures) {
         let meta = ricochet::camera::simulated::meta(world, index);
         if let Some(picture) = (index == 0)
-            .then(|| ricochet::process::reference_picture::of_first_frame(&Frame { meta, bytes: &bytes }, &config))
+            .then(|| ricochet::process::reference_picture::from_first_frame(&Frame { meta, bytes: &bytes }, &config))
             .flatten()
         {
             measurer.set_reference(&picture).unwrap();

@@ -13,7 +13,7 @@ fn write(path: &Path, film: &Film, range: std::ops::Range<usize>, config_toml: &
     let info = RecordingInfo { config_toml: config_toml.into(), metadata, ..RecordingInfo::default() };
     let mut writer = RecordingWriter::create(path, &info, &WriterOptions::default()).unwrap();
     for (meta, bytes) in &film[range] {
-        writer.frame(&Frame { meta: *meta, bytes }).unwrap();
+        writer.write_frame(&Frame { meta: *meta, bytes }).unwrap();
     }
     writer.finish().unwrap();
 }

@@ -70,7 +70,7 @@ pub fn write(path: &Path, config: &Path, frames: &[(FrameMeta, Vec<u8>)]) {
     let info = RecordingInfo { config_toml, metadata, ..RecordingInfo::default() };
     let mut writer = RecordingWriter::create(path, &info, &WriterOptions::default()).unwrap();
     for (meta, bytes) in frames {
-        writer.frame(&Frame { meta: *meta, bytes }).unwrap();
+        writer.write_frame(&Frame { meta: *meta, bytes }).unwrap();
     }
     writer.finish().unwrap();
 }

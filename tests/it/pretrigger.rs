@@ -44,7 +44,7 @@ impl Setup {
         let mut bytes = vec![90; (self.side_px * self.side_px) as usize];
         for sequence in 0..self.frames() {
             Self::paint(sequence, &mut bytes);
-            writer.frame(&Frame { meta: self.meta(sequence), bytes: &bytes }).unwrap();
+            writer.write_frame(&Frame { meta: self.meta(sequence), bytes: &bytes }).unwrap();
         }
         writer.finish().unwrap();
     }

@@ -92,7 +92,7 @@ fn exported_results_show_the_frames_of_their_own_film_only() {
     for frame in Recording::open(&film).unwrap().frames().unwrap() {
         let (mut meta, bytes) = frame.unwrap();
         meta.stamp_ns -= 1;
-        writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
+        writer.write_frame(&Frame { meta, bytes: &bytes }).unwrap();
     }
     writer.finish().unwrap();
     let output = report(&before);
@@ -122,7 +122,7 @@ fn synthetic(path: &Path, frames: u64, restitution: f64, skip: Option<u64>) {
     for number in (0..frames).filter(|number| Some(*number) != skip) {
         let sequence = FIRST + number;
         let (meta, bytes) = samples::frame(sequence, PixelFormat::Mono8, [128, 96], 0);
-        writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
+        writer.write_frame(&Frame { meta, bytes: &bytes }).unwrap();
         let mut row = samples::velocity(0, 0);
         (row.frame, row.stamp_ns) = (sequence, meta.stamp_ns);
         (row.center_x_px, row.center_y_px, row.radius_px) = (Some(64.0), Some(48.0), Some(40.0));
@@ -132,12 +132,12 @@ fn synthetic(path: &Path, frames: u64, restitution: f64, skip: Option<u64>) {
             (velocity.sigma_v_m_s, velocity.sigma_omega_rad_s) = (0.01, Some(0.1));
         }
         row.status = if number % 50 == 7 { PointStatus::Occluded } else { PointStatus::Valid };
-        writer.velocity(&row).unwrap();
-        writer.field(&samples::field(sequence)).unwrap();
+        writer.write_velocity(&row).unwrap();
+        writer.write_field(&samples::field(sequence)).unwrap();
     }
     let known = |value: f64, sigma: f64| Some(Estimate { value, sigma });
     writer
-        .impact(&Impact {
+        .write_impact(&Impact {
             start_s: known(0.0101, 1e-6),
             deepest_s: known(0.0203, 1e-6),
             end_s: known(0.0305, 1e-6),
@@ -176,8 +176,8 @@ fn the_page_of_a_recording_without_frames_reports_that() {
     let rig = Rig::new();
     let path = rig.path("results.mcap");
     let mut writer = RecordingWriter::create(&path, &samples::info(), &WriterOptions::default()).unwrap();
-    writer.velocity(&samples::velocity(100, 0)).unwrap();
-    writer.impact(&samples::impact(0, 0)).unwrap();
+    writer.write_velocity(&samples::velocity(100, 0)).unwrap();
+    writer.write_impact(&samples::impact(0, 0)).unwrap();
     writer.finish().unwrap();
     let html = page_of(&[path]);
     assert!(html.contains("results only, no raw frames") && html.contains("this recording holds no raw frames"));

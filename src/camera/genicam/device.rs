@@ -249,7 +249,7 @@ impl Device {
     }
 }
 
-/// Notes that the connection is lost. The library calls it on its own thread.
+/// Records that the connection is lost. The library calls it on its own thread.
 unsafe extern "C" fn raise_flag(_device: *mut ArvDevice, data: gpointer) {
     // SAFETY: `watch_connection` passed this pointer, and the library has not called `release_flag` yet.
     unsafe { &*data.cast::<AtomicBool>() }.store(true, Ordering::Release);

@@ -39,7 +39,7 @@ impl FrameIds {
         Self { counting, last: None, is_provisional: true, counter: None }
     }
 
-    /// Notes an incomplete frame. The sequence may begin with it but never continues from it.
+    /// Records an incomplete frame. The sequence may begin with it but never continues from it.
     pub fn add_incomplete(&mut self, id: u64) {
         // 0: its first packet was lost.
         if self.last.is_none() && id != 0 {

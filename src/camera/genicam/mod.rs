@@ -223,7 +223,7 @@ impl GenicamCamera {
             return Err("its timestamp is not later than that of the previous frame".into());
         }
         self.last = Some(AcceptedTimes { device_ns, stamp_ns, taken: now });
-        Ok(self.format.meta(sequence, stamp_ns, device_ns))
+        Ok(self.format.frame_meta(sequence, stamp_ns, device_ns))
     }
 
     /// Checks that a frame is complete and matches the camera's settings; returns its chunk values.

@@ -238,6 +238,7 @@ impl State {
         if formats.is_empty() { vec![self.fourcc] } else { formats }
     }
 
+    /// Returns the sizes (width, height) of the modes with this pixel format.
     fn sizes(&self, wanted: u32) -> Vec<(u32, u32)> {
         let mut sizes: Vec<_> =
             self.modes.iter().filter(|(fourcc, ..)| *fourcc == wanted).map(|(_, size, _)| *size).collect();

@@ -177,7 +177,7 @@ impl V4l2Camera {
         for warning in self.timing.observe(sequence, stamps.stamp_ns) {
             log::warn!("{}: {warning}", self.device.id);
         }
-        Next::Frame(slot, self.format.meta(sequence, stamps.stamp_ns, stamps.device_ns))
+        Next::Frame(slot, self.format.frame_meta(sequence, stamps.stamp_ns, stamps.device_ns))
     }
 }
 

@@ -134,7 +134,7 @@ impl Files {
                     format: PixelFormat::Mono8,
                     ..FrameMeta::default()
                 };
-                writer.frame(&Frame { meta, bytes: &pool[sequence as usize % pool.len()] })?;
+                writer.write_frame(&Frame { meta, bytes: &pool[sequence as usize % pool.len()] })?;
             }
             writer.finish()?;
             Ok(())

@@ -58,7 +58,7 @@ pub(super) fn measure_floor(config: &Config, grabbed: &Grabbed) -> Result<Floor,
     let mut measurer = Measurer::new(&params, Share::ALL, format.width_px as usize, format.height_px as usize)?;
     let first = grabbed.frames.first();
     let picture =
-        first.and_then(|(meta, bytes)| reference_picture::of_first_frame(&Frame { meta: *meta, bytes }, config));
+        first.and_then(|(meta, bytes)| reference_picture::from_first_frame(&Frame { meta: *meta, bytes }, config));
     picture.iter().try_for_each(|picture| measurer.set_reference(picture))?;
     let mut measured = Vec::new();
     let began = now();

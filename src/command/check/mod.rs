@@ -98,7 +98,7 @@ pub fn run(options: &CheckOptions, stop: &Stop) -> Result<Outcome, Failure> {
     if !what.is_empty() {
         return Err(NotReady { rig: config.rig.name.clone(), what }.into());
     }
-    Ok(Outcome::of_losses(grabbed.lost))
+    Ok(Outcome::from_losses(grabbed.lost))
 }
 
 /// The findings and the data for the pictures of the page.
@@ -115,7 +115,7 @@ fn inspect(config: &Config, grabbed: &Grabbed, floor: &Floor) -> Result<Inspecti
     let format = grabbed.format;
     let subset_px = config.correlation.subset_size_px;
     let (width, height) = (format.width_px as usize, format.height_px as usize);
-    let region = Region::of_subsets(&floor.first_fields(), subset_px, width, height);
+    let region = Region::from_subsets(&floor.first_fields(), subset_px, width, height);
     let correction = analysis_params(config, &format).0.correction(width, height)?;
     let max_frames = if floor.moves.is_some() { 1 } else { usize::MAX };
     let stack = Stack::new(grabbed, max_frames, &correction)?;

@@ -15,7 +15,7 @@ pub(super) struct Region {
 
 impl Region {
     /// Returns the pixels covered by the subsets, or all pixels if there are no subsets.
-    pub(super) fn of_subsets(fields: &[&PairField], subset_px: u32, width: usize, height: usize) -> Self {
+    pub(super) fn from_subsets(fields: &[&PairField], subset_px: u32, width: usize, height: usize) -> Self {
         let mut mask = vec![false; width * height];
         let half = f64::from(subset_px) / 2.0;
         for point in fields.iter().flat_map(|field| &field.points) {

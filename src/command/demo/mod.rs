@@ -105,7 +105,7 @@ pub fn run(options: &DemoOptions, stop: &Stop) -> Result<Outcome, Failure> {
     })?;
     bar.finish_and_clear();
     if stop.requested() {
-        return Ok(Outcome::of_rig(&summary));
+        return Ok(Outcome::from_rig(&summary));
     }
     let Some(path) = summary.recordings.last() else {
         return Err(Failure::internal("the rig ended without a recording"));
@@ -119,7 +119,7 @@ pub fn run(options: &DemoOptions, stop: &Stop) -> Result<Outcome, Failure> {
             path.display()
         )));
     }
-    Ok(Outcome::of_rig(&summary))
+    Ok(Outcome::from_rig(&summary))
 }
 
 /// Returns the rig of the experiment under a name of its own, as fast as it measures.

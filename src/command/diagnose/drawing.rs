@@ -55,7 +55,7 @@ pub(super) fn draw_movement(film: &FilmFiles, surveyed: &Surveyed, stop: &Stop) 
     let shown = busiest.max_by(|a, b| a.area_px2.total_cmp(&b.area_px2)).map_or(0, |appearance| appearance.index);
     let (meta, bytes) = film.frame(shown, stop)?;
     let levels = stretched_levels(&crate::command::export::grey_levels(meta, &bytes)?);
-    let mut canvas = Canvas::of_levels(&levels, meta.width_px).with_line(2);
+    let mut canvas = Canvas::from_levels(&levels, meta.width_px).with_line(2);
     tint_marked(&mut canvas, &movement.swept, surveyed);
     for body in &surveyed.bodies {
         canvas.rectangle(body.mover.bounds_px.map(|number| number as f32 - 0.5), ROI);
@@ -86,7 +86,7 @@ impl View<'_> {
 
     /// Draws the searched region, the range of radii, what moves, and the outlines.
     fn draw_whole(&self) -> Canvas {
-        let mut canvas = Canvas::of_levels(&stretched_levels(&self.evidence.levels), self.width_px()).with_line(2);
+        let mut canvas = Canvas::from_levels(&stretched_levels(&self.evidence.levels), self.width_px()).with_line(2);
         if let Some(is_moving) = &self.evidence.is_moving {
             tint_marked(&mut canvas, is_moving, self.surveyed);
         }
@@ -122,7 +122,7 @@ impl View<'_> {
         let ((left, columns), (top, rows)) = (span(circle.x_px, width), span(circle.y_px, height));
         let zoom = (PART_PX / columns.max(rows)).clamp(1, 12);
         let levels = stretched_levels(&self.evidence.levels);
-        let mut canvas = Canvas::of_part(&levels, self.width_px(), [left, top, columns, rows], zoom).with_line(2);
+        let mut canvas = Canvas::from_part(&levels, self.width_px(), [left, top, columns, rows], zoom).with_line(2);
         self.draw_outlines(&mut canvas);
         let size_px = self.config.correlation().subset_size_px as f32;
         for point in self.evidence.field.iter().flat_map(|field| &field.points) {

@@ -160,7 +160,7 @@ fn diagnose_bodies(
     let config = &measured.config;
     let size_px = Some(surveyed.size_px.map(|size| size as u32));
     let shape = FilmShape { size_px, first_frame: measured.first_frame };
-    let summaries = body_summary::of_rows(measured.rows.iter(), config, &shape);
+    let summaries = body_summary::summarize_rows(measured.rows.iter(), config, &shape);
     let mut found = Vec::new();
     for (index, body) in config.bodies.iter().enumerate() {
         let rows: Vec<VelocitySample> =

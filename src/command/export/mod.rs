@@ -86,7 +86,7 @@ pub struct ExportOptions {
 impl ExportOptions {
     /// Opens the recording at the chosen camera.
     fn recording(&self) -> Result<Recording, RecordingError> {
-        Recording::open(&self.file)?.of_camera(self.camera.as_deref())
+        Recording::open(&self.file)?.select_view(self.camera.as_deref())
     }
 
     /// Opens the frames of the film, or of the recording itself.

@@ -90,7 +90,7 @@ pub(super) fn draw_frames(
         let (meta, bytes) = frame?;
         // Grey over the full range, so that the brightness is the same in all images.
         let mut canvas = match grey_levels(meta, &bytes) {
-            Ok(levels) => Canvas::of_levels(&levels, meta.width_px),
+            Ok(levels) => Canvas::from_levels(&levels, meta.width_px),
             Err(error) => return take(meta.sequence, Err(error)),
         };
         for sample in tracks.get(&meta.sequence).into_iter().flatten() {

@@ -45,7 +45,7 @@ impl Origin {
     }
 
     /// Returns the first frame of a recording, with the first of these rows as a fallback.
-    fn of_samples<R: Sample>(recording: &Recording, rows: &[R]) -> Result<Self, RecordingError> {
+    fn from_samples<R: Sample>(recording: &Recording, rows: &[R]) -> Result<Self, RecordingError> {
         Self::from_recording(recording, rows.first().map(|row| Self { frame: row.frame(), stamp_ns: row.stamp_ns() }))
     }
 
@@ -97,7 +97,7 @@ fn send_velocities(
     table: &mut dyn Sink,
 ) -> Result<(), ExportError> {
     rows.sort_by_key(|row| (row.frame, row.body));
-    let origin = Origin::of_samples(recording, &rows)?;
+    let origin = Origin::from_samples(recording, &rows)?;
     send_header(&[FRAME, BODY, STAMP, TIME], VelocitySample::COLUMNS, table)?;
     for row in &rows {
         let place = vec![
@@ -115,7 +115,7 @@ fn send_velocities(
 fn send_tracks(recording: &Recording, table: &mut dyn Sink) -> Result<(), ExportError> {
     let mut rows: Vec<TrackSample> = recording.tracks()?.collect::<Result<_, _>>()?;
     rows.sort_by_key(|row| (row.frame, row.body));
-    let origin = Origin::of_samples(recording, &rows)?;
+    let origin = Origin::from_samples(recording, &rows)?;
     let has_rods = has_rods(recording) || rows.iter().any(|row| row.rod.is_some());
     let rod_headings = if has_rods { rod_headings() } else { Vec::new() };
     send_header(&[&[FRAME, BODY, TIME], &rod_headings[..]].concat(), TrackSample::COLUMNS, table)?;

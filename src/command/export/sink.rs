@@ -6,9 +6,9 @@ use std::io::Write;
 
 /// A writer of a table: the header first, then every row.
 pub(super) trait Sink {
-    /// Takes the headings of the columns.
+    /// Writes the headings of the columns.
     fn header(&mut self, headings: &[Heading]) -> Result<(), ExportError>;
-    /// Takes a row, with a cell for each column.
+    /// Writes a row, with a cell for each column.
     fn row(&mut self, cells: Vec<Cell>) -> Result<(), ExportError>;
 }
 

@@ -21,7 +21,7 @@ pub(super) fn join_streams(files: &[PathBuf]) -> Result<Vec<Streamed>, Recording
     let mut parts = Vec::new();
     for recording in Recording::open_all(files)? {
         for camera in std::iter::once(None).chain(recording.views().into_iter().map(Some)) {
-            let recording = recording.clone().of_camera(camera.as_deref())?;
+            let recording = recording.clone().select_view(camera.as_deref())?;
             if camera.is_some() && recording.frame_count() == 0 {
                 continue;
             }

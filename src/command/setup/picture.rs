@@ -26,7 +26,8 @@ const OUTLINES: usize = 8;
 /// Draws outline, track, surface, region and scale over a frame.
 pub(super) fn draw(proposal: &Proposal, surveyed: &Surveyed, frame: &Frame<'_>) -> Result<RgbImage, Failure> {
     let mut canvas =
-        Canvas::of_levels(&stretched_levels(&grey_levels(frame.meta, frame.bytes)?), frame.meta.width_px).with_line(2);
+        Canvas::from_levels(&stretched_levels(&grey_levels(frame.meta, frame.bytes)?), frame.meta.width_px)
+            .with_line(2);
     for body in &proposal.bodies {
         match body {
             ProposedBody::Ball { roi_px: Some(roi), .. } | ProposedBody::Rod { roi_px: Some(roi), .. } => {

@@ -80,7 +80,7 @@ pub(super) fn motion(
     let Point { x_px: dx, y_px: dy } = offset;
     let (x, y) = warp.apply(dx, dy);
     let [along_u, along_v, along_angle] = variance_factors(&inverse, angle, offset);
-    let factor = pool.factor().weighted_by_slopes(&GradientNoise::of_window(subset, window, residual));
+    let factor = pool.factor().weighted_by_slopes(&GradientNoise::from_window(subset, window, residual));
     let (var_u, var_v) = factor.variances(variance, along_u, along_v);
     let mean = 0.5 * (factor.x + factor.y);
     let (var_angle, _) = VarianceFactor { x: mean, y: mean }.variances(variance, along_angle, 0.0);

@@ -77,7 +77,7 @@ impl RigidBody {
         occlusion.plan(window);
         let spans = window.row_spans(reference.local(at), reference.levels.height());
         self.light = LightField::new(subset, window).map(Box::new);
-        self.gradient_gain = GradientGain::of_spans(reference, &spans).gain();
+        self.gradient_gain = GradientGain::from_spans(reference, &spans).gain();
         Ok(())
     }
 
@@ -191,7 +191,7 @@ impl RigidBody {
     /// Returns the initial warp for a motion of a point, and the offset of the point from the centre.
     fn start(&self, point: Point, near: PlanarMotion) -> (Warp, Point) {
         let center = self.center();
-        (near.at_offset(center.relative_to(point)).warp(), point.relative_to(center))
+        (near.at_offset(center.relative_to(point)).to_warp(), point.relative_to(center))
     }
 
     /// Computes the motion and its uncertainty from a match of all pixels and its residual.

@@ -109,7 +109,7 @@ pub fn find_occluded_within_angle(
     for candidate in search_angles(&coarse.body, &coarse.reference, &coarse.target, max_deg.to_radians()) {
         let near = candidate.motion_of(coarse_center);
         let Ok(rough) = coarse.body.find_visible(&coarse.target, coarse_center, near) else { continue };
-        let near = coarse.full_motion(&rough.motion.planar().warp(), center).at_offset(point.relative_to(center));
+        let near = coarse.full_motion(&rough.motion.planar().to_warp(), center).at_offset(point.relative_to(center));
         found.extend(body.find_visible(target, point, near));
     }
     let weight = |motion: &BodyMotion| motion.visible_fraction * motion.zncc;

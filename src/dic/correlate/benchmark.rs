@@ -79,7 +79,7 @@ impl KernelBenchmark {
             subset: ReferenceSubset::default(),
             disc: SubsetMask::from_test(DISC_PX as u32, |dx, dy| dx * dx + dy * dy <= DISC_PX * DISC_PX),
             body: ReferenceSubset::default(),
-            warp: motion.warp(),
+            warp: motion.to_warp(),
         };
         parts.prepare(first);
         std::mem::swap(&mut parts.frames.0, &mut parts.frames.1);

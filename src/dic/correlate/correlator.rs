@@ -494,7 +494,7 @@ impl Start {
         let Self::Motion { x_px, y_px, u_px, v_px, angle_deg } = *self else { return None };
         let motion = PlanarMotion { u_px, v_px, angle_deg };
         let offset = Point::new(f64::from(point.x) - x_px, f64::from(point.y) - y_px);
-        let warp = motion.at_offset(offset).warp();
+        let warp = motion.at_offset(offset).to_warp();
         Some(if shape == Shape::Translation { Warp::shift(warp.u, warp.v) } else { warp })
     }
 }

@@ -81,7 +81,7 @@ impl PredictedUpdate {
             resample_rows(&target.interpolated, strips, &motion, &mut self.plane);
         }
         row_spans(strips, size, &mut self.spans);
-        self.gradient_gain = GradientGain::of_spans(reference, &self.spans).gain();
+        self.gradient_gain = GradientGain::from_spans(reference, &self.spans).gain();
     }
 
     /// Returns the match of a subset after one update, or `None` if it is not close enough to the predicted motion.
@@ -139,7 +139,7 @@ impl PredictedUpdate {
         let Some(fit) = self.fits[index] else { return };
         let layers = layers(matcher.reference, &self.plane);
         pool.add_layers(layers, matcher.window, pairs, self.centers[index], fit);
-        pool.add_gradient_gain(GradientGain::of_subset(matcher.reference, matcher.window, matcher.at));
+        pool.add_gradient_gain(GradientGain::from_subset(matcher.reference, matcher.window, matcher.at));
     }
 }
 

@@ -322,7 +322,7 @@ impl SubsetMatcher<'_> {
         }
         if !residual.is_empty() {
             pool.add_window(self.subset, self.window, residual);
-            pool.add_gradient_gain(GradientGain::of_subset(self.reference, self.window, self.at));
+            pool.add_gradient_gain(GradientGain::from_subset(self.reference, self.window, self.at));
         }
     }
 }

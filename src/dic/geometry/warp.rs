@@ -30,12 +30,12 @@ impl PlanarMotion {
     /// Returns the motion of the point at an offset from the one that this motion refers to. The rotation is the same.
     pub(in crate::dic) fn at_offset(self, offset: Point) -> Self {
         let (dx, dy) = (offset.x_px, offset.y_px);
-        let (x, y) = self.warp().apply(dx, dy);
+        let (x, y) = self.to_warp().apply(dx, dy);
         Self { u_px: x - dx, v_px: y - dy, ..self }
     }
 
     /// Converts the motion to the warp of a subset centred at the point that it refers to.
-    pub(in crate::dic) fn warp(self) -> Warp {
+    pub(in crate::dic) fn to_warp(self) -> Warp {
         Warp::rigid(self.u_px, self.v_px, self.angle_deg.to_radians())
     }
 }

@@ -27,7 +27,7 @@ pub(in crate::dic) struct GradientGain {
 
 impl GradientGain {
     /// Sums over the pixels between the first and the last column of every row; rows whose first is larger are empty.
-    pub(in crate::dic) fn of_spans(reference: &PreparedFrame, spans: &[(i32, i32)]) -> Self {
+    pub(in crate::dic) fn from_spans(reference: &PreparedFrame, spans: &[(i32, i32)]) -> Self {
         let mut sums = Self::default();
         for (y, (left, right)) in spans.iter().enumerate().step_by(ROW_STEP).filter(|(_, span)| span.0 <= span.1) {
             let first = reference.levels.index(*left as isize, y as isize);
@@ -38,7 +38,7 @@ impl GradientGain {
     }
 
     /// Sums over the pixels of a subset at a position in the reference.
-    pub(in crate::dic) fn of_subset(reference: &PreparedFrame, subset: &SubsetMask, at: GridPoint) -> Self {
+    pub(in crate::dic) fn from_subset(reference: &PreparedFrame, subset: &SubsetMask, at: GridPoint) -> Self {
         let Pixel { x, y } = reference.local(at);
         let mut sums = Self::default();
         for block in &subset.blocks {

@@ -92,7 +92,7 @@ impl NoisePool {
     pub(in crate::dic) fn add_window(&mut self, subset: &ReferenceSubset, window: &SubsetMask, residual: &[Lanes]) {
         self.add_texture(subset, window);
         self.add_part(Part::Residual, window, residual);
-        self.slopes.add(GradientNoise::of_window(subset, window, residual));
+        self.slopes.add(GradientNoise::from_window(subset, window, residual));
     }
 
     /// Adds one window in planes about `at` with its fit. `pairs` are those of [`count_pairs`]. All windows added this
@@ -352,7 +352,7 @@ fn add_lane_squares<V: Vector>(x: V, y: V, left: V, totals: &mut [V; 5]) {
 
 impl GradientNoise {
     /// Computes the sums of one window with its residual.
-    pub(in crate::dic) fn of_window(subset: &ReferenceSubset, window: &SubsetMask, residual: &[Lanes]) -> Self {
+    pub(in crate::dic) fn from_window(subset: &ReferenceSubset, window: &SubsetMask, residual: &[Lanes]) -> Self {
         let mut slopes = Self { sums: [0.0; 5], pixels: window.pixels as f64 };
         add_squares([&subset.gradient_x, &subset.gradient_y], residual, &mut slopes.sums);
         slopes
@@ -476,7 +476,8 @@ mod tests {
         let mean = (1.0 + 9.0 + 25.0) / 3.0;
         let mut window = SubsetMask::new(WindowShape::Square, 3);
         window.pixels = 3 * LANES;
-        let slopes = |subset: &ReferenceSubset, residual: &[Lanes]| GradientNoise::of_window(subset, &window, residual);
+        let slopes =
+            |subset: &ReferenceSubset, residual: &[Lanes]| GradientNoise::from_window(subset, &window, residual);
         let factor = VarianceFactor { x: 2.0, y: 1.0 }.weighted_by_slopes(&slopes(&subset, &rows(1.0, -3.0, 5.0)));
         assert!((factor.x - 2.0 * 0.25_f64.max(1.0 / mean)).abs() < 1e-6 && (factor.y - 9.0 / mean).abs() < 1e-6);
         let flat = ReferenceSubset {

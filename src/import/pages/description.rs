@@ -57,9 +57,9 @@ impl Description {
         let real = |key: &str| value(key).and_then(|value| value.trim().parse::<f64>().ok());
         let unit_s = value("tunit").map_or(Some(1.0), unit_seconds);
         let interval_s = real("finterval").zip(unit_s).map(|(interval, unit_s)| interval * unit_s);
-        let rate = interval_s.and_then(|interval_s| Rate::of_header(interval_s.recip(), "finterval"));
+        let rate = interval_s.and_then(|interval_s| Rate::from_header(interval_s.recip(), "finterval"));
         // The speed of the animation, which need not be that of the camera.
-        let playback = real("fps").and_then(|fps| Rate::of_header(fps, "fps"));
+        let playback = real("fps").and_then(|fps| Rate::from_header(fps, "fps"));
         let playback = playback.map(|rate| Rate { source: RateSource::Playback, ..rate });
         // A stack is often declared as layers when it is a film.
         let layers = if number("frames").unwrap_or(1) > 1 { number("slices").unwrap_or(1) } else { 1 };
@@ -80,7 +80,7 @@ impl Description {
         let unit_s = attribute(pixels, "TimeIncrementUnit").map_or(Some(1.0), unit_seconds);
         let rate = interval
             .zip(unit_s)
-            .and_then(|(interval, unit_s)| Rate::of_header((interval * unit_s).recip(), "TimeIncrement"));
+            .and_then(|(interval, unit_s)| Rate::from_header((interval * unit_s).recip(), "TimeIncrement"));
         let delta_ns = |plane: &str| {
             let delta: f64 = attribute(plane, "DeltaT")?.parse().ok()?;
             let unit_s = attribute(plane, "DeltaTUnit").map_or(Some(1.0), unit_seconds)?;

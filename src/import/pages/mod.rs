@@ -155,7 +155,7 @@ impl Stack {
             let read = behind.file.read_exact_at(&mut stored, behind.start + self.next * behind.page.bytes());
             read.map_err(|error| ImportError::io("read", &self.path, error))?;
             let page = &behind.page;
-            let grey = page.grey(page.in_machine_order(stored)).map_err(|why| self.refused(why))?;
+            let grey = page.grey(page.to_native_byte_order(stored)).map_err(|why| self.refused(why))?;
             return Still::new(&self.path, page.shape(&self.path)?, grey, behind.look.clone());
         }
         if self.next > 0 {

@@ -52,7 +52,7 @@ impl Page {
     /// Reads the layout of the current page; the inner error is the reason why it cannot be measured.
     pub(super) fn new(decoder: &mut Tiff) -> TiffResult<Result<Self, String>> {
         if decoder.find_tag_unsigned::<u32>(Tag::PhotometricInterpretation)? == Some(PALETTE) {
-            return Self::of_palette(decoder);
+            return Self::from_palette(decoder);
         }
         let (width_px, height_px) = decoder.dimensions()?;
         let color = decoder.colortype()?;
@@ -96,7 +96,7 @@ impl Page {
     /// Reads the layout of a page of indices, which the decoder does not read.
     ///
     /// ImageJ shows grey levels through such a table. There the indices are the levels.
-    fn of_palette(decoder: &mut Tiff) -> TiffResult<Result<Self, String>> {
+    fn from_palette(decoder: &mut Tiff) -> TiffResult<Result<Self, String>> {
         let (width_px, height_px) = decoder.dimensions()?;
         let bits = decoder.find_tag_unsigned_vec::<u32>(Tag::BitsPerSample)?.unwrap_or_default();
         let compression = decoder.find_tag_unsigned::<u32>(Tag::Compression)?.unwrap_or(UNCOMPRESSED);
@@ -184,7 +184,7 @@ impl Page {
     }
 
     /// Swaps samples of 16 bits, which were read from the file as they are, to the byte order of the machine.
-    pub(super) fn in_machine_order(&self, mut samples: Vec<u8>) -> Vec<u8> {
+    pub(super) fn to_native_byte_order(&self, mut samples: Vec<u8>) -> Vec<u8> {
         if self.is_swapped && self.bits == 16 {
             swap_pairs(&mut samples);
         }
@@ -198,7 +198,7 @@ impl Page {
     /// The reason when there are too few samples.
     pub(super) fn grey(&self, samples: Vec<u8>) -> Result<Vec<u8>, String> {
         let pixels = self.width_px as usize * self.height_px as usize;
-        let samples = self.in_whole_bytes(samples);
+        let samples = self.spread_to_bytes(samples);
         let bytes = if self.bits <= 8 { 1 } else { 2 };
         let wanted = pixels * bytes * self.samples;
         // A grey page that is one plane of several leaves out the others.
@@ -233,7 +233,7 @@ impl Page {
     }
 
     /// Spreads the samples to whole little-endian bytes. Rows of packed samples end at a byte.
-    fn in_whole_bytes(&self, samples: Vec<u8>) -> Vec<u8> {
+    fn spread_to_bytes(&self, samples: Vec<u8>) -> Vec<u8> {
         let row_samples = self.width_px as usize * if self.planes > 1 { 1 } else { self.samples };
         let row_bytes = (row_samples * self.bits as usize).div_ceil(8).max(1);
         match self.bits {

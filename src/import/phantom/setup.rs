@@ -85,13 +85,13 @@ impl Setup {
     /// Returns the frame rate from the most exact field that the file has; `None` where no field states one.
     pub(super) fn rate(&self, warnings: &mut Vec<String>) -> Option<Rate> {
         let whole = match self.u32(FRAME_RATE) {
-            Some(hz) => Rate::of_header(f64::from(hz), "FrameRate"),
+            Some(hz) => Rate::from_header(f64::from(hz), "FrameRate"),
             // Old files have only the 16-bit rate at the beginning.
             None if u16_at(&self.0, FRAME_RATE_16) == FRAME_RATE_16_FULL => None,
-            None => Rate::of_header(f64::from(u16_at(&self.0, FRAME_RATE_16)), "FrameRate16"),
+            None => Rate::from_header(f64::from(u16_at(&self.0, FRAME_RATE_16)), "FrameRate16"),
         };
         let bytes = self.0.get(FRAME_RATE_F64..FRAME_RATE_F64 + 8).and_then(|bytes| bytes.try_into().ok());
-        let exact = bytes.and_then(|bytes| Rate::of_header(f64::from_le_bytes(bytes), "dFrameRate"));
+        let exact = bytes.and_then(|bytes| Rate::from_header(f64::from_le_bytes(bytes), "dFrameRate"));
         match (exact, whole) {
             // The whole number is the exact rate, rounded or cut off.
             (Some(exact), Some(whole)) if (exact.hz - whole.hz).abs() > 1.0 => {

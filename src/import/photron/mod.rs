@@ -54,7 +54,7 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
 fn saved_rate(header: &Header, frames: u64, warnings: &mut Vec<String>) -> Result<Option<Rate>, String> {
     let recorded_hz: f64 = header.number(header::RECORD_RATE)?;
     let step: u64 = header.number(header::SAVE_STEP).unwrap_or(1);
-    let Some(recorded) = Rate::of_header(recorded_hz, "record rate") else { return Ok(None) };
+    let Some(recorded) = Rate::from_header(recorded_hz, "record rate") else { return Ok(None) };
     if step < 2 {
         return Ok(Some(recorded));
     }

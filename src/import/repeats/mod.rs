@@ -207,7 +207,7 @@ impl Repeats {
         self.findings.set("repeats", self.repeats.to_string());
     }
 
-    /// Lets the held frames through, because what they show stands still.
+    /// Releases the held frames, because the scene stands still.
     fn release_held(&mut self) {
         self.ready.extend(self.held.drain(..).map(|(frame, _)| frame));
         self.last = None;

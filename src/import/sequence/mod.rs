@@ -184,5 +184,5 @@ fn read_still(path: &Path) -> Result<Still, ImportError> {
         return Err(ImportError::invalid(path, format!("an image of {bytes} bytes in a file of {file_bytes}")));
     }
     let picture = DynamicImage::from_decoder(decoder).map_err(invalid)?;
-    Still::of_picture(path, picture, Look { orientation, pixel_aspect, is_lossy, ..Look::default() })
+    Still::from_picture(path, picture, Look { orientation, pixel_aspect, is_lossy, ..Look::default() })
 }

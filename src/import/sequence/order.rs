@@ -59,22 +59,23 @@ impl Sequence {
                 return Err(ImportError::invalid(&listed.paths[0], reason));
             }
         };
-        let dates = times::of_dates(&columns).filter(|dates| columns[dates.places.clone()].iter().any(Column::varies));
+        let dates =
+            times::from_dates(&columns).filter(|dates| columns[dates.places.clone()].iter().any(Column::varies));
         match dates {
             Some(Dates { times, places }) if !is_numbered(&columns, &places) || Dates::are_distinct(&times) => {
                 let order = time_order(&times.times_ns);
-                let mut sequence = Self::in_order(&listed, &order)?;
+                let mut sequence = Self::with_order(&listed, &order)?;
                 let taken = times.reordered(&sequence.order_of(&listed));
                 sequence.times = taken.times_ns.is_sorted().then_some(taken);
                 Ok(sequence)
             }
-            Some(Dates { times, places }) => Self::of_dated_column(&listed, columns, &times, &places),
-            None => Self::of_column(&listed, &running_number(&listed.paths, &columns)?),
+            Some(Dates { times, places }) => Self::from_dated_column(&listed, columns, &times, &places),
+            None => Self::from_column(&listed, &running_number(&listed.paths, &columns)?),
         }
     }
 
     /// Orders images by a number next to a date that is too coarse to time them.
-    fn of_dated_column(
+    fn from_dated_column(
         listed: &Listed,
         mut columns: Vec<Column>,
         dates: &FrameTimes,
@@ -87,14 +88,14 @@ impl Sequence {
                 format!("the order is not clear: by {}, or by the dates in the names", column.describe_range());
             return Err(ImportError::invalid(&listed.paths[0], reason));
         }
-        Self::of_column(listed, &column)
+        Self::from_column(listed, &column)
     }
 
     /// Orders images by the numbers of a column.
-    fn of_column(listed: &Listed, column: &Column) -> Result<Self, ImportError> {
+    fn from_column(listed: &Listed, column: &Column) -> Result<Self, ImportError> {
         let order = column.order();
-        let mut sequence = Self::in_order(listed, &order)?;
-        if column.is_hyphened && column.values.iter().all(|value| *value > 0) && times::of_numbers(column).is_none() {
+        let mut sequence = Self::with_order(listed, &order)?;
+        if column.is_hyphened && column.values.iter().all(|value| *value > 0) && times::from_numbers(column).is_none() {
             sequence.warnings.extend(hyphen_warning(column));
         }
         let order = sequence.order_of(listed);
@@ -102,7 +103,7 @@ impl Sequence {
         if !values.is_sorted() {
             return Ok(sequence);
         }
-        if let Some(times) = times::of_numbers(column) {
+        if let Some(times) = times::from_numbers(column) {
             sequence.times = Some(times.reordered(&order));
             return Ok(sequence);
         }
@@ -110,8 +111,8 @@ impl Sequence {
         Ok(sequence)
     }
 
-    /// Takes the images in this order, unless the user gave one that no shell lists.
-    fn in_order(listed: &Listed, order: &[usize]) -> Result<Self, ImportError> {
+    /// Puts the images in this order, unless the user gave one that no shell lists.
+    fn with_order(listed: &Listed, order: &[usize]) -> Result<Self, ImportError> {
         let is_given = order.iter().enumerate().all(|(index, place)| index == *place);
         let is_meant = listed.by == Lister::User && !is_given && !is_listing(&listed.paths);
         let mut warnings = Vec::new();

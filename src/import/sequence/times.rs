@@ -19,7 +19,7 @@ pub(super) struct Dates {
 }
 
 impl Dates {
-    /// Whether they are fine enough to time the images.
+    /// Whether consecutive dates differ by more than their resolution, so that they can time the images.
     pub(super) fn are_distinct(times: &FrameTimes) -> bool {
         let mut sorted = times.times_ns.clone();
         sorted.sort_unstable();
@@ -28,7 +28,7 @@ impl Dates {
 }
 
 /// Returns the dates with a time of day in the names, such as `2024-05-01_12-00-00.123456`.
-pub(super) fn of_dates(columns: &[Column]) -> Option<Dates> {
+pub(super) fn from_dates(columns: &[Column]) -> Option<Dates> {
     let start = (0..columns.len()).find(|start| date_length(&columns[*start..]).is_some())?;
     let columns = &columns[start..];
     let length = date_length(columns)?;
@@ -97,7 +97,7 @@ fn epoch_seconds(digits: &str) -> Option<i128> {
 }
 
 /// Returns the times of numbers that are times: by a unit behind them, or since they count from the Unix epoch.
-pub(super) fn of_numbers(column: &Column) -> Option<FrameTimes> {
+pub(super) fn from_numbers(column: &Column) -> Option<FrameTimes> {
     let unit_ns = match unit_ns(&column.after) {
         Some(unit_ns) => unit_ns,
         None => epoch_unit_ns(column)?,

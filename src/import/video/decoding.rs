@@ -85,12 +85,12 @@ impl Decoding {
         Ok(Self { ffmpeg, frames, error, path: path.to_path_buf() })
     }
 
-    /// Decodes a film for the times of its frames, ticks.
+    /// Decodes a film and returns the times of its frames, ticks.
     ///
     /// # Errors
     ///
     /// [`ImportError::Invalid`] when the film cannot be decoded, or has more frames than bytes.
-    pub(super) fn times(path: &Path, input: &str, tick: Ratio, file_bytes: u64) -> Result<Vec<i64>, ImportError> {
+    pub(super) fn read_times(path: &Path, input: &str, tick: Ratio, file_bytes: u64) -> Result<Vec<i64>, ImportError> {
         let mut decoding = Self::start(path, input, tick, "", "-f null -")?;
         let mut times = Vec::new();
         while let Some(frame) = decoding.next_frame()? {

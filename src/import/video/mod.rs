@@ -55,7 +55,7 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
     let decoding = Decoding::start(path, stream.input_options(), ticks.tick, &levels.filters(), &output)?;
     let (count, findings) = (ticks.times.len() as u64, Findings::default());
     let decoder = Decoder::new(decoding, ticks, stored, findings.clone());
-    let mut footage = Footage::of_stored(stored, timeline, count, Box::new(decoder));
+    let mut footage = Footage::from_stored(stored, timeline, count, Box::new(decoder));
     footage.provenance.bits = levels.bits;
     footage.provenance.grey_rule = levels.rule;
     let footage = Footage { description: description(&stream), warnings, findings, ..footage };

@@ -81,7 +81,7 @@ fn stated_rate(stream: &Stream, times: &FrameTimes) -> Option<Rate> {
 
 /// Returns the rate that a property of the stream states.
 fn rate_property(stream: &Stream, key: &str) -> Option<Rate> {
-    Rate::of_header(stream.ratio(key)?.value(), key)
+    Rate::from_header(stream.ratio(key)?.value(), key)
 }
 
 /// Returns the timeline of frames whose times are too coarse to separate them, with warnings.

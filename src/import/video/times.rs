@@ -35,7 +35,7 @@ impl Ticks {
         };
         let mut times = match packets {
             Some(times) => times,
-            None => Decoding::times(path, stream.input_options(), tick, file_bytes)?,
+            None => Decoding::read_times(path, stream.input_options(), tick, file_bytes)?,
         };
         times.sort_unstable();
         let rate = stream.ratio("avg_frame_rate");

@@ -29,7 +29,7 @@ impl<const N: usize> Default for CumulativeSums<N> {
 }
 
 impl<const N: usize> CumulativeSums<N> {
-    /// Takes the next step in frame order, the shortest of its frame: its time in nominal frame periods and the change
+    /// Adds the next step in frame order, the shortest of its frame: its time in nominal frame periods and the change
     /// of each quantity per frame.
     pub fn push(&mut self, step: &BodyStep, time_frames: f64, change: Option<[Estimate; N]>) {
         self.arrivals = self.arrivals.split_off(&step.frame);

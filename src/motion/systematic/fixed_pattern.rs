@@ -69,7 +69,7 @@ impl Intervals {
     ///
     /// With weight g of steps over n times as many frames, poses move by [(1 - g) a + g n b] / [1 - g + g n] for
     /// shorter steps a and longer steps b.
-    pub fn of(intervals_frames: &[u32], renewal: Option<Renewal>) -> Self {
+    pub fn new(intervals_frames: &[u32], renewal: Option<Renewal>) -> Self {
         let mut intervals = [(0.0, 0.0); MAX_INTERVALS];
         let shortest = intervals_frames.first().map_or(1.0, |interval| f64::from((*interval).max(1)));
         let g = LONG_STEP_WEIGHT;
@@ -123,23 +123,25 @@ pub struct SpeedBias {
 }
 
 impl SpeedBias {
-    /// Returns the possible underestimate of speeds as a fraction, 0 to `share`, at these rates along x and y,
-    /// px/frame, and of the angle, deg/frame.
-    pub fn of(&self, rates: [f64; 3]) -> f64 {
+    /// Returns the possible underestimate of speeds, as a fraction 0 to `share`.
+    ///
+    /// `rates` are those along x and y, px/frame, and of the angle, deg/frame.
+    pub fn underestimate(&self, rates: [f64; 3]) -> f64 {
         let turned_px = self.turned_px(rates[2]);
         let [x_px, y_px, _] = rates;
         let speed_px = [x_px.hypot(turned_px), y_px.hypot(turned_px)];
-        let left = if self.is_whole {
+        let remaining = if self.is_whole {
             self.spans.remaining_whole_body_bias(speed_px)
         } else {
             self.spans.remaining_subset_bias(speed_px)
         };
-        self.share * left
+        self.share * remaining
     }
 
-    /// Returns the interpolation error of either sign, as a fraction of the speed, at these rates (px/frame, px/frame,
-    /// deg/frame).
-    pub fn interpolated(&self, rates: [f64; 3]) -> f64 {
+    /// Returns the interpolation error of either sign, as a fraction of the speed.
+    ///
+    /// `rates` are those along x and y, px/frame, and of the angle, deg/frame.
+    pub fn interpolation_error(&self, rates: [f64; 3]) -> f64 {
         if self.is_whole {
             0.0
         } else {
@@ -201,11 +203,11 @@ mod tests {
     fn longer_intervals_and_faster_bodies_leave_less_of_it() {
         let speed_bias = |intervals: &[u32], is_whole: bool| SpeedBias {
             share: 1.0,
-            spans: Intervals::of(intervals, Some(Renewal { block_frames: 16, stale_deg: 3.0 })),
+            spans: Intervals::new(intervals, Some(Renewal { block_frames: 16, stale_deg: 3.0 })),
             is_whole,
             radius_px: 50.0,
         };
-        let of = |intervals: &[u32], x_px: f64| speed_bias(intervals, false).of([x_px, 0.0, 0.0]);
+        let of = |intervals: &[u32], x_px: f64| speed_bias(intervals, false).underestimate([x_px, 0.0, 0.0]);
         assert!((of(&[1], 0.0) - 1.0).abs() < 1e-12);
         assert!((of(&[1, 16], 0.0) - 1.0).abs() < 1e-12 && (of(&[1, 2, 4, 8], 0.0) - 1.0).abs() < 1e-12);
         assert!(of(&[1], 0.086) > 0.97 && (0.7..0.8).contains(&of(&[1, 8], 0.086)));
@@ -219,12 +221,12 @@ mod tests {
         }
         // Interpolation affects longer steps less, and rotation averages it out.
         let slow = speed_bias(&[1, 16], false);
-        assert!(slow.interpolated([0.0; 3]) < 4e-4);
-        let [px, turned] = [[0.0, 0.09, 0.0], [0.0, 0.09, 2.0]].map(|rates| 0.09 * slow.interpolated(rates));
+        assert!(slow.interpolation_error([0.0; 3]) < 4e-4);
+        let [px, turned] = [[0.0, 0.09, 0.0], [0.0, 0.09, 2.0]].map(|rates| 0.09 * slow.interpolation_error(rates));
         assert!((4e-6..7e-6).contains(&px) && turned <= 0.0, "{px} {turned}");
-        assert!(speed_bias(&[1], true).interpolated([0.0, 0.09, 0.0]) <= 0.0);
+        assert!(speed_bias(&[1], true).interpolation_error([0.0, 0.09, 0.0]) <= 0.0);
         // A kept reference sees the whole displacement since it was taken, and rotation moves pixels as well.
-        assert!(speed_bias(&[1], true).of([0.2, 0.0, 0.0]) < 0.04);
-        assert!(speed_bias(&[1], false).of([0.0, 0.0, 3.0]) < 0.2);
+        assert!(speed_bias(&[1], true).underestimate([0.2, 0.0, 0.0]) < 0.04);
+        assert!(speed_bias(&[1], false).underestimate([0.0, 0.0, 3.0]) < 0.2);
     }
 }

@@ -19,7 +19,7 @@ pub struct SizeChange {
 }
 
 impl SizeChange {
-    /// Takes the next step in frame order, the shortest of its frame, at its time in nominal frame periods.
+    /// Adds the next step in frame order, the shortest of its frame, at its time in nominal frame periods.
     pub fn push(&mut self, step: &BodyStep, time_frames: f64) {
         self.sizes.push(step, time_frames, step.growth_fraction.map(|grown| [grown]));
     }

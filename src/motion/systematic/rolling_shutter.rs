@@ -87,7 +87,7 @@ impl RollingShutter {
         }
     }
 
-    /// Takes the next step in frame order, in the recorded image. Returns the delay of the exposure of its centre after
+    /// Adds the next step in frame order, in the recorded image. Returns the delay of the exposure of its centre after
     /// the stamp, frame periods.
     pub fn push(&mut self, step: &BodyStep) -> f64 {
         self.row_px = self.predicted_row(step);

@@ -124,7 +124,7 @@ impl<'a> CameraFeed<'a> {
         u64::from(self.config.workers.block_frames)
     }
 
-    /// Notes that the system has all frames that were written.
+    /// Records that the system has all frames that were written.
     pub(super) fn note_written(&mut self) {
         if self.newest != FrameStamp::default() {
             self.reached.note(self.newest, 0);
@@ -169,8 +169,8 @@ impl<'a> CameraFeed<'a> {
         }
         // Only the run it was started into was partly recorded by a predecessor.
         self.resumed &= self.reporter.run_id() == 0;
-        self.frames.greet();
-        self.fields.greet();
+        self.frames.update_connections();
+        self.fields.update_connections();
         let run_id = self.stream.run_id.unwrap_or(0);
         self.runs.push(run_id);
         self.reporter.set_run(run_id);

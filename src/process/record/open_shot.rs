@@ -69,7 +69,7 @@ impl OpenShot {
 
     /// Writes a frame of a camera.
     pub(super) fn add_frame(&mut self, camera: usize, frame: &Frame<'_>) -> Result<(), RecordingError> {
-        self.shot.frame(camera, frame)?;
+        self.shot.write_frame(camera, frame)?;
         let stamp_ns = frame.meta.stamp_ns;
         match camera.checked_sub(1) {
             None => self.matchers.iter_mut().for_each(|matcher| matcher.add_main(stamp_ns)),
@@ -86,7 +86,7 @@ impl OpenShot {
         self.progress[camera].end = Some(end);
         self.shot.set_end(camera, end);
         for (step, field) in std::mem::take(&mut self.progress[camera].waiting) {
-            self.shot.step(camera, step, field)?;
+            self.shot.write_step(camera, step, field)?;
         }
         Ok(())
     }
@@ -106,7 +106,7 @@ impl OpenShot {
             self.progress[camera].waiting.push((step, field));
             return Ok(true);
         }
-        self.shot.step(camera, step, field)
+        self.shot.write_step(camera, step, field)
     }
 
     /// Whether everything of a camera is written, or will never come.

@@ -314,7 +314,7 @@ mod tests {
                 stride_bytes: 100,
                 ..FrameMeta::default()
             };
-            writer.frame(&Frame { meta, bytes: &[7; 20_000] }).unwrap();
+            writer.write_frame(&Frame { meta, bytes: &[7; 20_000] }).unwrap();
         }
         writer.finish().unwrap();
         files_of(&path)

@@ -7,7 +7,7 @@ use crate::failure::Failure;
 use crate::process::shot::FrameRange;
 
 impl Recorder<'_> {
-    /// Takes the whole queue and starts a shot around frame `at`, or around the newest frame if `None`.
+    /// Starts a shot of the whole queue around frame `at`, or around the newest frame if `None`.
     pub(super) fn trigger(&mut self, at: Option<u64>, cause: &str) -> Result<(), Failure> {
         for feed in &mut self.feeds {
             feed.hold(feed.limits.ring_frames + feed.limits.held_frames - 1, |_| false)?;

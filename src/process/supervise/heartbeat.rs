@@ -13,7 +13,7 @@ pub(super) struct Heartbeat {
 }
 
 impl Heartbeat {
-    /// Notes a status message.
+    /// Records a status message.
     pub(super) fn note(&mut self) {
         self.silent_polls = Some(0);
     }

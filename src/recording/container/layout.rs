@@ -15,14 +15,17 @@ impl Body {
         self
     }
 
+    /// Appends a number of 16 bits, little-endian.
     pub(super) fn u16(self, value: u16) -> Self {
         self.bytes(&value.to_le_bytes())
     }
 
+    /// Appends a number of 32 bits, little-endian.
     pub(super) fn u32(self, value: u32) -> Self {
         self.bytes(&value.to_le_bytes())
     }
 
+    /// Appends a number of 64 bits, little-endian.
     pub(super) fn u64(self, value: u64) -> Self {
         self.bytes(&value.to_le_bytes())
     }

@@ -51,7 +51,7 @@ pub(super) struct Payload<'a> {
 }
 
 impl<'a> Payload<'a> {
-    /// Takes data in one piece; large data are not copied.
+    /// Creates a payload of data in one piece; large data are not copied.
     pub(super) fn from_bytes(bytes: &'a [u8]) -> Self {
         const MANY_BYTES: usize = 16 << 10;
         match bytes.len() {
@@ -99,8 +99,8 @@ impl Container {
         Ok(container)
     }
 
-    /// Adds a metadata record; ends the chunk.
-    pub(super) fn metadata(&mut self, name: &str, entries: &BTreeMap<String, String>) -> io::Result<()> {
+    /// Writes a metadata record; ends the chunk.
+    pub(super) fn write_metadata(&mut self, name: &str, entries: &BTreeMap<String, String>) -> io::Result<()> {
         let record = Body::default().text(name).map(entries).record(op::METADATA);
         let offset = self.put_outside(&record)?;
         self.summary.metadata.push(MetadataIndex { offset, length: record.len() as u64, name: name.into() });
@@ -120,7 +120,7 @@ impl Container {
     }
 
     /// Returns the number of a schema, which is written if it is new.
-    pub(super) fn schema(&mut self, schema: &Schema) -> io::Result<u16> {
+    pub(super) fn register_schema(&mut self, schema: &Schema) -> io::Result<u16> {
         let schemas = &self.summary.schemas;
         let place = schemas.iter().position(|known| known == schema).unwrap_or(schemas.len());
         let id = u16::try_from(place + 1).map_err(io::Error::other)?;
@@ -133,8 +133,8 @@ impl Container {
 
     /// Returns the number of a channel, which is written if it is new.
     ///
-    /// Its schema is a number from [`schema`](Self::schema), or 0 for none.
-    pub(super) fn channel(&mut self, channel: &Channel) -> io::Result<u16> {
+    /// Its schema is a number from [`register_schema`](Self::register_schema), or 0 for none.
+    pub(super) fn register_channel(&mut self, channel: &Channel) -> io::Result<u16> {
         let channels = &self.summary.channels;
         let place = channels.iter().position(|known| known == channel).unwrap_or(channels.len());
         let id = u16::try_from(place + 1).map_err(io::Error::other)?;
@@ -145,8 +145,8 @@ impl Container {
         Ok(id)
     }
 
-    /// Adds a message on a channel from [`channel`](Self::channel).
-    pub(super) fn message(&mut self, header: &MessageHeader, payload: &Payload<'_>) -> io::Result<()> {
+    /// Writes a message on a channel from [`register_channel`](Self::register_channel).
+    pub(super) fn write_message(&mut self, header: &MessageHeader, payload: &Payload<'_>) -> io::Result<()> {
         self.summary.count(header);
         if self.chunk.as_ref().is_some_and(|chunk| chunk.bytes() > self.settings.chunk_bytes) {
             self.end_chunk()?;

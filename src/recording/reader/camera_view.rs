@@ -43,7 +43,7 @@ impl Recording {
     /// # Errors
     ///
     /// The errors of [`view`](Self::view).
-    pub fn of_camera(self, name: Option<&str>) -> Result<Self, RecordingError> {
+    pub fn select_view(self, name: Option<&str>) -> Result<Self, RecordingError> {
         name.map_or(Ok(self.clone()), |name| self.view(name))
     }
 }

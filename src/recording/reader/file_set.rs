@@ -56,7 +56,7 @@ impl Recording {
             }
             files.push(Self::open_one(&next)?);
         }
-        Ok(Self::of_files(files, missing))
+        Ok(Self::from_files(files, missing))
     }
 
     /// Opens several recordings. A later file of a split recording is merged with its first file.
@@ -77,7 +77,7 @@ impl Recording {
     pub fn joined(recordings: Vec<Self>) -> Option<Self> {
         let missing = recordings.iter().find_map(|recording| recording.rest.truncated.clone());
         let singles = recordings.iter().flat_map(Self::singles).collect::<Vec<_>>();
-        (!singles.is_empty()).then(|| Self::of_files(singles, missing))
+        (!singles.is_empty()).then(|| Self::from_files(singles, missing))
     }
 
     /// Returns the paths of the files in order.
@@ -107,7 +107,7 @@ impl Recording {
     }
 
     /// Joins files to one recording. `missing` is the reason why a later file was not opened.
-    fn of_files(files: Vec<Self>, missing: Option<String>) -> Self {
+    fn from_files(files: Vec<Self>, missing: Option<String>) -> Self {
         let mut all_files = files.into_iter().map(|file| file.inner).collect::<Vec<_>>();
         let inner = all_files.remove(0);
         let whole = Self { inner, rest: Arc::new(Rest { files: all_files, ..Rest::default() }) };

@@ -235,7 +235,7 @@ impl Frames {
             } else {
                 self.decode_frame(message)
             };
-            match frame.map_err(|reason| self.messages.inner(file).invalid(reason)) {
+            match frame.map_err(|reason| self.messages.file(file).invalid(reason)) {
                 Ok(None) => {}
                 Ok(Some(frame)) => return Some(Ok(frame)),
                 Err(error) => return Some(Err(error)),
@@ -278,7 +278,7 @@ impl Frames {
         self.index += 1;
         let named = |reason: String| format!("frame {index}: {reason}");
         let file = message.file;
-        let image = match self.messages.inner(file).image_kind(message.header.channel) {
+        let image = match self.messages.file(file).image_kind(message.header.channel) {
             Some(ImageKind::Ros2) => ros2::decode_image(&message.data),
             Some(ImageKind::FoxgloveCompressed) => compressed::decode_image(message.data.clone()),
             Some(ImageKind::Ros2Compressed) => ros2::decode_compressed_image(&message.data),
@@ -295,7 +295,7 @@ impl Frames {
             .info
             .take()
             .filter(|(low, time, _)| (*low, *time) == (message.header.sequence, message.header.log_time_ns));
-        let is_cut = |messages: &Messages| messages.inner(file).structure.truncated.is_some() && messages.is_over(file);
+        let is_cut = |messages: &Messages| messages.file(file).structure.truncated.is_some() && messages.is_over(file);
         let (_, _, info) = match info {
             None if is_cut(&self.messages) => return Ok(None),
             info => info.ok_or_else(|| named("its frame information is missing".into()))?,

@@ -166,7 +166,7 @@ impl Messages {
     }
 
     /// Returns one of the files.
-    pub(super) fn inner(&self, file: u32) -> &RecordedFile {
+    pub(super) fn file(&self, file: u32) -> &RecordedFile {
         &self.files[file as usize].0
     }
 
@@ -214,7 +214,7 @@ impl Iterator for Messages {
             }
             return Some(self.read(entry).map_err(|error| {
                 self.failed = Some(entry.place);
-                read_error(&self.inner(file).path, error)
+                read_error(&self.file(file).path, error)
             }));
         }
     }

@@ -70,7 +70,7 @@ struct Cdr<'a> {
 }
 
 impl<'a> Cdr<'a> {
-    /// Takes the next `count` bytes; `None` beyond the end.
+    /// Reads the next `count` bytes; `None` beyond the end.
     fn take(&mut self, count: usize) -> Option<&'a [u8]> {
         let end = self.at.checked_add(count)?;
         let taken = self.bytes.get(self.at..end)?;

@@ -44,7 +44,7 @@ impl<T: Row> Iterator for Rows<T> {
         Some(row.map_err(|reason| {
             let at = message.header.log_time_ns;
             self.messages
-                .inner(message.file)
+                .file(message.file)
                 .invalid(format!("{} message at {at} ns does not decode: {reason}", self.topic))
         }))
     }
@@ -140,8 +140,8 @@ impl Recording {
 
     /// Reads the rows of one of our topics in all files.
     fn rows<T>(&self, topic: Topic) -> Result<Rows<T>, RecordingError> {
-        let of_file = |inner: &Arc<RecordedFile>| Ok((Arc::clone(inner), inner.channels_of(topic)?));
-        let messages = Messages::new(self.all_files().map(of_file).collect::<Result<_, RecordingError>>()?)?;
+        let from_file = |inner: &Arc<RecordedFile>| Ok((Arc::clone(inner), inner.channels_of(topic)?));
+        let messages = Messages::new(self.all_files().map(from_file).collect::<Result<_, RecordingError>>()?)?;
         Ok(Rows { messages, topic: topic.as_str(), row: PhantomData })
     }
 }

@@ -72,7 +72,7 @@ macro_rules! sample_file {
                 $(
                     let $group = || {
                         Some($Group {
-                            $($part: <$Part as Part>::of(message.$part)?,)*
+                            $($part: <$Part as Part>::from_number(message.$part)?,)*
                             $($count: message.$count?,)*
                         })
                     };

@@ -7,61 +7,61 @@ use crate::recording::{Annotations, RecordingError};
 use crate::results::{Impact, PairField, TrackSample, VelocitySample};
 
 impl RecordingWriter {
-    /// Adds a displacement field.
+    /// Writes a displacement field.
     ///
     /// # Errors
     ///
     /// [`RecordingError::Io`] when the disk is full or gone. The methods below have the same errors.
-    pub fn field(&mut self, field: &PairField) -> Result<(), RecordingError> {
+    pub fn write_field(&mut self, field: &PairField) -> Result<(), RecordingError> {
         self.fields.push(self.camera, Topic::Field, field.stamp_ns, &field.to_message());
         self.write_due_batches(field.stamp_ns)
     }
 
-    /// Adds a tracked position. Errors as [`field`](Self::field).
-    pub fn track(&mut self, sample: &TrackSample) -> Result<(), RecordingError> {
-        self.row(Topic::Track, sample.stamp_ns, sample)
+    /// Writes a tracked position. Errors as [`write_field`](Self::write_field).
+    pub fn write_track(&mut self, sample: &TrackSample) -> Result<(), RecordingError> {
+        self.push_row(Topic::Track, sample.stamp_ns, sample)
     }
 
-    /// Adds a velocity. Errors as [`field`](Self::field).
-    pub fn velocity(&mut self, sample: &VelocitySample) -> Result<(), RecordingError> {
-        self.row(Topic::Velocity, sample.stamp_ns, sample)
+    /// Writes a velocity. Errors as [`write_field`](Self::write_field).
+    pub fn write_velocity(&mut self, sample: &VelocitySample) -> Result<(), RecordingError> {
+        self.push_row(Topic::Velocity, sample.stamp_ns, sample)
     }
 
-    /// Adds a true velocity of a simulated shot. Errors as [`field`](Self::field).
-    pub fn truth(&mut self, sample: &VelocitySample) -> Result<(), RecordingError> {
-        self.row(Topic::Truth, sample.stamp_ns, sample)
+    /// Writes a true velocity of a simulated shot. Errors as [`write_field`](Self::write_field).
+    pub fn write_truth(&mut self, sample: &VelocitySample) -> Result<(), RecordingError> {
+        self.push_row(Topic::Truth, sample.stamp_ns, sample)
     }
 
-    /// Adds a collision, logged at its start. Errors as [`field`](Self::field).
-    pub fn impact(&mut self, impact: &Impact) -> Result<(), RecordingError> {
-        self.row(Topic::Impact, impact_time_ns(impact), impact)
+    /// Writes a collision, logged at its start. Errors as [`write_field`](Self::write_field).
+    pub fn write_impact(&mut self, impact: &Impact) -> Result<(), RecordingError> {
+        self.push_row(Topic::Impact, impact_time_ns(impact), impact)
     }
 
-    /// Adds a true collision of a simulated shot. Errors as [`field`](Self::field).
-    pub fn truth_impact(&mut self, impact: &Impact) -> Result<(), RecordingError> {
-        self.row(Topic::TruthImpact, impact_time_ns(impact), impact)
+    /// Writes a true collision of a simulated shot. Errors as [`write_field`](Self::write_field).
+    pub fn write_truth_impact(&mut self, impact: &Impact) -> Result<(), RecordingError> {
+        self.push_row(Topic::TruthImpact, impact_time_ns(impact), impact)
     }
 
-    /// Adds an event. Errors as [`field`](Self::field).
-    pub fn event(&mut self, event: &EventRow) -> Result<(), RecordingError> {
+    /// Writes an event. Errors as [`write_field`](Self::write_field).
+    pub fn write_event(&mut self, event: &EventRow) -> Result<(), RecordingError> {
         // Events belong to the whole rig.
         self.rows.push(0, Topic::Events, event.stamp_ns, &event.to_message());
         self.write_due_batches(event.stamp_ns)
     }
 
-    /// Adds the status of a process. Errors as [`field`](Self::field).
-    pub fn status(&mut self, status: &StatusRow) -> Result<(), RecordingError> {
-        self.row(Topic::Status, status.stamp_ns, status)
+    /// Writes the status of a process. Errors as [`write_field`](Self::write_field).
+    pub fn write_status(&mut self, status: &StatusRow) -> Result<(), RecordingError> {
+        self.push_row(Topic::Status, status.stamp_ns, status)
     }
 
-    /// Adds the annotations of the frame with this stamp. Errors as [`field`](Self::field).
-    pub fn annotations(&mut self, stamp_ns: u64, annotations: &Annotations) -> Result<(), RecordingError> {
+    /// Writes the annotations of the frame with this stamp. Errors as [`write_field`](Self::write_field).
+    pub fn write_annotations(&mut self, stamp_ns: u64, annotations: &Annotations) -> Result<(), RecordingError> {
         self.fields.push(self.camera, Topic::Annotations, stamp_ns, &annotations.to_message(stamp_ns));
         self.write_due_batches(stamp_ns)
     }
 
-    /// Adds a row to those held back, and writes them if they are due.
-    fn row<R: Row>(&mut self, topic: Topic, log_time_ns: u64, row: &R) -> Result<(), RecordingError> {
+    /// Writes a row to those held back, and writes them if they are due.
+    fn push_row<R: Row>(&mut self, topic: Topic, log_time_ns: u64, row: &R) -> Result<(), RecordingError> {
         self.rows.push(self.camera, topic, log_time_ns, &row.to_message());
         self.write_due_batches(log_time_ns)
     }

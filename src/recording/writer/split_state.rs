@@ -76,7 +76,7 @@ impl RecordingWriter {
         let Some(number) = self.split.as_ref().map(|split| split.number + 1) else { return Ok(()) };
         let Some(next) = self.split.as_ref().map(|split| split::numbered(&split.first, number)) else { return Ok(()) };
         self.flush()?;
-        self.metadata(CONTINUED_NAME, BTreeMap::from([("file".into(), split::file_name(&next))]))?;
+        self.write_metadata(CONTINUED_NAME, BTreeMap::from([("file".into(), split::file_name(&next))]))?;
         let (bytes, frames) = (self.complete()?, self.frames());
         let Some(split) = &mut self.split else { return Ok(()) };
         split.number = number;

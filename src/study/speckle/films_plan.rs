@@ -196,7 +196,7 @@ impl SpeckleStudy {
     /// Returns the films of one pattern and set of speeds.
     fn films(self, pattern: usize, speeds: Speeds) -> Vec<Film> {
         let film = |(number, velocity): (usize, Velocity)| {
-            let case = Case::of(&velocity);
+            let case = Case::from_velocity(&velocity);
             let level = if self.levels().is_empty() { 0 } else { number / MOTIONS.len() };
             Film { pattern, speeds, number, case, velocity, level }
         };
@@ -303,7 +303,7 @@ impl Case {
     }
 
     /// Returns the case of a motion with this velocity.
-    fn of(velocity: &Velocity) -> Self {
+    fn from_velocity(velocity: &Velocity) -> Self {
         let axes = velocity.px_frame.iter().filter(|speed| **speed > 0.0).count();
         match (axes, velocity.deg_frame.abs() > 0.0) {
             (0, false) => Self::Rest,

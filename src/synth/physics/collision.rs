@@ -179,11 +179,7 @@ impl Integration {
         }
     }
 
-    /// Integrates until the contact ends.
-    ///
-    /// # Errors
-    ///
-    /// Returns [`PhysicsError::NoRebound`] after the maximum contact time.
+    /// Integrates until the contact ends; returns an error after the maximum contact time.
     fn integrate(mut self) -> Result<Collision, PhysicsError> {
         while self.time_s() < MAX_CONTACT_S {
             self.update_patch_state();
@@ -285,9 +281,7 @@ impl Integration {
         self.knots.push(Knot { time_s, state: self.state, rate });
     }
 
-    /// Returns the times at which the force passes 2 % of its peak, rising and falling, s.
-    ///
-    /// Interpolates linearly between knots.
+    /// Returns the times at which the force passes 2 % of its peak, rising and falling, s, linear between knots.
     fn force_times_s(&self) -> [f64; 2] {
         let threshold = 0.02 * self.force_max_n;
         let knots: Vec<[f64; 2]> = self.knots.iter().map(|knot| [knot.time_s, self.force_n(&knot.state)]).collect();

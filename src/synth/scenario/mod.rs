@@ -348,6 +348,7 @@ fn default_gamma() -> f64 {
     1.0
 }
 
+/// Returns a stamp in November 2023, so that simulated stamps look like real ones.
 fn default_start_ns() -> u64 {
     1_700_000_000_000_000_000
 }

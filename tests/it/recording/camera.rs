@@ -16,7 +16,7 @@ fn recorded(folder: &Path, sequences: &[u64]) -> PathBuf {
     let mut writer = RecordingWriter::create(&path, &RecordingInfo::default(), &WriterOptions::default()).unwrap();
     for sequence in sequences {
         let (meta, bytes) = samples::frame(*sequence, PixelFormat::Mono8, SIZE, 0);
-        writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
+        writer.write_frame(&Frame { meta, bytes: &bytes }).unwrap();
     }
     writer.finish().unwrap();
     path

@@ -31,8 +31,8 @@ fn a_file_truncated_anywhere_gives_the_frames_before_the_cut() {
     let mut writer = RecordingWriter::create(&path, &samples::info(), &SMALL).unwrap();
     for sequence in 0..12 {
         let (meta, bytes) = samples::frame(sequence, PixelFormat::Mono8, [20, 10], 0);
-        writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
-        writer.track(&samples::track(sequence)).unwrap();
+        writer.write_frame(&Frame { meta, bytes: &bytes }).unwrap();
+        writer.write_track(&samples::track(sequence)).unwrap();
     }
     writer.finish().unwrap();
     let whole = std::fs::read(&path).unwrap();
@@ -63,7 +63,7 @@ fn a_killed_writer_loses_no_accepted_frame() {
     // 23 frames of 90 kB. The last chunk is open, and its header has no length yet.
     for sequence in 0..23 {
         let (meta, bytes) = samples::frame(sequence, PixelFormat::Mono8, [300, 300], 0);
-        writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
+        writer.write_frame(&Frame { meta, bytes: &bytes }).unwrap();
     }
     writer.write_buffered().unwrap();
     std::mem::forget(writer);
@@ -102,7 +102,7 @@ fn a_flipped_bit_behind_an_unfinished_chunk_header_is_an_error() {
     let path = folder.path().join("shot.mcap");
     let mut writer = RecordingWriter::create(&path, &RecordingInfo::default(), &WriterOptions::default()).unwrap();
     let (meta, pixels) = samples::frame(0, PixelFormat::Mono8, [300, 300], 0);
-    writer.frame(&Frame { meta, bytes: &pixels }).unwrap();
+    writer.write_frame(&Frame { meta, bytes: &pixels }).unwrap();
     writer.write_buffered().unwrap();
     std::mem::forget(writer);
     let part = part_path(&path);

@@ -79,10 +79,10 @@ fn rows_are_sorted_by_frame_and_body_and_count_from_the_first_frame() {
     let path = folder.path().join("shot.mcap");
     let mut writer = RecordingWriter::create(&path, &samples::info(), &WriterOptions::default()).unwrap();
     for (sequence, body) in [(102, 1), (102, 0), (100, 1), (101, 0), (100, 0)] {
-        writer.velocity(&samples::velocity(sequence, body)).unwrap();
+        writer.write_velocity(&samples::velocity(sequence, body)).unwrap();
     }
     let (meta, bytes) = samples::frame(100, PixelFormat::Mono8, [8, 8], 0);
-    writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
+    writer.write_frame(&Frame { meta, bytes: &bytes }).unwrap();
     writer.finish().unwrap();
     let rows = table(&Recording::open(&path).unwrap(), "velocity");
     let keys: Vec<_> = rows[1..].iter().map(|row| (row[0].as_str(), row[1].as_str(), row[3].as_str())).collect();
@@ -102,12 +102,12 @@ fn an_impact_appears_once_with_its_last_revision_and_times_from_the_first_frame(
     let path = folder.path().join("shot.mcap");
     let mut writer = RecordingWriter::create(&path, &samples::info(), &WriterOptions::default()).unwrap();
     let (meta, bytes) = samples::frame(0, PixelFormat::Mono8, [8, 8], 0);
-    writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
+    writer.write_frame(&Frame { meta, bytes: &bytes }).unwrap();
     for (number, revision) in [(0, 0), (0, 2), (0, 1), (1, 0)] {
         let mut impact = samples::impact(number, revision);
         impact.origin_ns = samples::START_NS + 1_000_000_000;
         impact.contact_time_s = Some(Estimate { value: 0.5, sigma: 0.25 });
-        writer.impact(&impact).unwrap();
+        writer.write_impact(&impact).unwrap();
     }
     writer.finish().unwrap();
     let rows = table(&Recording::open(&path).unwrap(), "impact");
@@ -149,9 +149,9 @@ fn info_counts_frames_losses_and_topics() {
     let mut writer = RecordingWriter::create(&path, &samples::info(), &WriterOptions::default()).unwrap();
     for sequence in [5, 6, 9, 10, 20] {
         let (meta, bytes) = samples::frame(sequence, PixelFormat::Mono12, [8, 6], 0);
-        writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
+        writer.write_frame(&Frame { meta, bytes: &bytes }).unwrap();
     }
-    writer.event(&samples::event(0)).unwrap();
+    writer.write_event(&samples::event(0)).unwrap();
     writer.finish().unwrap();
     let info = info::inspect(&Recording::open(&path).unwrap()).unwrap();
     assert_eq!((info.truncated, info.damage, info.frames_error), (None, Vec::new(), None));
@@ -229,10 +229,10 @@ fn pictures_show_the_frame_and_the_results_over_it() {
     let mut writer = RecordingWriter::create(&path, &samples::info(), &WriterOptions::default()).unwrap();
     for sequence in 100..103 {
         let (meta, bytes) = samples::frame(sequence, PixelFormat::Mono8, [320, 200], 0);
-        writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
+        writer.write_frame(&Frame { meta, bytes: &bytes }).unwrap();
         let mut track = samples::track(sequence);
         (track.center_x_px, track.center_y_px, track.radius_px) = (Some(160.0), Some(100.0), Some(50.0));
-        writer.track(&track).unwrap();
+        writer.write_track(&track).unwrap();
     }
     writer.finish().unwrap();
     let picture = |topic: &str, number: u32| {
@@ -263,7 +263,7 @@ fn exported_frames_are_imported_again_with_every_grey_level() {
         let path = folder.path().join("shot.mcap");
         let mut writer = RecordingWriter::create(&path, &samples::info(), &WriterOptions::default()).unwrap();
         let (meta, bytes) = samples::frame(0, format, [64, 32], 0);
-        writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
+        writer.write_frame(&Frame { meta, bytes: &bytes }).unwrap();
         writer.finish().unwrap();
         let target = folder.path().join("frames");
         export::run(&options(&path, "frames", export::Format::Png, &target)).unwrap();
@@ -292,7 +292,7 @@ fn numpy_reads_the_columns_of_the_csv() {
     let mut writer = samples::write(&path, &WriterOptions::default(), 8, [8, 8]);
     for text in ["disarmed", "Gr\u{f6}\u{df}e \u{1d6fc}", ""] {
         let event = EventRow { stamp_ns: u64::MAX - 1, kind: "storage".into(), text: text.into() };
-        writer.event(&event).unwrap();
+        writer.write_event(&event).unwrap();
     }
     writer.finish().unwrap();
     for (topic, rows) in

@@ -89,7 +89,7 @@ fn frames_for_ros_2_read_back_with_their_pixels_and_times() {
         let mut writer = RecordingWriter::create(&shot, &samples::info(), &WriterOptions::default()).unwrap();
         let frames: Vec<_> = (0..9).map(|k| samples::frame(k, format, size, padding)).collect();
         for (meta, bytes) in &frames {
-            writer.frame(&Frame { meta: *meta, bytes }).unwrap();
+            writer.write_frame(&Frame { meta: *meta, bytes }).unwrap();
         }
         writer.finish().unwrap();
         assert_eq!(export_as(Format::Ros2, "frames", &shot, &bag).unwrap(), 9);

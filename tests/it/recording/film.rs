@@ -47,8 +47,8 @@ fn recording(path: &Path) {
             format: PixelFormat::Mono8,
             ..FrameMeta::default()
         };
-        writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
-        writer.track(&samples::track(sequence)).unwrap();
+        writer.write_frame(&Frame { meta, bytes: &bytes }).unwrap();
+        writer.write_track(&samples::track(sequence)).unwrap();
     }
     writer.finish().unwrap();
 }

@@ -67,7 +67,7 @@ fn write_again(path: &Path, film: &Film, sequences: &[u64], like: &Path) {
     let info = RecordingInfo { config_toml, metadata: like.metadata().clone(), ..RecordingInfo::default() };
     let mut writer = RecordingWriter::create(path, &info, &WriterOptions::default()).unwrap();
     for (meta, bytes) in film.iter().filter(|(meta, _)| sequences.contains(&meta.sequence)) {
-        writer.frame(&Frame { meta: *meta, bytes }).unwrap();
+        writer.write_frame(&Frame { meta: *meta, bytes }).unwrap();
     }
     writer.finish().unwrap();
 }

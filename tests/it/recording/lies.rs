@@ -24,8 +24,8 @@ fn film_of(folder: &Path, size: [u32; 2], numbers: impl IntoIterator<Item = u64>
     for (index, number) in (0..).zip(numbers) {
         let (mut meta, bytes) = samples::frame(index, PixelFormat::Mono8, size, 0);
         meta.sequence = number;
-        writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
-        writer.track(&samples::track(number)).unwrap();
+        writer.write_frame(&Frame { meta, bytes: &bytes }).unwrap();
+        writer.write_track(&samples::track(number)).unwrap();
     }
     writer.finish().unwrap();
     path

@@ -41,8 +41,8 @@ fn victim_that_records() {
     for sequence in 0..FRAMES {
         let (mut meta, bytes) = samples::frame(sequence, PixelFormat::Mono8, SIZE, 0);
         meta.stamp_ns = samples::START_NS + sequence * PERIOD_NS;
-        writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
-        writer.track(&samples::track(sequence)).unwrap();
+        writer.write_frame(&Frame { meta, bytes: &bytes }).unwrap();
+        writer.write_track(&samples::track(sequence)).unwrap();
         writer.write_buffered().unwrap();
     }
     writer.finish().unwrap();

@@ -37,8 +37,8 @@ fn a_killed_recording_is_recovered_with_every_frame_and_attachment() {
     let mut writer = RecordingWriter::create(&path, &samples::info(), &WriterOptions::default()).unwrap();
     for sequence in 0..60 {
         let (meta, bytes) = samples::frame(sequence, PixelFormat::Mono8, SIZE, 0);
-        writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
-        writer.velocity(&samples::velocity(sequence, 0)).unwrap();
+        writer.write_frame(&Frame { meta, bytes: &bytes }).unwrap();
+        writer.write_velocity(&samples::velocity(sequence, 0)).unwrap();
         if sequence == 40 {
             writer.sync().unwrap();
         }
@@ -124,8 +124,8 @@ fn victim_that_writes_frames() {
     let mut out = std::io::stdout().lock();
     for sequence in 0..2000 {
         let (meta, bytes) = samples::frame(sequence, PixelFormat::Mono8, SIZE, 0);
-        writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
-        writer.track(&samples::track(sequence)).unwrap();
+        writer.write_frame(&Frame { meta, bytes: &bytes }).unwrap();
+        writer.write_track(&samples::track(sequence)).unwrap();
         writer.write_buffered().unwrap();
         writeln!(out, "taken {sequence}").unwrap();
     }

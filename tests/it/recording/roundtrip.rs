@@ -54,7 +54,7 @@ fn frames_of_every_format_are_read_with_header_and_padding() {
         let sequences = [7, 8, 11, (1 << 40) + 5];
         for sequence in sequences {
             let (meta, bytes) = samples::frame(sequence, format, [33, 21], 6);
-            writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
+            writer.write_frame(&Frame { meta, bytes: &bytes }).unwrap();
         }
         writer.finish().unwrap();
         let recording = Recording::open(&path).unwrap();
@@ -71,9 +71,9 @@ fn a_frame_that_contradicts_its_header_is_refused_and_the_recording_continues() 
     let path = folder.path().join("shot.mcap");
     let mut writer = RecordingWriter::create(&path, &RecordingInfo::default(), &WriterOptions::default()).unwrap();
     let (meta, bytes) = samples::frame(0, PixelFormat::Mono8, [8, 8], 0);
-    let error = writer.frame(&Frame { meta, bytes: &bytes[1..] }).unwrap_err().to_string();
+    let error = writer.write_frame(&Frame { meta, bytes: &bytes[1..] }).unwrap_err().to_string();
     assert!(error.contains("63 bytes") && error.contains("8x8 Mono8"), "{error}");
-    writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
+    writer.write_frame(&Frame { meta, bytes: &bytes }).unwrap();
     assert_eq!(writer.finish().unwrap().frames, 1);
 }
 

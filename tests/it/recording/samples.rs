@@ -192,17 +192,17 @@ pub fn write(path: &Path, options: &WriterOptions, frames: u64, size: [u32; 2]) 
     let mut writer = RecordingWriter::create(path, &info(), options).unwrap();
     for sequence in 0..frames {
         let (meta, bytes) = frame(sequence, PixelFormat::Mono8, size, 0);
-        writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
-        writer.velocity(&velocity(sequence, 0)).unwrap();
-        writer.truth(&velocity(sequence, 1)).unwrap();
-        writer.track(&track(sequence)).unwrap();
-        writer.field(&field(sequence)).unwrap();
+        writer.write_frame(&Frame { meta, bytes: &bytes }).unwrap();
+        writer.write_velocity(&velocity(sequence, 0)).unwrap();
+        writer.write_truth(&velocity(sequence, 1)).unwrap();
+        writer.write_track(&track(sequence)).unwrap();
+        writer.write_field(&field(sequence)).unwrap();
     }
-    writer.impact(&impact(0, 0)).unwrap();
-    writer.truth_impact(&impact(0, 1)).unwrap();
-    writer.event(&event(0)).unwrap();
-    writer.status(&status(0)).unwrap();
+    writer.write_impact(&impact(0, 0)).unwrap();
+    writer.write_truth_impact(&impact(0, 1)).unwrap();
+    writer.write_event(&event(0)).unwrap();
+    writer.write_status(&status(0)).unwrap();
     let annotations = Annotations { circles: vec![[1.0, 2.0, 3.0]], vectors: vec![[[0.0, 0.0], [1.0, 1.0]]] };
-    writer.annotations(START_NS, &annotations).unwrap();
+    writer.write_annotations(START_NS, &annotations).unwrap();
     writer
 }

@@ -19,8 +19,8 @@ fn write(path: &Path, compression: Compression) -> u64 {
         (meta.sequence, meta.stamp_ns) = (sequence, samples::START_NS + sequence * 500_000);
         let mut velocity = samples::velocity(sequence, 0);
         velocity.stamp_ns = meta.stamp_ns;
-        writer.frame(&Frame { meta, bytes: &pool[sequence as usize % 8] }).unwrap();
-        writer.velocity(&velocity).unwrap();
+        writer.write_frame(&Frame { meta, bytes: &pool[sequence as usize % 8] }).unwrap();
+        writer.write_velocity(&velocity).unwrap();
     }
     writer.finish().unwrap().bytes
 }

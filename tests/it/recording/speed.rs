@@ -49,8 +49,8 @@ fn figures_of_512x512_frames() {
             for k in 0..FRAMES {
                 let (mut meta, bytes) = (pool[k as usize % pool.len()].0, &pool[k as usize % pool.len()].1);
                 (meta.sequence, meta.stamp_ns) = (k, samples::START_NS + k * 100_000);
-                writer.frame(&Frame { meta, bytes }).unwrap();
-                writer.velocity(&samples::velocity(k, 0)).unwrap();
+                writer.write_frame(&Frame { meta, bytes }).unwrap();
+                writer.write_velocity(&samples::velocity(k, 0)).unwrap();
             }
             writer.finish().unwrap();
             report(&format!("recording {compression:?}"), start, cpu);

@@ -16,20 +16,20 @@ fn record(path: &Path, split_bytes: Option<u64>) -> FinishedRecording {
     let mut writer = RecordingWriter::create(path, &samples::info(), &options).unwrap();
     for sequence in 0..FRAMES {
         let (meta, bytes) = samples::frame(sequence, PixelFormat::Mono8, [128, 96], 0);
-        writer.frame(&Frame { meta, bytes: &bytes }).unwrap();
+        writer.write_frame(&Frame { meta, bytes: &bytes }).unwrap();
         // Rows come later than their frames and go to the file that is open then.
         if let Some(late) = sequence.checked_sub(20) {
-            writer.velocity(&samples::velocity(late, 0)).unwrap();
-            writer.track(&samples::track(late)).unwrap();
-            writer.field(&samples::field(late)).unwrap();
+            writer.write_velocity(&samples::velocity(late, 0)).unwrap();
+            writer.write_track(&samples::track(late)).unwrap();
+            writer.write_field(&samples::field(late)).unwrap();
         }
     }
     for late in FRAMES - 20..FRAMES {
-        writer.velocity(&samples::velocity(late, 0)).unwrap();
-        writer.track(&samples::track(late)).unwrap();
-        writer.field(&samples::field(late)).unwrap();
+        writer.write_velocity(&samples::velocity(late, 0)).unwrap();
+        writer.write_track(&samples::track(late)).unwrap();
+        writer.write_field(&samples::field(late)).unwrap();
     }
-    writer.impact(&samples::impact(1, 0)).unwrap();
+    writer.write_impact(&samples::impact(1, 0)).unwrap();
     writer.finish().unwrap()
 }
 
