@@ -209,7 +209,7 @@ impl Bus {
     /// # Errors
     ///
     /// [`BusError::Service`] when a service exists with other limits, or shared memory cannot be used.
-    pub fn hold(&self, limits: &Limits) -> Result<Vec<Box<dyn Any>>, BusError> {
+    pub fn open_services(&self, limits: &Limits) -> Result<Vec<Box<dyn Any>>, BusError> {
         use crate::message::{Event, ImpactMessage, Progress, StatusMessage, TrackMessage, VelocityMessage};
         Ok(vec![
             Box::new(self.frames_service(limits)?),

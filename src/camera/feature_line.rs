@@ -17,7 +17,7 @@ pub struct FeatureLine {
     pub allowed: String,
     /// Unit; empty if it has none.
     pub unit: String,
-    /// Whether it can be written now.
+    /// Whether the feature can be written now.
     pub writable: bool,
 }
 

@@ -300,13 +300,13 @@ fn print_results(impacts: &[Impact], bodies: &[BodySummary], results: &Recording
         rows.extend(impact.numbers().into_iter().map(line));
         print_line(&table(&rows));
     }
-    bodies.iter().for_each(|body| print_note(&body.line()));
+    bodies.iter().for_each(|body| print_note(&body.describe()));
 }
 
 /// Returns an impact as a JSON object: the body, then each number with its uncertainty.
 fn impact_as_json(impact: &Impact, results: &Recording) -> serde_json::Value {
     let mut row = serde_json::Map::new();
     row.insert("body".into(), results.body_name(impact.body).into());
-    row.extend(json_cells(impact, &Impact::pairs()).map(|(name, value)| (name.to_owned(), value)));
+    row.extend(json_cells(impact, &Impact::json_columns()).map(|(name, value)| (name.to_owned(), value)));
     serde_json::Value::Object(row)
 }

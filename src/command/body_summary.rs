@@ -72,7 +72,7 @@ pub(super) fn summarize_rows<'a>(
 pub(super) fn summarize_shot(shot: &Shot, config: &Config) -> Vec<MeasuredBody> {
     let rows = shot.velocities().iter().filter(|row| !shot.is_missing(row.frame));
     let film = FilmShape { size_px: shot.size_px(), first_frame: shot.first_frame() };
-    let body = |summary: &BodySummary| MeasuredBody { line: summary.line(), is_complete: summary.is_complete() };
+    let body = |summary: &BodySummary| MeasuredBody { line: summary.describe(), is_complete: summary.is_complete() };
     summarize_rows(rows, config, &film).iter().map(body).collect()
 }
 
@@ -119,7 +119,7 @@ impl BodySummary {
     }
 
     /// Returns the summary as one line.
-    pub(super) fn line(&self) -> String {
+    pub(super) fn describe(&self) -> String {
         let MeasuredFrames { total_frames, measured_frames, .. } = self.counted;
         let mut line = format!("{}: {measured_frames} of {total_frames} frames measured", self.name);
         if let Some(Cause { frequent, reason, first_frame, keys }) = &self.cause {
@@ -150,7 +150,7 @@ impl BodySummary {
             "reason_frames": cause.map(|cause| cause.frequent.count_frames),
             "first_frame": cause.map(|cause| cause.first_frame),
             "keys": cause.map(|cause| cause.keys.iter().map(|key| key.name).collect::<Vec<_>>()),
-            "line": self.line(),
+            "line": self.describe(),
         })
     }
 }

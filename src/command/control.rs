@@ -64,6 +64,11 @@ pub fn trigger(options: &TriggerOptions, stop: &Stop) -> Result<Outcome, Failure
     report(&options.rig, &reply, recording.as_deref())
 }
 
+/// Sends a command to a rig and returns its reply.
+///
+/// # Errors
+///
+/// Returns a failure if no rig answers in time.
 fn ask(bus: &Bus, command: Command) -> Result<Reply, Failure> {
     let reply = bus.control_client()?.ask(command, PATIENCE)?;
     Ok(reply.ok_or_else(|| no_answer_error(bus))?)
@@ -85,6 +90,7 @@ fn recorded(bus: &Bus, events: &Subscriber<Event>, stop: &Stop) -> Result<String
     Err(UsageError("stopped; the rig goes on with the recording".into()).into())
 }
 
+/// Prints the reply of a rig, and the recording of a shot.
 fn report(options: &RigOptions, reply: &Reply, recording: Option<&str>) -> Result<Outcome, Failure> {
     let rig = &options.rig;
     let code = ReplyCode::from_number(reply.code).unwrap_or(ReplyCode::Unknown);

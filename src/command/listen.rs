@@ -227,7 +227,7 @@ fn impact_row(message: &ImpactMessage) -> Option<Map<String, Value>> {
         ("revision", json!(impact.revision)),
         ("origin_ns", json!(impact.origin_ns)),
     ];
-    Some(row_from_cells(place.into_iter().chain(json_cells(&impact, &Impact::pairs()))))
+    Some(row_from_cells(place.into_iter().chain(json_cells(&impact, &Impact::json_columns()))))
 }
 
 /// Returns the row of a status message.

@@ -90,6 +90,7 @@ impl RigStatus {
         Ok(is_alive.then(|| Self { rig: rig.to_owned(), processes, silent }))
     }
 
+    /// Returns the status as JSON.
     fn json(&self) -> String {
         let all: Vec<_> = self.processes.values().map(status_as_json).collect();
         let silent: Vec<_> =
@@ -97,6 +98,7 @@ impl RigStatus {
         serde_json::json!({ "rig": self.rig, "processes": all, "silent": silent }).to_string()
     }
 
+    /// Returns the status as a table.
     fn table(&self) -> String {
         let header =
             ["process", "pid", "frame", "rate/s", "taken", "given", "lost", "dropped", "queue", "latency", "restarts"];

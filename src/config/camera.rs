@@ -175,17 +175,17 @@ const EXPOSURE: Bounds = Bounds::above(0.0, 1.0e7, "us");
 pub(super) fn check_camera(table: &Table<'_>, raw: RawCamera) -> Result<Camera, ConfigError> {
     let source = table.named("source", raw.source.as_deref())?;
     refuse_foreign_keys(table, source, &raw)?;
-    let scenario = table.line("scenario", raw.scenario)?.unwrap_or_else(|| "lacrosse".into());
+    let scenario = table.single_line("scenario", raw.scenario)?.unwrap_or_else(|| "lacrosse".into());
     let camera = Camera {
         source,
         scenario: (source == Some(Source::Simulated)).then_some(scenario),
-        id: table.line("id", raw.id)?,
+        id: table.single_line("id", raw.id)?,
         paced: raw.paced.unwrap_or(true),
         playback_rate: table.number("playback_rate", raw.playback_rate, PLAYBACK_RATE)?.unwrap_or(1.0),
         from_s: table.number("from_s", raw.from_s, Bounds::closed(0.0, SPAN_S, "s"))?.unwrap_or(0.0),
         to_s: table.number("to_s", raw.to_s, Bounds::above(raw.from_s.unwrap_or(0.0), SPAN_S, "s"))?,
         parts: raw.parts.clone().unwrap_or_default(),
-        view: table.line("view", raw.view.clone())?,
+        view: table.single_line("view", raw.view.clone())?,
         shift_ns: raw.shift_ns.unwrap_or(0),
         stepped: raw.stepped.unwrap_or(false),
         width_px: table.integer("width_px", raw.width_px, SIZE_PX, "px")?,
@@ -198,7 +198,7 @@ pub(super) fn check_camera(table: &Table<'_>, raw: RawCamera) -> Result<Camera, 
         gamma: table.number("gamma", raw.gamma, GAMMA)?.unwrap_or(1.0),
         row_time_us: table.number("row_time_us", raw.row_time_us, ROW_TIME)?,
         defective_px: check_defective_px(table, raw.defective_px.as_deref().unwrap_or_default())?,
-        trigger_source: table.line("trigger_source", raw.trigger_source)?,
+        trigger_source: table.single_line("trigger_source", raw.trigger_source)?,
         pulse: check_pulse(table, raw.paced, raw.pulse_period_s, raw.pulse_frames)?,
         packet_size_bytes: table.integer("packet_size_bytes", raw.packet_size_bytes, 576..=65_535, "bytes")?,
         features: check_features(table, raw.features)?,

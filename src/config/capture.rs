@@ -57,7 +57,7 @@ const WORKERS_MAX: u32 = 64;
 
 /// Checks the recordings. Their folder is required.
 pub(super) fn check_record(table: &Table<'_>, raw: RawRecord) -> Result<Record, ConfigError> {
-    let directory = table.line("directory", raw.directory)?;
+    let directory = table.single_line("directory", raw.directory)?;
     let words = [("none", Compression::None), ("zstd", Compression::Zstd)];
     Ok(Record {
         directory: directory.ok_or_else(|| table.refuse("directory", "the path of a folder"))?.into(),

@@ -131,7 +131,7 @@ impl<'t> Table<'t> {
     }
 
     /// Checks that a text is one line and not empty.
-    pub fn line(&self, key: &str, value: Option<String>) -> Result<Option<String>, ConfigError> {
+    pub fn single_line(&self, key: &str, value: Option<String>) -> Result<Option<String>, ConfigError> {
         match value {
             Some(value) if value.trim().is_empty() || value.chars().any(char::is_control) => {
                 Err(self.refuse(key, "a text of one line that is not empty"))

@@ -98,7 +98,7 @@ pub(super) fn check_edge(
     calibration: Option<&Rectifier>,
 ) -> Result<(), ConfigError> {
     let (Some(edge), Some(calibration)) = (surface.edge, calibration) else { return Ok(()) };
-    if edge.iter().all(|end| calibration.place(*end).is_some()) {
+    if edge.iter().all(|end| calibration.rectify_point(*end).is_some()) {
         return Ok(());
     }
     Err(file.refuse("surface.edge", "two points within the range of the calibration"))

@@ -50,7 +50,7 @@ pub(super) fn check_serve(table: &Table<'_>, raw: Option<RawServe>) -> Result<Se
             Some(address.ok_or_else(|| table.refuse("foxglove", FOXGLOVE_ALLOWED))?)
         }
     };
-    let token_file = table.line("token_file", raw.token_file)?.map(PathBuf::from);
+    let token_file = table.single_line("token_file", raw.token_file)?.map(PathBuf::from);
     if token_file.is_none() && http.is_some_and(|address| !address.ip().is_loopback()) {
         let allowed = "the path of a file with a token, because other computers reach serve.http";
         return Err(table.refuse("token_file", allowed));

@@ -121,7 +121,7 @@ pub(super) fn check_trigger(
             .number("threshold_dn", raw.threshold_dn, Bounds::above(0.0, 65_535.0, "DN"))?
             .unwrap_or(5.0),
         roi_px: table.region("roi_px", raw.roi_px.as_deref(), context.image_px)?,
-        body: table.line("body", raw.body)?,
+        body: table.single_line("body", raw.body)?,
         speed_m_s: table.number("speed_m_s", raw.speed_m_s, Bounds::above(0.0, 1.0e5, "m/s"))?,
         gap_mm: table.number("gap_mm", raw.gap_mm, Bounds::closed(0.0, 1.0e5, "mm"))?,
         lead_s: table.number("lead_s", raw.lead_s, Bounds::closed(0.0, 10.0, "s"))?.unwrap_or(LEAD_S),
@@ -132,7 +132,7 @@ pub(super) fn check_trigger(
         rearm: raw.rearm.unwrap_or(true),
         command: check_command(table, raw.command)?,
         url: check_url(table, raw.url)?,
-        other_rig: table.line("other_rig", raw.other_rig)?,
+        other_rig: table.single_line("other_rig", raw.other_rig)?,
     };
     if trigger.other_rig.as_deref() == Some(context.rig) {
         return Err(table.refuse("other_rig", "the name of another rig than this one"));

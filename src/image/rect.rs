@@ -19,7 +19,7 @@ impl PixelRect {
         Self { left: 0, top: 0, right: width, bottom: height }
     }
 
-    /// Whether it has no pixel.
+    /// Whether the rectangle has no pixel.
     pub fn is_empty(self) -> bool {
         self.left >= self.right || self.top >= self.bottom
     }

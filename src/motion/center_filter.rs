@@ -158,7 +158,7 @@ impl CenterFilter {
     /// Updates the offset by the outline detected in a node's frame. Outlines must be given in frame order.
     ///
     /// An outline beyond the gate is rejected. After 8 frames of rejections the filter restarts from it.
-    pub fn push(&mut self, node: &Pose, circle: &Circle) {
+    pub fn update(&mut self, node: &Pose, circle: &Circle) {
         let measured = [circle.x_px - node.pose[0], circle.y_px - node.pose[1]];
         let variance = circle.sigma_center_px.powi(2).max(1e-12);
         if !(measured.iter().all(|x| x.is_finite()) && variance.is_finite()) {
@@ -250,34 +250,34 @@ mod tests {
 
     #[test]
     fn behind_each_gap_that_cannot_be_bridged_the_first_outline_is_believed() {
-        let mut anchor = CenterFilter::new();
+        let mut filter = CenterFilter::new();
         let nodes = [node(3.0, 0, 0.0), node(40.0, 1, f64::INFINITY), node(90.0, 2, f64::INFINITY)];
         for (node, x_px) in nodes.iter().zip([50.0, 70.0, 40.0]) {
-            anchor.push(node, &circle(x_px));
-            assert!((anchor.center(node).unwrap().x_px - x_px).abs() < 1e-9);
+            filter.update(node, &circle(x_px));
+            assert!((filter.center(node).unwrap().x_px - x_px).abs() < 1e-9);
         }
         // Earlier nodes follow their own offset, not this one.
-        assert!((anchor.center(&nodes[0]).unwrap().x_px - 50.0).abs() < 1e-9);
-        assert!((anchor.center(&node(50.0, 1, f64::INFINITY)).unwrap().x_px - 75.0).abs() < 1e-9);
-        assert!((anchor.center(&node(85.0, 2, f64::INFINITY)).unwrap().x_px - 37.5).abs() < 1e-9);
+        assert!((filter.center(&nodes[0]).unwrap().x_px - 50.0).abs() < 1e-9);
+        assert!((filter.center(&node(50.0, 1, f64::INFINITY)).unwrap().x_px - 75.0).abs() < 1e-9);
+        assert!((filter.center(&node(85.0, 2, f64::INFINITY)).unwrap().x_px - 37.5).abs() < 1e-9);
     }
 
     #[test]
     fn a_pose_that_outlines_have_left_for_eight_frames_is_given_up() {
         for every in [1, 4] {
-            let mut anchor = CenterFilter::new();
-            anchor.push(&node(0.0, 0, 0.0), &circle(50.0));
+            let mut filter = CenterFilter::new();
+            filter.update(&node(0.0, 0, 0.0), &circle(50.0));
             for frame in (4..=11).step_by(every) {
-                anchor.push(&node(f64::from(frame), 0, 0.0), &circle(90.0));
+                filter.update(&node(f64::from(frame), 0, 0.0), &circle(90.0));
             }
             let last = node(12.0, 0, 0.0);
-            assert!(anchor.center(&last).unwrap().sigma_px > 30.0, "the outlines place it elsewhere");
-            assert!((anchor.center(&last).unwrap().x_px - 56.0).abs() < 0.1);
-            anchor.push(&last, &circle(90.0));
-            assert!((anchor.center(&last).unwrap().x_px - 90.0).abs() < 0.1);
+            assert!(filter.center(&last).unwrap().sigma_px > 30.0, "the outlines place it elsewhere");
+            assert!((filter.center(&last).unwrap().x_px - 56.0).abs() < 0.1);
+            filter.update(&last, &circle(90.0));
+            assert!((filter.center(&last).unwrap().x_px - 90.0).abs() < 0.1);
             // The offset holds from there on; earlier nodes keep the old one, and in between it is uncertain.
-            assert!((anchor.center(&node(0.0, 0, 0.0)).unwrap().x_px - 50.0).abs() < 0.1);
-            let between = anchor.center(&node(6.0, 0, 0.0)).unwrap();
+            assert!((filter.center(&node(0.0, 0, 0.0)).unwrap().x_px - 50.0).abs() < 0.1);
+            let between = filter.center(&node(6.0, 0, 0.0)).unwrap();
             assert!(between.x_px > 53.0 && between.x_px < 87.0 && between.sigma_px > 8.0, "{between:?}");
         }
     }

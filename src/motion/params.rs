@@ -117,7 +117,7 @@ impl MotionParams {
     /// Converts a step from the recorded to the rectified image. Outline and motion are `None` beyond the calibration.
     pub fn rectified(&self, step: &BodyStep) -> BodyStep {
         let Some(rectifier) = &self.rectifier else { return *step };
-        rectifier.step(step, self.form).unwrap_or(BodyStep { outline: None, motion: None, ..*step })
+        rectifier.rectify_step(step, self.form).unwrap_or(BodyStep { outline: None, motion: None, ..*step })
     }
 
     /// Converts a centre from the rectified to the recorded image, px; `None` beyond the calibration.

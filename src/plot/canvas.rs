@@ -78,7 +78,7 @@ impl Canvas {
     }
 
     /// Draws a straight line between two positions in pixels of the frame.
-    pub fn line(&mut self, from: [f32; 2], to: [f32; 2], color: Color) {
+    pub fn draw_line(&mut self, from: [f32; 2], to: [f32; 2], color: Color) {
         let steps = ((to[0] - from[0]).hypot(to[1] - from[1]) * self.zoom).ceil().clamp(1.0, MAX_DOTS);
         for k in 0..=steps as u32 {
             let along = k as f32 / steps;
@@ -88,7 +88,7 @@ impl Canvas {
 
     /// Draws the lines between consecutive points, px of the frame.
     pub fn path(&mut self, points: &[[f32; 2]], color: Color) {
-        points.windows(2).for_each(|pair| self.line(pair[0], pair[1], color));
+        points.windows(2).for_each(|pair| self.draw_line(pair[0], pair[1], color));
     }
 
     /// Draws a circle, px of the frame.
@@ -115,8 +115,8 @@ impl Canvas {
     /// Draws an upright cross whose arms are `half_px` long, px of the frame.
     pub fn cross(&mut self, center: [f32; 2], half_px: f32, color: Color) {
         let [x, y] = center;
-        self.line([x - half_px, y], [x + half_px, y], color);
-        self.line([x, y - half_px], [x, y + half_px], color);
+        self.draw_line([x - half_px, y], [x + half_px, y], color);
+        self.draw_line([x, y - half_px], [x, y + half_px], color);
     }
 
     /// Draws the outline of a rectangle (x, y, width, height), px of the frame.
@@ -178,7 +178,7 @@ mod tests {
     fn whatever_lies_outside_is_left_out() {
         let mut canvas = Canvas::from_part(&[0; 64], 8, [0, 0, 8, 8], 1).with_line(3);
         canvas.circle([100.0, 100.0], 5.0, RED);
-        canvas.line([-9.0, 3.0], [30.0, 3.0], RED);
+        canvas.draw_line([-9.0, 3.0], [30.0, 3.0], RED);
         canvas.rectangle([-5.0, -5.0, 50.0, 50.0], RED);
         canvas.label([50.0, 50.0], "10 mm", RED);
         let picture = canvas.into_picture();

@@ -128,7 +128,7 @@ pub struct LogValue {
     pub x: f64,
     /// The value.
     pub y: f64,
-    /// Whether it is incomplete, which a hollow marker shows.
+    /// Whether the point is incomplete, which a hollow marker shows.
     pub is_incomplete: bool,
 }
 

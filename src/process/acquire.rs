@@ -54,7 +54,7 @@ pub fn run(config: &Config, launch: Launch, stop: &Stop) -> Result<Summary, Fail
     });
     match resume {
         // So that the numbers and epochs of this process rise even if it dies before its first frame.
-        Some((resume, _)) => reached.note(FrameStamp::from(&resume), resume.epoch),
+        Some((resume, _)) => reached.save(FrameStamp::from(&resume), resume.epoch),
         None => {
             reached.clear();
             reference_picture::begin_stream(config, &bus)?;
@@ -277,7 +277,7 @@ impl Loop {
         meta.epoch = meta.epoch.max(self.epoch);
         let frame = FrameStamp { sequence: meta.sequence, stamp_ns: meta.stamp_ns };
         // Before it is published, so that no number is ever used twice.
-        self.reached.note(frame, meta.epoch);
+        self.reached.save(frame, meta.epoch);
         let decided = self.detect_motion(&meta, &mut slot);
         self.begin_shot(frame)?;
         let exposure_us = self.source.format().exposure_us;

@@ -117,7 +117,7 @@ struct Worker<'a> {
     block_frames: u64,
     /// Whether the stream began without this worker.
     is_late: bool,
-    /// Whether it replaces a dead worker and has not attached yet.
+    /// Whether the worker replaces a dead one and has not attached yet.
     is_restart: bool,
     /// First frame of the first complete block.
     first_complete: u64,

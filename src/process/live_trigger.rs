@@ -85,7 +85,7 @@ impl LiveTrigger {
     }
 
     /// Restarts with a stream whose frame rate and exposure are known.
-    pub(super) fn begin(&mut self, config: &Config, frame_rate_hz: f64, exposure_us: f64) {
+    pub(super) fn begin_stream(&mut self, config: &Config, frame_rate_hz: f64, exposure_us: f64) {
         self.trigger = config.measured_trigger(frame_rate_hz, exposure_us);
         self.exposure_ns = (1.0e3 * config.camera.exposure_us.unwrap_or(exposure_us)).round() as u64;
     }
@@ -123,8 +123,8 @@ impl LiveTrigger {
         Ok(())
     }
 
-    /// Ends the stream, once all its rows are published.
-    pub(super) fn end(&mut self, newest: FrameStamp, reporter: &StatusReporter) -> Result<(), BusError> {
+    /// Ends the stream and publishes its last decisions, once all its rows are published.
+    pub(super) fn end_stream(&mut self, newest: FrameStamp, reporter: &StatusReporter) -> Result<(), BusError> {
         self.states.note_ended();
         self.publish(newest, reporter)?;
         self.standalone.as_mut().map_or(Ok(()), |standalone| standalone.finish(reporter))

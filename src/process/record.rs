@@ -165,7 +165,7 @@ impl Recorder<'_> {
             let feed = &mut self.feeds[0];
             feed.stream.update()?;
             live_trigger.handle_events(&feed.stream.take_events(), &feed.reporter)?;
-            live_trigger.end(feed.newest, &feed.reporter)?;
+            live_trigger.end_stream(feed.newest, &feed.reporter)?;
         }
         let summary = &self.summary;
         self.feeds.iter_mut().try_for_each(|feed| feed.reporter.publish_status(summary, feed.newest))?;
@@ -258,7 +258,7 @@ impl Recorder<'_> {
         let mut goes_on = false;
         for camera in 0..self.feeds.len() {
             self.feeds[camera].update_progress()?;
-            self.hold(camera)?;
+            self.hold_frames(camera)?;
             self.begin_part(camera)?;
             self.end_at_silence(camera)?;
             let wrote = self.write_one(camera)?;

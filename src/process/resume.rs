@@ -71,7 +71,7 @@ impl NewestFrameFile {
     }
 
     /// Writes the newest frame. Errors are ignored.
-    pub(super) fn note(&self, frame: FrameStamp, epoch: u32) {
+    pub(super) fn save(&self, frame: FrameStamp, epoch: u32) {
         let numbers = [frame.sequence, frame.stamp_ns, u64::from(epoch), monotonic_ns()];
         let mut bytes = [0; 32];
         bytes.chunks_exact_mut(8).zip(numbers).for_each(|(part, number)| part.copy_from_slice(&number.to_le_bytes()));
@@ -94,9 +94,9 @@ mod tests {
         let path = std::env::temp_dir().join(format!("ricochet-reached-{}", std::process::id()));
         let (first, none) = NewestFrameFile::open(&path).unwrap();
         assert_eq!(none, None);
-        first.note(FrameStamp { sequence: 7, stamp_ns: 9 }, 1);
+        first.save(FrameStamp { sequence: 7, stamp_ns: 9 }, 1);
         let frame = FrameStamp { sequence: 1234, stamp_ns: 1_767_225_600_000_000_007 };
-        first.note(frame, 3);
+        first.save(frame, 3);
         drop(first);
         let (second, left) = NewestFrameFile::open(&path).unwrap();
         let (resume, age_s) = left.unwrap();

@@ -28,6 +28,11 @@ pub(super) struct StreamState {
 }
 
 impl StreamState {
+    /// Subscribes to the events of a rig; nothing is known of its stream yet.
+    ///
+    /// # Errors
+    ///
+    /// Returns [`BusError`] when shared memory cannot be used.
     pub(super) fn new(bus: &Bus, limits: &Limits) -> Result<Self, BusError> {
         let events = bus.subscriber(limits)?;
         Ok(Self {

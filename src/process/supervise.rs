@@ -64,7 +64,7 @@ impl<'a> CameraGroup<'a> {
         config.check_calibration(format.width_px, format.height_px)?;
         config.check_ring(format.slot_bytes(), format.frame_rate_hz)?;
         let limits = limits(config, &format);
-        let services = bus.hold(&limits)?;
+        let services = bus.open_services(&limits)?;
         let status = bus.subscriber(&limits)?;
         bus.reserve()?;
         let ring_bytes = limits.ring_bytes(format.slot_bytes());
@@ -232,7 +232,7 @@ impl<'a> Supervisor<'a> {
                 self.bus().clean_up_dead();
             }
             if stop.requested() && self.draining.is_none() {
-                self.end(|child| child.role == Role::Acquire);
+                self.end_processes(|child| child.role == Role::Acquire);
                 self.draining = Some(Timeout::new(STOP_DRAIN_TIMEOUT));
                 self.manager.report_stopping();
             }
@@ -319,7 +319,7 @@ impl<'a> Supervisor<'a> {
                     let child = Child { camera, role, index: status.index };
                     // The last status of a predecessor is no sign of life.
                     if let Some(running) = self.children.get_mut(&child).filter(|it| it.is_process(status.pid)) {
-                        running.heartbeat.note();
+                        running.heartbeat.record();
                     }
                     self.statuses.insert(child, status);
                 }
@@ -399,7 +399,7 @@ impl<'a> Supervisor<'a> {
         }
         if self.draining.is_some() && child.role == Role::Acquire {
             // The dead process will not announce the end of the stream.
-            self.end(|_| true);
+            self.end_processes(|_| true);
             return Ok(());
         }
         let text = format!("{name} ended with {status}{memory_text} and was restarted");
@@ -449,7 +449,7 @@ impl<'a> Supervisor<'a> {
     }
 
     /// Asks the selected processes to end regularly.
-    fn end(&self, is_selected: impl Fn(&Child) -> bool) {
+    fn end_processes(&self, is_selected: impl Fn(&Child) -> bool) {
         let selected = self.children.iter().filter(|(child, _)| is_selected(child));
         selected.filter_map(|(_, running)| running.line.as_ref()).for_each(Line::end);
     }
@@ -457,14 +457,14 @@ impl<'a> Supervisor<'a> {
     /// Ends every process that still runs. The page stays until the others have ended.
     fn stop_all(&mut self) {
         self.children.values_mut().for_each(|running| running.waits_for_memory = false);
-        self.stop(|child| child.role != Role::Serve);
-        self.stop(|_| true);
+        self.stop_processes(|child| child.role != Role::Serve);
+        self.stop_processes(|_| true);
         self.bus().clean_up_dead();
     }
 
     /// Asks the selected processes to end, and kills those that still run after [`STOP_TIMEOUT`].
-    fn stop(&mut self, is_selected: impl Fn(&Child) -> bool) {
-        self.end(&is_selected);
+    fn stop_processes(&mut self, is_selected: impl Fn(&Child) -> bool) {
+        self.end_processes(&is_selected);
         let timeout = Timeout::new(STOP_TIMEOUT);
         let is_left = |(child, running): (&Child, &Running)| is_selected(child) && running.is_alive();
         while self.children.iter().any(is_left) && !timeout.has_expired() {

@@ -202,7 +202,7 @@ impl Loop<'_> {
         let max_delay_frames = self.limits.ring_frames as u64 + 512;
         let params = analysis_params(self.config, &self.format).1;
         self.ordered = Some(OrderedTracker::new(&params, start, max_delay_frames));
-        self.live_trigger.begin(self.config, self.format.frame_rate_hz, self.format.exposure_us);
+        self.live_trigger.begin_stream(self.config, self.format.frame_rate_hz, self.format.exposure_us);
     }
 
     /// Publishes a change of a collision while it lasts: contact, deepest position, or its withdrawal.
@@ -235,7 +235,7 @@ impl Loop<'_> {
             self.impacts.send(&ImpactMessage::new(impact, run_id))?;
         }
         if !rows.velocities.is_empty() {
-            self.reached.note(self.newest, 0);
+            self.reached.save(self.newest, 0);
             self.notifier.notify();
         }
         self.summary.given += rows.velocities.len() as u64;
@@ -277,7 +277,7 @@ impl Loop<'_> {
             self.begin_tracking(first, first);
         }
         self.flush(end)?;
-        self.live_trigger.end(self.newest, &self.reporter)?;
+        self.live_trigger.end_stream(self.newest, &self.reporter)?;
         self.reporter.publish_event(
             EventKind::Tracked,
             FrameStamp { sequence: end, ..self.newest },

@@ -181,7 +181,7 @@ fn encode_image_head(meta: &FrameMeta, pixels_bytes: usize, message: &mut Vec<u8
     Ok(())
 }
 
-/// Appends a number, aligned to 4 bytes.
+/// Appends a little-endian number, aligned to 4 bytes as CDR requires.
 fn put_u32(value: u32, message: &mut Vec<u8>) {
     // The first four bytes do not count, but they keep the alignment to 4.
     message.resize(message.len().next_multiple_of(4), 0);

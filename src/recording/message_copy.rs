@@ -42,7 +42,7 @@ impl<'a> Copier<'a> {
         if self.recording.is_image(message.header.channel) {
             self.writer.count_frame();
         }
-        self.writer.copy(&MessageHeader { channel, ..message.header }, &message.data)
+        self.writer.copy_message(&MessageHeader { channel, ..message.header }, &message.data)
     }
 
     /// Returns the channel of the new file for one of the old file, written with its schema if it is new.

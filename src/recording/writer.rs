@@ -443,7 +443,7 @@ impl RecordingWriter {
     }
 
     /// Writes a message of another file byte by byte, on the channel of this file that its header names.
-    pub(super) fn copy(&mut self, header: &MessageHeader, data: &[u8]) -> Result<(), RecordingError> {
+    pub(super) fn copy_message(&mut self, header: &MessageHeader, data: &[u8]) -> Result<(), RecordingError> {
         self.unsynced_bytes += data.len() as u64;
         self.with_container(|container| container.write_message(header, &Payload::from_bytes(data)))
     }

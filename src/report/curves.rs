@@ -98,7 +98,7 @@ impl<'a> Drawer<'a> {
     /// Draws one velocity component over time, with its typical uncertainty next to the title.
     fn velocity_chart(&self, velocity: &VelocityChart) -> Markup {
         let VelocityChart { title, heading, unit, number } = velocity;
-        let curves = self.pair(|row| row.velocity.as_ref().and_then(number));
+        let curves = self.measured_and_true(|row| row.velocity.as_ref().and_then(number));
         let chart = TimeChart { title: (*title).into(), curves, height: 130.0, has_axis: false };
         let note = self.typical_sigma(|row| row.velocity.as_ref().and_then(number).map(|(_, sigma)| sigma));
         self.figure(&html! { (heading) ", " (unit) }, note.as_ref(), &chart)
@@ -144,7 +144,7 @@ impl<'a> Drawer<'a> {
     }
 
     /// Returns the measured curve of a number with its uncertainty, and the true one.
-    pub(super) fn pair(&self, number: impl Fn(&VelocitySample) -> Option<(f64, f64)>) -> Vec<TimeCurve> {
+    pub(super) fn measured_and_true(&self, number: impl Fn(&VelocitySample) -> Option<(f64, f64)>) -> Vec<TimeCurve> {
         let truth = self.stretches(&self.truth, |row| number(row).map(|(y, _)| (y, 0.0)));
         vec![
             TimeCurve { class: "a", label: "", stretches: self.stretches(&self.rows, &number) },

@@ -42,7 +42,7 @@ pub struct BodyDiagnosis {
     pub name: String,
     /// The number of measured frames, and why it was not measured in the others.
     pub line: String,
-    /// Whether it was measured in every frame.
+    /// Whether the body was measured in every frame.
     pub is_complete: bool,
     /// The changes that would help, as lines of the rig file with their reasons.
     pub changes: Vec<Change>,

@@ -144,7 +144,7 @@ impl SurfaceAxes {
 fn labelled_pair(drawer: &Drawer<'_>, number: Number<'_>) -> Vec<TimeCurve> {
     let named =
         |curve: TimeCurve| TimeCurve { label: if curve.class == "truth" { "truth" } else { "measured" }, ..curve };
-    drawer.pair(number).into_iter().map(named).collect()
+    drawer.measured_and_true(number).into_iter().map(named).collect()
 }
 
 /// Returns the heights of the edges of a rod's tapes above the first position of the lowest, mm.

@@ -47,7 +47,7 @@ pub struct Shot {
 pub struct MeasuredBody {
     /// The number of frames, and why it was not measured in the others.
     pub line: String,
-    /// Whether it was measured in every frame.
+    /// Whether the body was measured in every frame.
     pub is_complete: bool,
 }
 

@@ -188,7 +188,7 @@ impl Impact {
     }
 
     /// Returns the columns of a JSON object: each number next to its uncertainty.
-    pub fn pairs() -> Vec<Column<Self>> {
+    pub fn json_columns() -> Vec<Column<Self>> {
         let pairs = Self::VALUES.into_iter().zip(Self::SIGMAS).flat_map(|(value, sigma)| [value, sigma]);
         pairs.chain([Self::FORCE_LAW, Self::PROBABILITY, Self::STATUS]).collect()
     }

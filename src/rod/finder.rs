@@ -5,7 +5,7 @@ use super::edge_fit::{CleanPaint, Direction, Edge, ExpectedEdge, fit_step_edge};
 use super::observation::{INSET_PX, MARGIN_PX, RodObservation};
 use super::paint_shading::clean_paint_at;
 use super::params::{RodError, RodParams};
-use super::projections::{BinaryImage, Line, lines};
+use super::projections::{BinaryImage, Line, find_extrema};
 use crate::image::ImageView;
 use crate::numeric::quantile;
 use crate::results::{Estimate, PointStatus, ROD_EDGES};
@@ -210,7 +210,7 @@ impl RodFinder {
 
     /// Returns the left and the right side: the strongest two lines of opposite sign within the allowed width.
     fn find_sides(&self, binary: &BinaryImage) -> Option<[Line; 2]> {
-        let mut tried = lines(&binary.column_steps(), MIN_DISTANCE_PX);
+        let mut tried = find_extrema(&binary.column_steps(), MIN_DISTANCE_PX);
         tried.truncate(SIDES_TRIED);
         let mut best: Option<(i32, [Line; 2])> = None;
         for left in &tried {
@@ -253,7 +253,7 @@ impl RodFinder {
             })
         };
         let white = binary.white_fraction(inside.clone());
-        let mut all = lines(&binary.row_steps(inside), MIN_DISTANCE_PX);
+        let mut all = find_extrema(&binary.row_steps(inside), MIN_DISTANCE_PX);
         all.retain(|line| f64::from(line.strength.abs()) >= MIN_EDGE_FRACTION * width && !continues_outside(line));
         let count = self.params.edges as usize;
         // A rod is black or white between its tapes: the shade with the stronger edges is taken.

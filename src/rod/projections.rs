@@ -59,7 +59,7 @@ impl BinaryImage {
     }
 
     /// Returns the change from one pixel to another by index: 1 from black to white, -1 from white to black, else 0.
-    fn step(&self, from: usize, to: usize) -> i32 {
+    fn edge_sign(&self, from: usize, to: usize) -> i32 {
         i32::from(self.white[to]) - i32::from(self.white[from])
     }
 
@@ -69,7 +69,7 @@ impl BinaryImage {
     pub fn row_steps(&self, columns: std::ops::Range<usize>) -> Vec<i32> {
         let sum = |row: usize| {
             let at = |x: usize| row * self.width + x;
-            columns.clone().map(|x| self.step(at(x), at(x) + self.width)).sum()
+            columns.clone().map(|x| self.edge_sign(at(x), at(x) + self.width)).sum()
         };
         (0..self.height.saturating_sub(1)).map(sum).collect()
     }
@@ -83,7 +83,7 @@ impl BinaryImage {
 
     /// Sums the steps from black to white from each column to the next, over all rows: the vertical sums of Eq. 5.
     pub fn column_steps(&self) -> Vec<i32> {
-        let sum = |x: usize| (0..self.height).map(|y| self.step(y * self.width + x, y * self.width + x + 1)).sum();
+        let sum = |x: usize| (0..self.height).map(|y| self.edge_sign(y * self.width + x, y * self.width + x + 1)).sum();
         (0..self.width.saturating_sub(1)).map(sum).collect()
     }
 }
@@ -100,7 +100,7 @@ pub struct Line {
 /// Finds the extrema of sums, strongest first, at least `apart` entries from a stronger one.
 ///
 /// A blurred or tilted edge spreads over an entry and its two neighbours.
-pub fn lines(sums: &[i32], apart: usize) -> Vec<Line> {
+pub fn find_extrema(sums: &[i32], apart: usize) -> Vec<Line> {
     let spread = |at: usize| sums[at.saturating_sub(1)..(at + 2).min(sums.len())].iter().sum::<i32>();
     let mut all: Vec<Line> = (0..sums.len()).map(|at| Line { at, strength: spread(at) }).collect();
     all.retain(|line| line.strength != 0);
@@ -150,7 +150,7 @@ mod tests {
         };
         assert_eq!(entries(&down), [(14, 20), (44, -20)]);
         assert_eq!(entries(&across), [(9, 30), (29, -30)]);
-        assert_eq!(lines(&down, 4), [Line { at: 14, strength: 20 }, Line { at: 44, strength: -20 }]);
+        assert_eq!(find_extrema(&down, 4), [Line { at: 14, strength: 20 }, Line { at: 44, strength: -20 }]);
         assert_eq!(binary.row_steps(0..15).iter().filter(|sum| **sum != 0).copied().collect::<Vec<_>>(), [5, -5]);
     }
 
@@ -158,7 +158,7 @@ mod tests {
     fn a_region_is_cut_out_of_the_image() {
         let image = draw(|_, y| if y < 30 { 10.0 } else { 50.0 });
         let binary = BinaryImage::new(image.view(), [5, 20, 10, 20]).unwrap();
-        assert_eq!(lines(&binary.row_steps(0..10), 4), [Line { at: 9, strength: 10 }]);
+        assert_eq!(find_extrema(&binary.row_steps(0..10), 4), [Line { at: 9, strength: 10 }]);
         assert!(BinaryImage::new(image.view(), [5, 0, 10, 20]).is_none(), "one shade alone has no threshold");
     }
 
@@ -167,6 +167,6 @@ mod tests {
         // Falls by 2 rows over 40 columns.
         let image = draw(|x, y| if y > 20 + x / 14 { 200.0 } else { 30.0 });
         let binary = BinaryImage::new(image.view(), [0, 0, 40, 60]).unwrap();
-        assert_eq!(lines(&binary.row_steps(0..40), 4), [Line { at: 21, strength: 40 }]);
+        assert_eq!(find_extrema(&binary.row_steps(0..40), 4), [Line { at: 21, strength: 40 }]);
     }
 }

@@ -143,7 +143,7 @@ pub(super) async fn trigger(State(app): State<Arc<App>>, request: Request) -> Re
 pub(super) async fn take_control(State(app): State<Arc<App>>, headers: HeaderMap) -> Response {
     match headers.get(PAGE).and_then(|page| page.to_str().ok()).and_then(parse_page_name) {
         Some(page) => {
-            app.control.take(page);
+            app.control.give_control(page);
             json_answer(StatusCode::OK, json!({ "accepted": true, "answer": "this page holds control" }).to_string())
         }
         None => refuse(StatusCode::BAD_REQUEST, "the header x-ricochet-page must have 1 to 32 of a-z 0-9"),

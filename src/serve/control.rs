@@ -57,7 +57,7 @@ impl Control {
     }
 
     /// Gives control to a page.
-    pub(super) fn take(&self, page: &str) {
+    pub(super) fn give_control(&self, page: &str) {
         self.lock_pages().holder = Some(page.to_owned());
     }
 
@@ -101,7 +101,7 @@ mod tests {
         let again = control.open("a");
         let second = control.open("b");
         assert_eq!((control.take_control_if_free("a"), control.take_control_if_free("b")), (true, false));
-        control.take("b");
+        control.give_control("b");
         assert_eq!((control.take_control_if_free("a"), control.take_control_if_free("b")), (false, true));
         drop(second);
         assert_eq!(control.holder(), None);

@@ -119,7 +119,7 @@ fn document() -> Value {
         "paths": paths,
         "components": { "schemas": {
             "velocity": schema(&velocity, VelocitySample::COLUMNS),
-            "impact": schema(&impact, &Impact::pairs()),
+            "impact": schema(&impact, &Impact::json_columns()),
             "events": schema::<Impact>(&events, &[]),
             "state": { "type": "object" },
         } },

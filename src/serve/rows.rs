@@ -64,7 +64,7 @@ pub(super) fn impact_row(message: &ImpactMessage, context: &RowContext) -> Optio
         ("revision", json!(impact.revision)),
         ("origin_ns", json!(impact.origin_ns)),
     ];
-    Some(object(place.into_iter().chain(json_cells(&impact, &Impact::pairs()))))
+    Some(object(place.into_iter().chain(json_cells(&impact, &Impact::json_columns()))))
 }
 
 /// Returns a row of the `events` table; `None` when its kind is unknown.

@@ -27,7 +27,7 @@ const PAUSE: Duration = Duration::from_millis(50);
 /// An open connection.
 struct Connection {
     task: JoinHandle<()>,
-    /// Whether it has made a request.
+    /// Whether the client has made a request.
     has_requested: Arc<AtomicBool>,
 }
 

@@ -101,7 +101,7 @@ impl Line {
 
     /// Fits the line to the points of the edge near it, each where the grey level changes most.
     ///
-    /// Returns it with the standard uncertainty of its direction, rad; `None` for too few points.
+    /// Returns the line with the standard uncertainty of its direction, rad; `None` for too few points.
     fn refine(self, movement: &Movement) -> Option<(Self, f64)> {
         let steps = (2.0 * self.half_length).ceil() as i32;
         let places = (0..=steps).map(|k| self.half_length * (2.0 * f64::from(k) / f64::from(steps) - 1.0));

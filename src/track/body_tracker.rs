@@ -129,7 +129,7 @@ impl BodyTracker {
         if self.params.form == Form::Ball {
             self.outline_drift.push_step(time_frames, step);
         }
-        let Some(node) = self.integrator.push(step, time_frames, self.rolling.periods()) else { return };
+        let Some(node) = self.integrator.push(step, time_frames, self.rolling.image_interval_periods()) else { return };
         let node = self.rolling.unsheared(node);
         self.first_sigma_deg.get_or_insert(node.sigma[2]);
         self.retain_node(node);
@@ -144,12 +144,12 @@ impl BodyTracker {
         let event = self.detector.as_mut().map_or(Event::None, |detector| {
             let may_be_in_contact = detector.may_be_in_contact();
             if let Some(circle) = outline.filter(|_| !may_be_in_contact) {
-                self.center_filter.push(&node, &circle);
+                self.center_filter.update(&node, &circle);
             }
             detector.add_node(node_on_surface, gravity)
         });
         if let (None, Some(circle)) = (&self.detector, &outline) {
-            self.center_filter.push(&node, circle);
+            self.center_filter.update(&node, circle);
         }
         self.handle_event(event, node.time_frames, &mut rows.impacts);
         rows.alarms.extend(self.alarm(event, step.frame, node.time_frames));
@@ -283,7 +283,7 @@ impl BodyTracker {
     /// Returns the conversion to physical quantities for a collision; `None` without a scale.
     fn impact_context(&self) -> Option<ImpactContext> {
         // The median of radii belongs to the middle of the observed time, whatever the radius was at contact.
-        let half = 0.5 * self.size_change.whole();
+        let half = 0.5 * self.size_change.total_dilatation();
         let metres_per_px = self.radius.metres_per_px(self.params.scale)?;
         let metres_per_px = match self.params.scale {
             Scale::BallDiameterMm(_) => metres_per_px.short_by(half),
@@ -431,7 +431,7 @@ impl BodyTracker {
         });
         let outline = outline.map(|c| Center { x_px: c.x_px, y_px: c.y_px, sigma_px: c.sigma_center_px });
         let detected = outline.filter(|_| step.is_detected());
-        let here = node.map(|node| (node, self.outline_drift.here(&node, regime)));
+        let here = node.map(|node| (node, self.outline_drift.local_drift(&node, regime)));
         let by_pose = |(node, here): (Pose, LocalDrift)| {
             let center = self.outline_drift.center(&node, &here).or_else(|| self.predicted_center(&node, &here))?;
             Some(self.outline_drift.widened(&node, center))

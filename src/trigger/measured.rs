@@ -62,7 +62,7 @@ pub struct BodyWatch {
     pub name: String,
     /// The parameters of its motion.
     pub motion: MotionParams,
-    /// Whether it may start a shot.
+    /// Whether the body may start a shot.
     pub is_watched: bool,
     /// The distance of a rod's end below its lowest edge, px; needed for the gap and the contact of a rod.
     pub end_px: Option<f64>,
@@ -104,13 +104,13 @@ struct Body {
     rolling: RollingShutter,
     /// The number of consecutive frames in which it was not visible.
     absent_frames: u32,
-    /// Whether it is inside the region, once that is confirmed.
+    /// Whether the body is inside the region, once that is confirmed.
     inside: Option<bool>,
-    /// Whether it is inside in the newest frame.
+    /// Whether the body is inside in the newest frame.
     newest_inside: bool,
     /// The number of consecutive frames in which it is so.
     newest_frames: u32,
-    /// Whether it may fire.
+    /// Whether the trigger may fire.
     is_ready: bool,
 }
 
@@ -120,7 +120,8 @@ impl MeasuredTrigger {
         let max_frames = if matches!(condition, Condition::Speed { .. }) { SPEED_FRAMES } else { FLIGHT_FRAMES };
         let angle_deg = bodies.first().map_or(0.0, |body| body.motion.surface_angle_deg);
         let rectifier = bodies.first().and_then(|body| body.motion.rectifier.clone());
-        let rectified = |end: [f64; 2]| rectifier.as_ref().and_then(|rectifier| rectifier.place(end)).unwrap_or(end);
+        let rectified =
+            |end: [f64; 2]| rectifier.as_ref().and_then(|rectifier| rectifier.rectify_point(end)).unwrap_or(end);
         let edge = edge_px.map(|ends| Edge::new(ends.map(rectified), angle_deg));
         // A body that is near the surface when it first appears has not approached it.
         let is_ready = !matches!(condition, Condition::Gap { .. });
@@ -310,7 +311,7 @@ impl Body {
 
     /// Decides that the speed is above the limit `speed_m_s`, by more than [`LIMIT_SIGMAS`].
     fn check_speed(&mut self, step: &BodyStep, fit: &Fit, metres_per_px: f64, speed_m_s: f64) -> Option<Decision> {
-        let per_frame = metres_per_px * 1e9 / self.watch.motion.frame_period_ns / self.rolling.periods();
+        let per_frame = metres_per_px * 1e9 / self.watch.motion.frame_period_ns / self.rolling.image_interval_periods();
         let speed = fit.rate_px[0].hypot(fit.rate_px[1]) * per_frame;
         let sigma = fit.sigma_rate_px * per_frame;
         if speed < REARM_SHARE * speed_m_s {

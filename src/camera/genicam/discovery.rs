@@ -114,7 +114,7 @@ impl Device {
         Ok(device)
     }
 
-    /// Whether it is a GigE Vision camera.
+    /// Whether the camera is a GigE Vision camera.
     pub fn is_gige(&self) -> bool {
         // SAFETY: an open camera.
         unsafe { self.aravis.arv_camera_is_gv_device(self.camera.as_ptr()) != 0 }

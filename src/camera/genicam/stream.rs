@@ -30,7 +30,7 @@ const MAX_SOCKET_BYTES: usize = 64 << 20;
 pub struct ReceivedBuffer {
     /// The slot that was queued.
     pub slot: Slot,
-    /// Whether it holds a complete frame.
+    /// Whether the buffer holds a complete frame.
     pub status: sys::ArvBufferStatus,
     /// Payload type.
     pub payload: sys::ArvBufferPayloadType,

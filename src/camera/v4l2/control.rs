@@ -113,7 +113,7 @@ impl Device {
         let control = self.find_control(name)?;
         let entries = self.menu(&control);
         let entry = entries.iter().find(|entry| entry.index == i64::from(index));
-        let entry = entry.ok_or_else(|| format!("{name} offers only {}", names_of(&entries)))?;
+        let entry = entry.ok_or_else(|| format!("{name} offers only {}", entry_names(&entries)))?;
         self.write_integer(&control, entry.index).map_err(|error| format!("{name} to {}: {error}", entry.name))?;
         self.verify(&control, &FeatureValue::Text(entry.name.clone()))
     }
@@ -171,7 +171,7 @@ impl Device {
         let name = value.to_string();
         let is_typed = matches!(value, FeatureValue::Text(_)) == (control.kind == sys::V4L2_CTRL_TYPE_MENU);
         let entry = entries.iter().find(|entry| is_typed && entry.name == name);
-        entry.map(|entry| entry.index).ok_or_else(|| format!("allowed {}", names_of(&entries)))
+        entry.map(|entry| entry.index).ok_or_else(|| format!("allowed {}", entry_names(&entries)))
     }
 
     /// Returns the entries of a menu.
@@ -299,7 +299,7 @@ impl Device {
             sys::V4L2_CTRL_TYPE_INTEGER | sys::V4L2_CTRL_TYPE_INTEGER64 => control.range.to_string(),
             sys::V4L2_CTRL_TYPE_STRING => format!("{} bytes", control.range),
             sys::V4L2_CTRL_TYPE_BITMASK => format!("the bits of {:#x}", control.range.max & 0xffff_ffff),
-            sys::V4L2_CTRL_TYPE_MENU | sys::V4L2_CTRL_TYPE_INTEGER_MENU => names_of(&self.menu(control)),
+            sys::V4L2_CTRL_TYPE_MENU | sys::V4L2_CTRL_TYPE_INTEGER_MENU => entry_names(&self.menu(control)),
             _ => String::new(),
         }
     }
@@ -336,8 +336,8 @@ struct MenuEntry {
     name: String,
 }
 
-/// Returns the names of all entries, separated by commas.
-fn names_of(menu: &[MenuEntry]) -> String {
+/// Returns the names of all entries of a menu, separated by commas.
+fn entry_names(menu: &[MenuEntry]) -> String {
     menu.iter().map(|entry| entry.name.as_str()).collect::<Vec<_>>().join(", ")
 }
 

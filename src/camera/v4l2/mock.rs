@@ -70,6 +70,7 @@ struct Filled {
 }
 
 impl Filled {
+    /// Returns the buffer as the kernel returns it.
     fn as_buffer(&self) -> sys::v4l2_buffer {
         let Self { index, sequence, flags, bytes: bytesused, stamp_s } = *self;
         let timestamp = sys::timeval { tv_sec: stamp_s, tv_usec: i64::from(sequence) * 10 };
@@ -232,6 +233,7 @@ impl State {
         self.stride_bytes() * self.size.1
     }
 
+    /// Returns the pixel formats (fourcc) of the modes.
     fn formats(&self) -> Vec<u32> {
         let mut formats: Vec<u32> = self.modes.iter().map(|(fourcc, ..)| *fourcc).collect();
         formats.dedup();
@@ -280,6 +282,7 @@ impl State {
         self.size.0 * pixel + self.padding_bytes
     }
 
+    /// Returns the current format and size.
     fn format(&self) -> sys::v4l2_pix_format {
         sys::v4l2_pix_format {
             width: self.size.0,
@@ -292,6 +295,7 @@ impl State {
         }
     }
 
+    /// Allocates the requested buffers, or refuses them.
     fn request(&mut self, raw: &mut sys::v4l2_requestbuffers, file: &File) -> io::Result<()> {
         if raw.memory == sys::V4L2_MEMORY_USERPTR && !self.takes_user.0 {
             return refuse(libc::EINVAL);
@@ -302,6 +306,7 @@ impl State {
         file.set_len(u64::from(self.buffers * BUFFER_ROOM))
     }
 
+    /// Queues a buffer, or refuses it as the kernel does.
     fn enqueue(&mut self, raw: &sys::v4l2_buffer) -> io::Result<()> {
         if let Some(code) = self.refuses_buffers {
             return refuse(code);
@@ -321,6 +326,7 @@ impl State {
         Ok(())
     }
 
+    /// Returns the flags of a control.
     fn flags_of(&self, control: &MockControl) -> u32 {
         let ruled = control
             .ruled_by

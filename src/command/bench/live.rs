@@ -175,7 +175,7 @@ impl Film {
         let fit = rate_per_s(duration, || pair.fit_motion(&circle));
         let neighbor = rate_per_s(duration, || anywhere.correlate_subsets(Start::Neighbor));
         let whole = rate_per_s(duration, || usize::from(pair.match_ball(&circle)));
-        let kept = still.correlator.keep(still.reference.clone(), &still.points);
+        let kept = still.correlator.keep_reference(still.reference.clone(), &still.points);
         let mut field = Vec::new();
         let translation = rate_per_s(duration, || {
             still.correlator.correlate_kept(&kept, &still.target, still.near, &mut field);

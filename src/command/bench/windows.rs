@@ -210,7 +210,7 @@ fn run_case(case: &Case, frames: &(Image, Image), duration: Duration, ready: &Ba
     }
     let (mut a, mut b) = (correlator.prepare(frames.0.view()), correlator.prepare(frames.1.view()));
     let near = Start::Motion { x_px: 0.0, y_px: 0.0, u_px: SHIFT.x_px - 0.02, v_px: SHIFT.y_px + 0.03, angle_deg: 0.0 };
-    let kept = correlator.keep(a.clone(), &points);
+    let kept = correlator.keep_reference(a.clone(), &points);
     let center = Point::new(0.5 * SIDE as f64, 0.5 * SIDE as f64);
     let ball = Region::Disc { x_px: center.x_px, y_px: center.y_px, radius_px: 53.0 };
     let near_ball = PlanarMotion { u_px: SHIFT.x_px - 0.02, v_px: SHIFT.y_px + 0.03, angle_deg: 0.05 };

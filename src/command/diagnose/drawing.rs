@@ -159,7 +159,7 @@ impl View<'_> {
     fn draw_outlines(&self, canvas: &mut Canvas) {
         let Evidence { searched, track, .. } = self.evidence;
         for [from, to] in track.iter().filter_map(|track| track.rod.as_ref()).flat_map(segments) {
-            canvas.line(from.map(|at| at as f32), to.map(|at| at as f32), FOUND);
+            canvas.draw_line(from.map(|at| at as f32), to.map(|at| at as f32), FOUND);
         }
         let is_patch = self.config.bodies[self.body].kind == BodyKind::Patch;
         let found = self.evidence.measured_circle().filter(|_| !is_patch).or(searched.inside);

@@ -170,7 +170,7 @@ fn diagnose_bodies(
         let summary = &summaries[index];
         found.push(BodyDiagnosis {
             name: body.name.clone(),
-            line: summary.line(),
+            line: summary.describe(),
             is_complete: summary.is_complete(),
             changes: changes::advise_changes(summary, &evidence, config, index, surveyed),
             statuses: rows.iter().map(|row| row.status).collect(),

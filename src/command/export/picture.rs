@@ -149,7 +149,7 @@ pub(in crate::command) fn grey_levels(meta: FrameMeta, bytes: &[u8]) -> io::Resu
 /// Draws the outline of a body.
 fn draw_outline(canvas: &mut Canvas, sample: &TrackSample) {
     for [from, to] in sample.rod.iter().flat_map(segments) {
-        canvas.line(from.map(|at| at as f32), to.map(|at| at as f32), OUTLINE);
+        canvas.draw_line(from.map(|at| at as f32), to.map(|at| at as f32), OUTLINE);
     }
     let (Some(x), Some(y), Some(radius)) = (sample.center_x_px, sample.center_y_px, sample.radius_px) else { return };
     let center = [x as f32, y as f32];
@@ -163,10 +163,10 @@ fn draw_arrows(canvas: &mut Canvas, field: &PairField, gain: f32) {
         let Some(motion) = point.displacement else { continue };
         let from = [point.x_px, point.y_px];
         let to = [from[0] + gain * motion.u_px, from[1] + gain * motion.v_px];
-        canvas.line(from, to, ARROW);
+        canvas.draw_line(from, to, ARROW);
         let (u, v) = (0.25 * (from[0] - to[0]), 0.25 * (from[1] - to[1]));
         for sign in [1.0, -1.0] {
-            canvas.line(to, [to[0] + u - sign * 0.6 * v, to[1] + v + sign * 0.6 * u], ARROW);
+            canvas.draw_line(to, [to[0] + u - sign * 0.6 * v, to[1] + v + sign * 0.6 * u], ARROW);
         }
     }
 }

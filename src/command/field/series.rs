@@ -142,7 +142,7 @@ impl<'a> Outputs<'a> {
             Some(path) => self.layout().write_file(&path, field, self.options.overwrite)?,
             None => {
                 let out = BufWriter::new(std::io::stdout().lock());
-                self.layout().rows(field, target, out).map_err(standard_output_error)?;
+                self.layout().write_rows(field, target, out).map_err(standard_output_error)?;
             }
         }
         match self.picture_path(index) {

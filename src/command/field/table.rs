@@ -33,7 +33,7 @@ impl Layout {
     }
 
     /// Writes the rows of one field.
-    pub(super) fn rows(self, field: &[FieldPoint], target: &Path, mut out: impl Write) -> Result<(), Failure> {
+    pub(super) fn write_rows(self, field: &[FieldPoint], target: &Path, mut out: impl Write) -> Result<(), Failure> {
         let name = self.named.then(|| target.display().to_string());
         if self.json {
             for point in field {
@@ -64,7 +64,7 @@ impl Layout {
     pub(super) fn write_file(self, path: &Path, field: &[FieldPoint], overwrite: Overwrite) -> Result<(), Failure> {
         let (layout, mut bytes) = (Self { named: false, ..self }, Vec::new());
         layout.head(&mut bytes)?;
-        layout.rows(field, path, &mut bytes)?;
+        layout.write_rows(field, path, &mut bytes)?;
         write_file(path, bytes, overwrite)
     }
 }

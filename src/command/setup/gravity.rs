@@ -71,7 +71,7 @@ impl Gravity {
     }
 
     /// Returns one line about it.
-    pub(super) fn line(self, frame_rate_hz: f64) -> String {
+    pub(super) fn describe(self, frame_rate_hz: f64) -> String {
         match self {
             Self::Unclear => "not visible in this film; 9.81 m/s^2 downwards is assumed".into(),
             Self::Fits { value_m_s2, sigma_m_s2 } => {
@@ -99,10 +99,10 @@ mod tests {
     #[test]
     fn the_frame_rate_that_gravity_needs_is_named() {
         // A film of 240 frames/s that plays at 30.
-        let line = gravity(0.0, 9806.65 / 64.0 + 1000.0).line(30.0);
+        let line = gravity(0.0, 9806.65 / 64.0 + 1000.0).describe(30.0);
         assert!(matches!(gravity(0.0, 1000.0), Gravity::Contradicts { .. }), "{line}");
         let slow = Acceleration { value_px_s2: [0.0, 9806.65 / 64.0], sigma_px_s2: 2.0 };
-        let line = Gravity::classify(Some(slow), Some(1.0)).line(30.0);
+        let line = Gravity::classify(Some(slow), Some(1.0)).describe(30.0);
         assert_eq!(line, "0.15 m/s^2; 9.81 m/s^2 would need 240 frames/s");
     }
 

@@ -37,7 +37,7 @@ pub(super) fn draw(proposal: &Proposal, surveyed: &Surveyed, frame: &Frame<'_>) 
                 let corners: Vec<[f32; 2]> = polygon_px.iter().map(|corner| corner.map(|at| at as f32)).collect();
                 canvas.path(&corners, OUTLINE);
                 if let (Some(last), Some(first)) = (corners.last(), corners.first()) {
-                    canvas.line(*last, *first, OUTLINE);
+                    canvas.draw_line(*last, *first, OUTLINE);
                 }
             }
             _ => {}
@@ -80,8 +80,8 @@ fn draw_surface(canvas: &mut Canvas, proposal: &Proposal) {
     let point = |t: f64, n: f64| {
         [(foot[0] + t * along[0] + n * normal[0]) as f32, (foot[1] + t * along[1] + n * normal[1]) as f32]
     };
-    canvas.line(point(-3.0 * radius_px, 0.0), point(3.0 * radius_px, 0.0), SURFACE);
-    canvas.line(point(0.0, 0.0), point(0.0, 0.6 * radius_px), SURFACE);
+    canvas.draw_line(point(-3.0 * radius_px, 0.0), point(3.0 * radius_px, 0.0), SURFACE);
+    canvas.draw_line(point(0.0, 0.0), point(0.0, 0.6 * radius_px), SURFACE);
 }
 
 /// Draws a bar of a round length in the lower left corner.
@@ -94,7 +94,7 @@ fn draw_scale(canvas: &mut Canvas, proposal: &Proposal) {
     let (x, y) = ((0.03 * width) as f32, (0.96 * height) as f32);
     let end = x + (length / mm_per_px) as f32;
     for offset in [0.0, 1.0] {
-        canvas.line([x, y + offset], [end, y + offset], SCALE);
+        canvas.draw_line([x, y + offset], [end, y + offset], SCALE);
     }
     canvas.label([x, y - 3.0], &format!("{length} {unit}"), SCALE);
 }

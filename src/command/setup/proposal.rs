@@ -141,15 +141,15 @@ impl Proposal {
             }
             _ => ("scale", "unknown".into()),
         });
-        facts.push(("surface", self.surface.line()));
-        facts.push(("gravity", self.gravity.line(rate_hz)));
+        facts.push(("surface", self.surface.describe()));
+        facts.push(("gravity", self.gravity.describe(rate_hz)));
         facts
     }
 }
 
 impl ProposedSurface {
     /// Describes the angle, its source and the frame of the bounce in one line.
-    pub(super) fn line(&self) -> String {
+    pub(super) fn describe(&self) -> String {
         let angle_deg = self.angle_deg;
         let at = self.bounce.map_or_else(String::new, |bounce| format!(", touched about frame {}", bounce.index));
         match self.source {

@@ -27,7 +27,7 @@ pub(super) fn rig_text(proposal: &Proposal, film: &str, command: &str) -> String
         write_body(&mut text, body, (count > 1).then_some(number + 1));
     }
     write_correlation(&mut text, proposal);
-    let gravity = proposal.gravity.line(proposal.frame_rate_hz);
+    let gravity = proposal.gravity.describe(proposal.frame_rate_hz);
     let _ = write!(text, "\n[velocity]\n# Gravity: {gravity}.\n{}", proposal.gravity.keys());
     text
 }

@@ -131,7 +131,7 @@ impl RigidBody {
         point: Point,
         near: PlanarMotion,
     ) -> Result<BodyMotion, PointStatus> {
-        let (start, offset) = self.start(point, near);
+        let (start, offset) = self.initial_warp(point, near);
         let mut residual = std::mem::take(&mut self.residual);
         let found = self.refiner(target).refine_with_residual(start, &mut residual).map_err(status_of);
         let measured = found.map(|found| self.body_motion(target, &found, offset, &residual));
@@ -153,7 +153,7 @@ impl RigidBody {
         point: Point,
         near: PlanarMotion,
     ) -> Result<BodyMotion, PointStatus> {
-        let (start, offset) = self.start(point, near);
+        let (start, offset) = self.initial_warp(point, near);
         let (mut occlusion, mut residual) = (std::mem::take(&mut self.occlusion), std::mem::take(&mut self.residual));
         occlusion.clear_occlusion();
         let plain = self.refiner(target).refine_near(start, self.gradient_gain, &mut residual).map_err(status_of);
@@ -189,7 +189,7 @@ impl RigidBody {
     }
 
     /// Returns the initial warp for a motion of a point, and the offset of the point from the centre.
-    fn start(&self, point: Point, near: PlanarMotion) -> (Warp, Point) {
+    fn initial_warp(&self, point: Point, near: PlanarMotion) -> (Warp, Point) {
         let center = self.center();
         (near.at_offset(center.relative_to(point)).to_warp(), point.relative_to(center))
     }

@@ -114,12 +114,12 @@ impl KernelBenchmark {
 
     /// Runs one exact affine iteration of the last subset. Returns whether it succeeded.
     pub fn iterate(&mut self, at: GridPoint) -> bool {
-        self.refiner(Pixels::Subset, at).step(&self.warp).is_ok()
+        self.refiner(Pixels::Subset, at).gauss_newton_step(&self.warp).is_ok()
     }
 
     /// Runs one rigid iteration of the disc. Returns whether it succeeded.
     pub fn iterate_disc(&mut self) -> bool {
-        self.refiner(Pixels::Disc, self.image_center()).step(&self.warp).is_ok()
+        self.refiner(Pixels::Disc, self.image_center()).gauss_newton_step(&self.warp).is_ok()
     }
 
     /// Returns the refiner of the subset or the disc, centred at `at`.

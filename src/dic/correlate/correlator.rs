@@ -269,7 +269,7 @@ impl Correlator {
     /// # Panics
     ///
     /// If the size of the frame differs from the plan.
-    pub fn keep(&mut self, reference: PreparedFrame, points: &[GridPoint]) -> KeptReference {
+    pub fn keep_reference(&mut self, reference: PreparedFrame, points: &[GridPoint]) -> KeptReference {
         self.check_size(&reference);
         let keep_one = |point: &GridPoint| {
             let mut extracted = ExtractedSubset::default();

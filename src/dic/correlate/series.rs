@@ -69,7 +69,7 @@ impl Series {
     /// If the size of the image differs from the correlator's plan.
     pub fn new(mut correlator: Correlator, first: ImageView<'_>, points: &[GridPoint]) -> Self {
         let prepared = correlator.prepare(first);
-        let kept = correlator.keep(prepared, points);
+        let kept = correlator.keep_reference(prepared, points);
         let still = Material { moved: (0.0, 0.0), variance: (0.0, 0.0), offset: (0.0, 0.0) };
         Self {
             correlator,
@@ -181,7 +181,7 @@ impl Series {
             self.places[index] = self.material[index].map(|_| points.len() - 1);
         }
         let image = std::mem::take(&mut self.target);
-        self.kept = self.correlator.keep(image, &points);
+        self.kept = self.correlator.keep_reference(image, &points);
         self.starts = vec![Some(Warp::default()); points.len()];
         self.renewals += 1;
     }

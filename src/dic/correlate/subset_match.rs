@@ -183,7 +183,7 @@ impl SubsetMatcher<'_> {
         let ratio = peaks.peak_ratio();
         let warp = Warp::shift(u, v);
         // The first Gauss-Newton step, which is not applied, estimates the error of the peak.
-        match self.refiner().step(&warp) {
+        match self.refiner().gauss_newton_step(&warp) {
             Err(lost) => self.judge_refinement(Err(lost), &peaks, ratio),
             Ok((_, zncc)) if zncc < self.params.min_zncc => {
                 let found = Match { warp, second: [[0.0; 3]; 2], zncc, iterations: 0 };

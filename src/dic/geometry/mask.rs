@@ -202,7 +202,7 @@ impl SubsetMask {
         out.extent = self.extent;
     }
 
-    /// Whether all pixels of the square of side 2 `half` + 1 belong.
+    /// Whether the mask contains all pixels of the square of side 2 `half` + 1.
     pub(in crate::dic) fn is_square(&self) -> bool {
         self.pixels == (2 * self.half as usize + 1).pow(2)
     }

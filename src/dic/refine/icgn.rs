@@ -103,7 +103,7 @@ impl Refiner<'_> {
     ///
     /// [`MatchError`] if the iteration leaves the image or does not converge.
     pub(in crate::dic) fn refine(&self, start: Warp) -> Result<Match, MatchError> {
-        self.iterate(start, |warp| self.step(warp))
+        self.iterate(start, |warp| self.gauss_newton_step(warp))
     }
 
     /// Runs [`Self::refine`] and stores the residual before the last step, which hardly changes it, in `residual`.
@@ -196,7 +196,7 @@ impl Refiner<'_> {
     }
 
     /// Returns the Gauss-Newton step of the reference at `warp`, and the ZNCC there.
-    pub(in crate::dic) fn step(&self, warp: &Warp) -> Result<(Warp, f64), MatchError> {
+    pub(in crate::dic) fn gauss_newton_step(&self, warp: &Warp) -> Result<(Warp, f64), MatchError> {
         self.solve_step(self.sums_at(warp, Sampling::Exact)?).map(|(step, zncc, _)| (step, zncc))
     }
 

@@ -95,7 +95,7 @@ impl ReferenceSubset {
         shape: Shape,
         at: GridPoint,
     ) -> Result<(), Unusable> {
-        self.load(reference, window, at)?;
+        self.load_levels(reference, window, at)?;
         self.compute_sums(window, shape, Illumination::Uniform)
     }
 
@@ -106,7 +106,7 @@ impl ReferenceSubset {
         window: &SubsetMask,
         at: GridPoint,
     ) -> Result<(), Unusable> {
-        self.load(reference, window, at)?;
+        self.load_levels(reference, window, at)?;
         self.compute_sums(window, Shape::Rigid, Illumination::Gradient)
     }
 
@@ -208,8 +208,13 @@ impl ReferenceSubset {
         Ok(())
     }
 
-    /// Loads grey levels, their mean and energy, and gradients.
-    fn load(&mut self, reference: &PreparedFrame, window: &SubsetMask, at: GridPoint) -> Result<(), Unusable> {
+    /// Loads the grey levels of the subset at `at`, relative to their mean, and their gradients.
+    ///
+    /// # Errors
+    ///
+    /// Returns `OutOfFrame` if the subset leaves the image, and `LowContrast` if too many of its pixels are
+    /// saturated.
+    fn load_levels(&mut self, reference: &PreparedFrame, window: &SubsetMask, at: GridPoint) -> Result<(), Unusable> {
         let at = reference.local(at);
         if !window.extent.fits(at, reference.levels.size()) {
             return Err(Unusable::OutOfFrame);

@@ -196,7 +196,7 @@ fn kept_references_and_starts_from_neighbours_give_the_same_field() {
     let (mut searched, mut kept_field, mut neighbors) = (Vec::new(), Vec::new(), Vec::new());
     correlator.correlate(&a, &b, &points, Start::Search, &mut searched);
     assert!(searched.iter().all(|point| point.status == PointStatus::Valid));
-    let kept = correlator.keep(a.clone(), &points);
+    let kept = correlator.keep_reference(a.clone(), &points);
     correlator.correlate_kept(&kept, &b, Start::Search, &mut kept_field);
     assert_eq!(kept_field, searched);
     correlator.correlate(&a, &b, &points, Start::Neighbor, &mut neighbors);
@@ -300,7 +300,7 @@ fn any_warp_of_any_window_anywhere_is_sampled_or_refused() {
         let refiner =
             Refiner { subset: &subset, window: &window, shape: Shape::Affine, target: &target.interpolated, at };
         for warp in [warp, Warp::shift(warp.u, warp.v), Warp::rigid(warp.u, warp.v, 3.0 * ux)] {
-            sampled += i32::from(refiner.step(&warp).is_ok());
+            sampled += i32::from(refiner.gauss_newton_step(&warp).is_ok());
             let _ = refiner.refine(warp);
             refiner.residual(&warp, &mut residual);
             assert!(residual.iter().all(|row| row.0.iter().all(|value| value.is_finite())));

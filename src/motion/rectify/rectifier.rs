@@ -92,7 +92,7 @@ impl Rectifier {
         let mut rectifier =
             Self { calibration, middle: [middle_px; 2], turn: [[1.0, 0.0], [0.0, 1.0]], mm_per_px: None };
         let middle = rectifier.plane_position(middle_px).ok_or(folds(middle_px))?;
-        let slope = rectifier.jacobian_of(middle_px, Self::plane_position).ok_or(folds(middle_px))?;
+        let slope = rectifier.jacobian_at(middle_px, Self::plane_position).ok_or(folds(middle_px))?;
         let size = determinant(&slope).abs().sqrt();
         if !(size > 0.0 && size.is_finite()) {
             return Err(folds(middle_px));
@@ -128,13 +128,13 @@ impl Rectifier {
         let offset = self.calibration.offset_px.map(f64::from);
         let ahead = self.calibration.lens.and_then(|lens| {
             let [x, y] = lens.pixel([0.0; 2]);
-            self.place([x - offset[0], y - offset[1]])
+            self.rectify_point([x - offset[0], y - offset[1]])
         });
         ahead.unwrap_or(self.middle[0])
     }
 
     /// Converts a pixel of the recorded image to its rectified position, px; `None` beyond the calibration.
-    pub fn place(&self, at_px: [f64; 2]) -> Option<[f64; 2]> {
+    pub fn rectify_point(&self, at_px: [f64; 2]) -> Option<[f64; 2]> {
         let [x, y] = self.plane_position(at_px)?;
         let offset = multiply(&self.turn, [x - self.middle[1][0], y - self.middle[1][1]]);
         Some([self.middle[0][0] + offset[0], self.middle[0][1] + offset[1]])
@@ -148,7 +148,7 @@ impl Rectifier {
     /// Converts a rectified position to its pixel by Newton's method, starting from the pixel `at`.
     fn pixel_near(&self, place: [f64; 2], mut at: [f64; 2]) -> Option<[f64; 2]> {
         for _ in 0..ROUNDS {
-            let now = self.place(at)?;
+            let now = self.rectify_point(at)?;
             let step = solve_linear(&self.jacobian(at)?, [place[0] - now[0], place[1] - now[1]]);
             at = [at[0] + step[0], at[1] + step[1]];
             if step[0].hypot(step[1]) < 1e-9 {
@@ -161,11 +161,11 @@ impl Rectifier {
     /// Converts a step to rectified pixels; `None` beyond the calibration.
     ///
     /// The circle of a ball is its outline.
-    pub fn step(&self, step: &BodyStep, form: Form) -> Option<BodyStep> {
+    pub fn rectify_step(&self, step: &BodyStep, form: Form) -> Option<BodyStep> {
         let Some(seen) = step.center_px() else { return Some(*step) };
         let radius_px = step.circle().map_or(0.0, |circle| circle.radius_px);
         let (center, uneven) = if form == Form::Ball { self.outline_center(seen, radius_px)? } else { (seen, 0.0) };
-        let [x, y] = self.place(center)?;
+        let [x, y] = self.rectify_point(center)?;
         let jacobian = self.jacobian(center)?;
         let (min_stretch, mean) = stretch(&jacobian);
         // A ball's outline is not foreshortened with the plane.
@@ -230,9 +230,9 @@ impl Rectifier {
     fn plane_motion(&self, step: &RigidStep, disc: &Disc, jacobian: &[[f64; 2]; 2], frames: f64) -> Option<RigidStep> {
         let Disc { seen, center, radius_px } = *disc;
         let measured = [frames * step.dx_px, frames * step.dy_px, (frames * step.dtheta_deg).to_radians()];
-        let from = self.place(center)?;
+        let from = self.rectify_point(center)?;
         let end = move_rigidly(measured, seen, center);
-        let to = self.place(end)?;
+        let to = self.rectify_point(end)?;
         // A rotation in a plane that is seen obliquely appears slightly larger than it is.
         let (min_stretch, mean) = stretch(jacobian);
         let ratio = (mean / min_stretch).powi(2);
@@ -267,7 +267,7 @@ impl Rectifier {
         let ring = circle_points(seen, radius_px * std::f64::consts::FRAC_1_SQRT_2);
         let mut ends = [[0.0; 2]; CIRCLE_POINTS];
         for (end, at) in ends.iter_mut().zip(ring) {
-            let target = move_rigidly(motion, from, self.place(at)?);
+            let target = move_rigidly(motion, from, self.rectify_point(at)?);
             *end = self.pixel_near(target, move_rigidly(near, seen, at))?;
         }
         let middle = [0, 1].map(|k| ends.iter().map(|end| end[k]).sum::<f64>() / CIRCLE_POINTS as f64);
@@ -301,11 +301,11 @@ impl Rectifier {
 
     /// Returns the Jacobian of [`Self::place`] at a pixel; `None` beyond the calibration.
     pub(in crate::motion) fn jacobian(&self, at: [f64; 2]) -> Option<[[f64; 2]; 2]> {
-        self.jacobian_of(at, Self::place)
+        self.jacobian_at(at, Self::rectify_point)
     }
 
     /// Returns the Jacobian of `map` at a pixel; `None` where the map has no value.
-    fn jacobian_of(&self, at: [f64; 2], map: fn(&Self, [f64; 2]) -> Option<[f64; 2]>) -> Option<[[f64; 2]; 2]> {
+    fn jacobian_at(&self, at: [f64; 2], map: fn(&Self, [f64; 2]) -> Option<[f64; 2]>) -> Option<[[f64; 2]; 2]> {
         let slope = numerical_jacobian(|at| map(self, at).unwrap_or([f64::NAN; 2]), at, NEAR_PX);
         slope.iter().flatten().all(|x| x.is_finite()).then_some(slope)
     }
@@ -357,7 +357,7 @@ mod tests {
     fn the_middle_stays_where_it_is_and_as_it_is() {
         for rectifier in all() {
             let [x, y] = rectifier.middle[0];
-            let place = rectifier.place([x, y]).unwrap();
+            let place = rectifier.rectify_point([x, y]).unwrap();
             assert!((place[0] - x).hypot(place[1] - y) < 1e-9, "{place:?}");
             let jacobian = rectifier.jacobian([x, y]).unwrap();
             assert!(
@@ -371,7 +371,7 @@ mod tests {
     fn a_place_has_the_pixel_it_came_from() {
         for rectifier in all() {
             for at in [[3.0, 5.0], [400.0, 77.0], [256.0, 256.0], [470.0, 460.0]] {
-                let back = rectifier.pixel(rectifier.place(at).unwrap()).unwrap();
+                let back = rectifier.pixel(rectifier.rectify_point(at).unwrap()).unwrap();
                 assert!((back[0] - at[0]).hypot(back[1] - at[1]) < 1e-6, "{at:?}: {back:?}");
             }
         }
@@ -382,19 +382,19 @@ mod tests {
         let rectifier = &all()[1];
         let mm = rectifier.mm_per_px().unwrap();
         let [a, b] = [[100.0, 130.0], [380.0, 300.0]];
-        let (plane, place) = (|at| rectifier.plane_position(at).unwrap(), |at| rectifier.place(at).unwrap());
+        let (plane, place) = (|at| rectifier.plane_position(at).unwrap(), |at| rectifier.rectify_point(at).unwrap());
         let apart = |[x, y]: [f64; 2], [u, v]: [f64; 2]| (x - u).hypot(y - v);
         assert!((mm * apart(place(a), place(b)) - apart(plane(a), plane(b))).abs() < 1e-9);
     }
 
     /// The best-fit rigid motion in the recorded image of a disc of 50 px radius, and its dilatation.
     fn recorded(rectifier: &Rectifier, seen: [f64; 2], (dx, dy, turn_deg): (f64, f64, f64)) -> (RigidStep, f64) {
-        let from = rectifier.place(rectifier.outline_center(seen, 50.0).unwrap().0).unwrap();
+        let from = rectifier.rectify_point(rectifier.outline_center(seen, 50.0).unwrap().0).unwrap();
         let mut pairs = Vec::new();
         for k in 0..101 * 101 {
             let offset = [f64::from(k % 101) - 50.0, f64::from(k / 101) - 50.0];
             if offset[0].hypot(offset[1]) <= 50.0 {
-                let place = rectifier.place([seen[0] + offset[0], seen[1] + offset[1]]).unwrap();
+                let place = rectifier.rectify_point([seen[0] + offset[0], seen[1] + offset[1]]).unwrap();
                 let end = rectifier.pixel(move_rigidly([dx, dy, turn_deg.to_radians()], from, place)).unwrap();
                 pairs.push((offset, end));
             }
@@ -443,7 +443,7 @@ mod tests {
                         growth_fraction: Some(Estimate { value: grown, sigma: 4e-5 }),
                         ..BodyStep::default()
                     };
-                    let measured = rectifier.step(&seen, Form::Ball).unwrap();
+                    let measured = rectifier.rectify_step(&seen, Form::Ball).unwrap();
                     let (step, left) = (measured.motion.unwrap(), measured.growth_fraction.unwrap().value);
                     let most = 0.03 * grown.abs() + 1e-5 * (1.0 + truth.2.abs());
                     assert!(left.abs() < most, "{center:?} {truth:?}: {left} of {grown}");

@@ -61,7 +61,7 @@ impl<const N: usize> CumulativeSums<N> {
     }
 
     /// Returns the sums of all kept frames in order of time.
-    pub fn seen(&self) -> &[[Sample; N]] {
+    pub fn sums(&self) -> &[[Sample; N]] {
         &self.seen
     }
 

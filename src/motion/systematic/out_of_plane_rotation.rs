@@ -293,7 +293,7 @@ impl OutlineDrift {
     /// Returns the possible difference between the angle of a node and the ball's own, deg, from the significant
     /// apparent rotation since the first node.
     pub fn angle_uncertainty_deg(&self, node: &Pose, here: &LocalDrift) -> f64 {
-        let seen = self.sums.seen();
+        let seen = self.sums.sums();
         let at = seen.partition_point(|sums| sums[0].time_frames < node.time_frames);
         let (Some([_, _, turn]), Some(rates)) = (seen.get(at), here.rates) else { return 0.0 };
         rates.share * significant_deviation(turn.value, turn.sigma.hypot(turn.walk * (at as f64).sqrt()))
@@ -323,7 +323,7 @@ impl OutlineDrift {
     /// Returns the drift at a node as far as it is known: from the interval of uniform drift around it.
     ///
     /// In contact, the drift of the flight before is used, and its sigma includes the change of the spin.
-    pub fn here(&self, node: &Pose, regime: Regime) -> LocalDrift {
+    pub fn local_drift(&self, node: &Pose, regime: Regime) -> LocalDrift {
         let ((from_frames, to_frames), scatter, lines) = self.uniform_interval(node, regime);
         let rates = self.combined_rates(from_frames, to_frames, lines.as_ref());
         let drift = rates.map(|rates| self.significant_part(from_frames, to_frames, &rates));
@@ -431,19 +431,19 @@ impl OutlineDrift {
         };
         let count = near.len() as f64;
         let middle = near.iter().map(|seen| seen[0].time_frames).sum::<f64>() / count;
-        let at = |axis: usize| {
+        let extrapolate = |axis: usize| {
             let mean = near.iter().map(|seen| seen[axis].value).sum::<f64>() / count;
-            let left =
+            let deviation =
                 |seen: &[Sample; 2]| seen[axis].value - mean - rates[axis].value * (seen[axis].time_frames - middle);
-            let off = (near.iter().map(|seen| left(seen).powi(2)).sum::<f64>() / count).sqrt();
-            let away = node.time_frames - middle;
-            let own = (near.iter().map(|seen| seen[axis].sigma.powi(2)).sum::<f64>() / count).sqrt();
+            let rms = (near.iter().map(|seen| deviation(seen).powi(2)).sum::<f64>() / count).sqrt();
+            let since = node.time_frames - middle;
+            let sigma = (near.iter().map(|seen| seen[axis].sigma.powi(2)).sum::<f64>() / count).sqrt();
             // The errors of a film's outlines are correlated, so they do not average.
-            (mean + rates[axis].value * away, own.max(off).hypot(rates[axis].sigma * away), off)
+            (mean + rates[axis].value * since, sigma.max(rms).hypot(rates[axis].sigma * since), rms)
         };
-        let ((x, sigma_x, off_x), (y, sigma_y, off_y)) = (at(0), at(1));
+        let ((x, sigma_x, rms_x), (y, sigma_y, rms_y)) = (extrapolate(0), extrapolate(1));
         let center = Center { x_px: node.pose[0] + x, y_px: node.pose[1] + y, sigma_px: sigma_x.max(sigma_y) };
-        Some((center, off_x.max(off_y)))
+        Some((center, rms_x.max(rms_y)))
     }
 }
 

@@ -26,7 +26,7 @@ impl SizeChange {
 
     /// Returns the dilatation between the first frame and a time, as a logarithm; `None` where steps do not lead there.
     fn since_first(&self, time_frames: f64) -> Option<Estimate> {
-        let seen = self.sizes.seen();
+        let seen = self.sizes.sums();
         let [first] = *seen.first()?;
         let at = seen.partition_point(|[size]| size.time_frames < time_frames);
         let [here] = *seen.get(at).filter(|[here]| here.component == first.component)?;
@@ -35,8 +35,8 @@ impl SizeChange {
     }
 
     /// Returns the size of the significant dilatation since the first frame, as a logarithm, at least 0.
-    pub fn whole(&self) -> f64 {
-        let seen = self.sizes.seen();
+    pub fn total_dilatation(&self) -> f64 {
+        let seen = self.sizes.sums();
         let (Some([first]), Some([last])) = (seen.first(), seen.last()) else { return 0.0 };
         let rate = self.rate(first.time_frames, last.time_frames).map(significant);
         rate.map_or(0.0, |rate| (rate.value * (last.time_frames - first.time_frames)).abs())
@@ -90,7 +90,7 @@ impl SizeChange {
             Some(Estimate { value: 0.0, sigma: before.value.hypot(before.sigma) })
         };
         let Some(dilatation) = dilatation.or_else(before) else { return rates };
-        let since = self.sizes.seen().first().map_or(0.0, |[first]| seen.time_frames - first.time_frames);
+        let since = self.sizes.sums().first().map_or(0.0, |[first]| seen.time_frames - first.time_frames);
         let already = self.since_first(seen.time_frames).map_or(0.0, |size| significant(size).value);
         let across = |rate: Estimate, place_px: f64| {
             let value = rate.value - dilatation.value * place_px;

@@ -136,8 +136,8 @@ impl RollingShutter {
         (scaled(|newest, before| 0.5 * (newest + before)), scaled(|newest, before| newest - before))
     }
 
-    /// Returns the time between the body's two latest images, frame periods.
-    pub fn periods(&self) -> f64 {
+    /// Returns the time between the exposures of the body in its two latest images, frame periods.
+    pub fn image_interval_periods(&self) -> f64 {
         (1.0 + self.stretch_and_change().0[1]).max(MIN_ROW_SPEED)
     }
 
@@ -278,7 +278,7 @@ impl RollingShutter {
 
     /// Returns a rod as it was when its centre was exposed. See [`Self::without_sinking`].
     fn straighten_rod(&self, rod: Rod, stretch: [f64; 2], change: [f64; 2]) -> Rod {
-        let longer = self.periods();
+        let longer = self.image_interval_periods();
         let (middle_px, stretch_sigma) = (rod.y_px.value, SPEED_CHANGE_SHARE * length(change));
         let mut edges = rod.edges;
         for place in edges.iter_mut().flatten().filter_map(|edge| edge.y_px.as_mut()) {

@@ -127,7 +127,7 @@ impl<'a> CameraFeed<'a> {
     /// Records that the system has all frames that were written.
     pub(super) fn note_written(&mut self) {
         if self.newest != FrameStamp::default() {
-            self.reached.note(self.newest, 0);
+            self.reached.save(self.newest, 0);
         }
     }
 
@@ -215,7 +215,7 @@ impl<'a> CameraFeed<'a> {
     ///
     /// Beyond `max` held frames the others stay in the queue. The recorder may lose those, but holding the whole
     /// ring would leave the camera no slot.
-    pub(super) fn hold(&mut self, max: usize, is_last: impl Fn(&FrameSample) -> bool) -> Result<(), BusError> {
+    pub(super) fn hold_frames(&mut self, max: usize, is_last: impl Fn(&FrameSample) -> bool) -> Result<(), BusError> {
         while self.held.len() < max && !self.held.back().is_some_and(&is_last) {
             let Some(sample) = self.frames.take()? else { break };
             if self.takes(sample.header().run_id) {

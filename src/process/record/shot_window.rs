@@ -10,7 +10,7 @@ impl Recorder<'_> {
     /// Starts a shot of the whole queue around frame `at`, or around the newest frame if `None`.
     pub(super) fn trigger(&mut self, at: Option<u64>, cause: &str) -> Result<(), Failure> {
         for feed in &mut self.feeds {
-            feed.hold(feed.limits.ring_frames + feed.limits.held_frames - 1, |_| false)?;
+            feed.hold_frames(feed.limits.ring_frames + feed.limits.held_frames - 1, |_| false)?;
         }
         let feed = &mut self.feeds[0];
         let (Some(oldest), Some(newest)) = (feed.held.front(), feed.held.back()) else {
@@ -95,7 +95,7 @@ impl Recorder<'_> {
     /// Starts the recording of a whole stream, once a frame of every camera has come or the wait for it is over.
     pub(super) fn begin_stream(&mut self) -> Result<(), Failure> {
         for camera in 0..self.feeds.len() {
-            self.hold(camera)?;
+            self.hold_frames(camera)?;
         }
         let fronts = self.feeds.iter().filter_map(|feed| Some(feed.held.front()?.header().stamp_ns));
         let Some(stamp_ns) = fronts.min() else { return Ok(()) };
@@ -161,7 +161,7 @@ impl Recorder<'_> {
     }
 
     /// Holds the frames of a camera that belong to the shot, and ends its part if a frame after the shot has come.
-    pub(super) fn hold(&mut self, camera: usize) -> Result<(), Failure> {
+    pub(super) fn hold_frames(&mut self, camera: usize) -> Result<(), Failure> {
         let (end, to_ns) = match &self.shot {
             None => (u64::MAX, u64::MAX),
             Some(open) if camera == 0 => (open.progress[0].end.unwrap_or(u64::MAX), u64::MAX),
@@ -169,7 +169,7 @@ impl Recorder<'_> {
         };
         let feed = &mut self.feeds[camera];
         let max = feed.limits.held_frames;
-        feed.hold(max, |newest| newest.header().sequence + 1 >= end || newest.header().stamp_ns > to_ns)?;
+        feed.hold_frames(max, |newest| newest.header().sequence + 1 >= end || newest.header().stamp_ns > to_ns)?;
         self.find_end(camera)
     }
 
@@ -246,7 +246,7 @@ impl Recorder<'_> {
     pub(super) fn is_over(&mut self) -> Result<bool, Failure> {
         for camera in 0..self.feeds.len() {
             let Some(end) = self.feeds[camera].stream.end else { continue };
-            self.hold(camera)?;
+            self.hold_frames(camera)?;
             // The shot may have begun since the last check.
             self.begin_part(camera)?;
             let feed = &mut self.feeds[camera];

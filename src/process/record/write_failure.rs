@@ -70,7 +70,7 @@ impl Recorder<'_> {
     pub(super) fn discard_frames(&mut self) -> Result<bool, Failure> {
         let mut discarded = false;
         for camera in 0..self.feeds.len() {
-            self.hold(camera)?;
+            self.hold_frames(camera)?;
             let feed = &mut self.feeds[camera];
             let Some(sample) = feed.held.pop_front() else { continue };
             let header = *sample.header();

@@ -83,7 +83,7 @@ pub(super) struct Running {
     pub(super) line: Option<Line>,
     pub(super) deaths: RecentDeaths,
     pub(super) heartbeat: Heartbeat,
-    /// Whether it died and waits for free memory before it is started again.
+    /// Whether the process died and waits for free memory before it is started again.
     pub(super) waits_for_memory: bool,
     /// The free shared memory when it was started, bytes.
     pub(super) free_at_start_bytes: u64,
@@ -94,12 +94,12 @@ pub(super) struct Running {
 }
 
 impl Running {
-    /// Whether it runs, or is about to be started again.
+    /// Whether the process runs, or is about to be started again.
     pub(super) fn is_alive(&self) -> bool {
         self.process.is_some() || self.waits_for_memory
     }
 
-    /// Whether it died because there was too little shared memory. It then waits for more than it was started with.
+    /// Whether the process died because there was too little shared memory. It then waits for more than it was started with.
     pub(super) fn lacked_memory(&mut self, status: ExitStatus) -> bool {
         let is_suspect = status.signal() == Some(SIGBUS) || status.code() == Some(BUS_FAILURE);
         let was_scarce = self.free_at_start_bytes < SCARCE_BYTES;
@@ -107,7 +107,7 @@ impl Running {
         is_suspect && (was_scarce || bus::check_room(0, 1).is_err())
     }
 
-    /// Whether it waits, and there is room for it now.
+    /// Whether the process waits for shared memory, and there is enough for it now.
     pub(super) fn has_room(&self) -> bool {
         self.waits_for_memory && bus::check_room(self.wanted_bytes, 1).is_ok()
     }

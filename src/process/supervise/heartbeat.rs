@@ -14,7 +14,7 @@ pub(super) struct Heartbeat {
 
 impl Heartbeat {
     /// Records a status message.
-    pub(super) fn note(&mut self) {
+    pub(super) fn record(&mut self) {
         self.silent_polls = Some(0);
     }
 
@@ -47,10 +47,10 @@ mod tests {
         let mut starting = Heartbeat::default();
         assert!(polls.clone().all(|_| !starting.count_poll(Some('S'))));
         let mut writing = Heartbeat::default();
-        writing.note();
+        writing.record();
         assert!(polls.clone().all(|_| !writing.count_poll(Some('D'))));
         assert_eq!(polls.clone().find(|_| writing.count_poll(Some('T'))), Some(MAX_SILENT_POLLS - 1));
-        writing.note();
+        writing.record();
         assert!(!writing.count_poll(Some('S')));
         assert!(process_state(std::process::id()).is_some_and(char::is_alphabetic));
     }

@@ -20,6 +20,7 @@ pub(crate) enum Field {
 }
 
 impl Field {
+    /// Returns the area of the region, px^2.
     fn area_px2(self) -> f64 {
         match self {
             Self::Disc(radius) => PI * radius * radius,

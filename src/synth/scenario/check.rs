@@ -28,6 +28,7 @@ impl Scenario {
         checked.map_err(|error| ScenarioError::Other(Box::new(error)))
     }
 
+    /// Checks the scale, and that only a single flat body approaches the camera.
     fn check_scale(&self) -> Result<(), ScenarioError> {
         let (scale, key) = (&self.scale, "scale.nearer_per_s");
         check_range("scale.mm_per_px", scale.mm_per_px, 1e-6, 1e3)?;
@@ -41,6 +42,7 @@ impl Scenario {
         check_range("scale.nearer_per_s x length of the film", scale.nearer_per_s * film_s, -0.5, 0.5)
     }
 
+    /// Checks the motion, and that it suits the body and the occluder.
     fn check_motion(&self) -> Result<(), ScenarioError> {
         let check_occluder_position = || match &self.occluder {
             Some(occluder) if occluder.point_px.is_none() => Err(ScenarioError::OccluderPlace),
@@ -73,6 +75,7 @@ impl Scenario {
         }
     }
 
+    /// Checks the camera, and that all stamps fit 64 bits.
     fn check_camera(&self) -> Result<(), ScenarioError> {
         let camera = &self.camera;
         check_range("camera.width_px", f64::from(camera.width_px), 16.0, 8192.0)?;
@@ -97,6 +100,7 @@ impl Scenario {
         check_range("camera.frames / camera.frame_rate_hz", camera.frames as f64 / camera.frame_rate_hz, 0.0, 9e9)
     }
 
+    /// Checks size, paint, felt and rod of the body.
     fn check_body(&self) -> Result<(), ScenarioError> {
         let diameter_mm = self.body.diameter_mm;
         let (mm_per_px, camera) = (self.scale.mm_per_px, &self.camera);
@@ -211,6 +215,7 @@ impl Scenario {
         Ok(())
     }
 
+    /// Checks grey levels, light and occluder.
     fn check_light(&self) -> Result<(), ScenarioError> {
         check_range("shade.ball", self.shade.ball, 0.0, 1.0)?;
         check_range("shade.speckle", self.shade.speckle, 0.0, 1.0)?;
@@ -245,6 +250,7 @@ impl Scenario {
 }
 
 impl LightSetup {
+    /// Checks the lamp and its reflection.
     fn check_lamp(&self) -> Result<(), ScenarioError> {
         check_range("light.lamp_elevation_deg", self.lamp_elevation_deg, 0.0, 90.0)?;
         check_range("light.lamp", self.lamp, 0.0, 1.0)?;

@@ -41,7 +41,7 @@ impl BodyTracker {
     /// Returns the velocity fitted around a node; `None` without a scale or enough nodes.
     fn velocity_at(&self, node: &Pose) -> Option<BodyVelocity> {
         let regime = self.detector.as_ref().map_or(Regime::Unknown, |detector| detector.regime(node.frame));
-        let here = self.outline_drift.here(node, regime);
+        let here = self.outline_drift.local_drift(node, regime);
         let known = KnownMotion { nodes: &self.nodes, to_frame: self.newest_frame, gravity: self.gravity() };
         let rates = self.correct_out_of_plane(smooth(known, node.frame, regime, &self.params)?, regime, node, &here);
         Some(physical(&self.with_systematic_errors(rates), self.radius.metres_per_px(self.params.scale)?, &self.params))

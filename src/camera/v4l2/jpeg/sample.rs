@@ -47,6 +47,7 @@ struct Bits {
 }
 
 impl Bits {
+    /// Appends the lowest `count` of `bits`, most significant first.
     fn put(&mut self, (bits, count): (u32, u32)) {
         self.waiting = self.waiting << count | u64::from(bits);
         self.count += count;

@@ -80,7 +80,7 @@ fn a_ball_whose_drift_nobody_sees_is_as_unsure_as_balls_turn() {
     assert_eq!(drift.significant(0.0, 39.0), None);
     let [x, _, _] = drift.expected(0.0, 39.0).unwrap();
     assert!(x.value.abs() <= 0.0 && (x.sigma - ROTATING_SHARE.sqrt() * 1.5).abs() < 1e-9, "{x:?}");
-    let center_uncertainty_px = drift.center_uncertainty_px(&node(20), &drift.here(&node(20), FLIGHT));
+    let center_uncertainty_px = drift.center_uncertainty_px(&node(20), &drift.local_drift(&node(20), FLIGHT));
     assert!((center_uncertainty_px - 20.0 * x.sigma).abs() < 1e-9, "{center_uncertainty_px}");
 }
 
@@ -89,7 +89,7 @@ fn what_may_be_chance_is_left_out() {
     for drift in [steps([0.002, -0.001]), outlines([1e-4, -2e-4], 100)] {
         let measured = drift.significant(0.0, 99.0).unwrap();
         assert!(measured.iter().all(|drift| drift.value.abs() <= 0.0 && drift.sigma.abs() < 1e-5), "{measured:?}");
-        assert_eq!(drift.center(&node(50), &drift.here(&node(50), FLIGHT)), None);
+        assert_eq!(drift.center(&node(50), &drift.local_drift(&node(50), FLIGHT)), None);
     }
 }
 
@@ -116,7 +116,7 @@ fn a_centre_is_where_its_outlines_are_when_a_blow_makes_it_leave_its_poses() {
         }
     }
     for frame in 0..100 {
-        let Some(center) = drift.center(&node(frame), &drift.here(&node(frame), FLIGHT)) else { continue };
+        let Some(center) = drift.center(&node(frame), &drift.local_drift(&node(frame), FLIGHT)) else { continue };
         let off = [
             center.x_px - (90.0 + 1.5 * frame as f64 + 0.09 * since(frame)),
             center.y_px - (80.0 + 0.37 * since(frame)),
@@ -125,13 +125,13 @@ fn a_centre_is_where_its_outlines_are_when_a_blow_makes_it_leave_its_poses() {
         assert!(off.iter().all(|off| off.abs() < 3.0 * sigma) && sigma < 1.0, "{frame}: off {off:?}, {sigma}");
         assert!(frame.abs_diff(30) < 8 || off[1].abs() < 0.2, "{frame}: off {off:?}");
     }
-    assert!(drift.center(&node(80), &drift.here(&node(80), FLIGHT)).is_some());
+    assert!(drift.center(&node(80), &drift.local_drift(&node(80), FLIGHT)).is_some());
     for frame in 0..100 {
         let true_px = if frame < 30 { [0.0; 2] } else { [0.09, 0.37] };
         let moved = OutlineDrift::apply_to_step(
             RigidStep { dx_px: 1.5, ..RigidStep::STILL },
             None,
-            &drift.here(&node(frame), FLIGHT),
+            &drift.local_drift(&node(frame), FLIGHT),
         );
         let off = [moved.dx_px - 1.5 - true_px[0], moved.dy_px - true_px[1]];
         let sigma = [moved.sigma_dx_px, moved.sigma_dy_px];
@@ -147,7 +147,7 @@ fn a_centre_goes_on_where_its_outline_is_not_seen() {
         drift.push_step(frame as f64, &step(frame, [-0.2, 0.0]));
     }
     for frame in [20, 60, 90] {
-        let center = drift.center(&node(frame), &drift.here(&node(frame), FLIGHT)).unwrap();
+        let center = drift.center(&node(frame), &drift.local_drift(&node(frame), FLIGHT)).unwrap();
         let off = center.x_px - (90.0 + 1.3 * frame as f64);
         assert!(off.abs() < 3.0 * center.sigma_px && center.sigma_px < 0.3, "{frame}: off {off}, {center:?}");
     }
@@ -155,13 +155,16 @@ fn a_centre_goes_on_where_its_outline_is_not_seen() {
     let still = |value: f64| Estimate { value, sigma: 1e-3 };
     let rates = PixelRates { x: still(1.5), y: still(0.0), theta: still(0.1), window_frames: 9, order: 2 };
     let (flies, touches) = (
-        OutlineDrift::apply_to_rates(rates, &drift.here(&node(50), FLIGHT)),
-        OutlineDrift::apply_to_rates(rates, &drift.here(&node(70), contact)),
+        OutlineDrift::apply_to_rates(rates, &drift.local_drift(&node(50), FLIGHT)),
+        OutlineDrift::apply_to_rates(rates, &drift.local_drift(&node(70), contact)),
     );
     assert!((flies.x.value - 1.3).abs() < 3.0 * flies.x.sigma && flies.x.sigma < 0.01, "{flies:?}");
     assert!((touches.x.value - 1.3).abs() < 0.01 && touches.x.sigma > 0.09, "a contact turns it: {touches:?}");
-    let moved =
-        OutlineDrift::apply_to_step(RigidStep { dx_px: 1.5, ..RigidStep::STILL }, None, &drift.here(&node(50), FLIGHT));
+    let moved = OutlineDrift::apply_to_step(
+        RigidStep { dx_px: 1.5, ..RigidStep::STILL },
+        None,
+        &drift.local_drift(&node(50), FLIGHT),
+    );
     assert!((moved.dx_px - 1.3).abs() < 3.0 * moved.sigma_dx_px && moved.sigma_dx_px < 0.01, "{moved:?}");
 }
 
@@ -194,7 +197,7 @@ fn what_turns_beside_its_steps_is_taken_out_where_it_surely_tumbles() {
     let measured = |drift_px: f64| {
         let drift = turning(drift_px);
         let rates = PixelRates { x: NO_DRIFT, y: NO_DRIFT, theta: NO_DRIFT, window_frames: 9, order: 2 };
-        OutlineDrift::apply_to_rates(rates, &drift.here(&node(20), FLIGHT)).theta
+        OutlineDrift::apply_to_rates(rates, &drift.local_drift(&node(20), FLIGHT)).theta
     };
     let (tumbles, flat) = (measured(0.2), measured(0.0));
     assert!((tumbles.value - 0.03).abs() < 3.0 * tumbles.sigma && tumbles.sigma < 3e-3, "{tumbles:?}");
@@ -207,7 +210,7 @@ fn a_step_that_an_impact_falls_into_has_its_own_drift() {
     let moved = RigidStep { dx_px: 1.5, ..RigidStep::STILL };
     let own = step(50, [0.45, 0.0]).drift;
     let [even, struck] =
-        [None, own].map(|own| OutlineDrift::apply_to_step(moved, own, &drift.here(&node(50), FLIGHT)).dx_px);
+        [None, own].map(|own| OutlineDrift::apply_to_step(moved, own, &drift.local_drift(&node(50), FLIGHT)).dx_px);
     assert!((even - 1.7).abs() < 0.01 && (struck - 1.95).abs() < 1e-9, "{even} {struck}");
 }
 
@@ -215,7 +218,7 @@ fn a_step_that_an_impact_falls_into_has_its_own_drift() {
 fn an_angle_says_what_its_steps_turn_beside_it() {
     let [tumbles, flat] = [0.2, 0.0].map(|drift_px| {
         let drift = turning(drift_px);
-        drift.angle_uncertainty_deg(&node(30), &drift.here(&node(30), FLIGHT))
+        drift.angle_uncertainty_deg(&node(30), &drift.local_drift(&node(30), FLIGHT))
     });
     assert!((tumbles - 0.9).abs() < 0.01 && flat.abs() < 1e-9, "{tumbles} {flat}");
 }

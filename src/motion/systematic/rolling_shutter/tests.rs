@@ -118,7 +118,7 @@ fn a_ball_is_as_large_as_it_is_at_the_moment_its_centre_was_exposed() {
                 let by = row_time_frames * speed_px[1];
                 assert!((was - 0.5 * by * RADIUS_PX).abs() < 0.1, "{was} px at {by}");
                 // Periods between images make a step a speed.
-                let measured_px = straight.motion.unwrap().dy_px / rolling.periods();
+                let measured_px = straight.motion.unwrap().dy_px / rolling.image_interval_periods();
                 assert!((measured_px - speed_px[1]).abs() < 1e-6, "{measured_px} for {speed_px:?}");
             }
         }
@@ -143,7 +143,7 @@ fn a_ball_that_turns_does_not_sink() {
                 "{off} of {seen}, {measured:?}"
             );
             assert!(
-                (measured.dtheta_deg.to_radians() / turn_rad / rolling.periods() - 1.0).abs() < 2e-3,
+                (measured.dtheta_deg.to_radians() / turn_rad / rolling.image_interval_periods() - 1.0).abs() < 2e-3,
                 "{measured:?}"
             );
         }
