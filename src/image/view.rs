@@ -77,7 +77,7 @@ impl Image {
         Self { data: vec![0.0; width * height], width, height }
     }
 
-    /// Creates a view of `data` as `height` rows of `width` pixels.
+    /// Creates an image from `data`: `height` rows of `width` pixels.
     ///
     /// # Errors
     ///

@@ -46,7 +46,7 @@ impl Fft2d {
     ///
     /// # Panics
     ///
-    /// If `data` has not the size of the plan.
+    /// If `data` does not have the size of the plan.
     pub fn forward(&mut self, data: &mut Vec<Complex32>) {
         let forward = Arc::clone(&self.forward);
         self.run(forward.as_ref(), data);
@@ -56,7 +56,7 @@ impl Fft2d {
     ///
     /// # Panics
     ///
-    /// If `data` has not the size of the plan.
+    /// If `data` does not have the size of the plan.
     pub fn inverse(&mut self, data: &mut Vec<Complex32>) {
         let inverse = Arc::clone(&self.inverse);
         self.run(inverse.as_ref(), data);

@@ -59,7 +59,7 @@ fn weights(t: f64) -> [f64; 4] {
 pub fn through(rectifier: &Rectifier, picture: &[u8], [width, height]: [usize; 2]) -> Vec<u8> {
     let level = |x: i64, y: i64| f64::from(picture[y as usize * width + x as usize]);
     let at = |k: usize| {
-        let [x, y] = rectifier.place([(k % width) as f64, (k / width) as f64])?;
+        let [x, y] = rectifier.rectify_point([(k % width) as f64, (k / width) as f64])?;
         let (cell_x, cell_y) = (x.floor(), y.floor());
         let inside = |cell: f64, side: usize| cell >= 1.0 && cell + 2.0 < side as f64;
         if !(inside(cell_x, width) && inside(cell_y, height)) {

@@ -157,13 +157,13 @@ fn black_and_white_projections_find_the_same_edges_within_a_pixel() {
         let image = picture(&world, index, &mut bytes);
         let tone = projections::BinaryImage::new(image.view(), REGION.map(|number| number as usize)).unwrap();
         let truth = world.truth(index).center_y_px.unwrap();
-        let lines = projections::lines(&tone.row_steps(20..43), 4);
+        let lines = projections::find_extrema(&tone.row_steps(20..43), 4);
         for edge in EDGES {
             let nearest = lines[..8].iter().map(|line| (line.at as f64 + 0.5 - truth - edge).abs());
             assert!(nearest.fold(f64::INFINITY, f64::min) <= 1.0, "frame {index}: {edge} is not among {lines:?}");
         }
         let mut sides: Vec<usize> =
-            projections::lines(&tone.column_steps(), 4)[..2].iter().map(|line| line.at).collect();
+            projections::find_extrema(&tone.column_steps(), 4)[..2].iter().map(|line| line.at).collect();
         sides.sort_unstable();
         let middle = world.truth(index).center_x_px.unwrap();
         assert!((sides[0] as f64 + 0.5 - middle + 15.0).abs() <= 1.0, "{sides:?}");

@@ -13,7 +13,7 @@ impl Host {
         Self { root: root.to_owned() }
     }
 
-    /// Returns the path of a system's file in the folder.
+    /// Returns the path of a file of the system, below the root folder.
     pub fn path(&self, path: &str) -> PathBuf {
         self.root.join(path.trim_start_matches('/'))
     }

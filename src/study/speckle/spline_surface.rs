@@ -49,9 +49,9 @@ impl SplineSurface {
         let (row, down) = taps_and_weights(y_px, self.height);
         (0..4)
             .map(|step| {
-                let start = mirrored(row + step, self.height) * self.width;
+                let start = mirror_index(row + step, self.height) * self.width;
                 let sum: f64 = (0..4)
-                    .map(|step| across[step] * self.coefficients[start + mirrored(column + step, self.width)])
+                    .map(|step| across[step] * self.coefficients[start + mirror_index(column + step, self.width)])
                     .sum();
                 down[step] * sum
             })
@@ -74,9 +74,10 @@ fn taps_and_weights(place_px: f64, length: usize) -> (usize, [f64; 4]) {
     (first as usize, weights)
 }
 
-/// Converts the index of a coefficient, counted from one before the image, to one in the image, which is mirrored at
-/// its border pixels.
-fn mirrored(index: usize, length: usize) -> usize {
+/// Converts the index of a coefficient, counted from one before the image, to an index in the image.
+///
+/// The image is mirrored at its border pixels.
+fn mirror_index(index: usize, length: usize) -> usize {
     match index {
         0 => 1,
         _ if index <= length => index - 1,
