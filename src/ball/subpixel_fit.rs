@@ -415,7 +415,7 @@ impl SubpixelFit {
         enough && (inliers >= FEW_INLIERS || nats() > MIN_EVIDENCE_NATS * blur_factor)
     }
 
-    /// Whether hardly any edge lies outside the circle.
+    /// Whether at most a small fraction of the edges lies outside the circle.
     fn is_outermost(&self, inliers: usize) -> bool {
         let (distance_px, max_fraction) = match inliers {
             _ if self.fit.rim_kind == RimKind::Speckled => MAX_OUTER_SPECKLED,
@@ -425,7 +425,7 @@ impl SubpixelFit {
         self.fit.count_outer_edges(distance_px) as f64 <= max_fraction * inliers as f64
     }
 
-    /// Whether the levels outside the rim hardly vary along it.
+    /// Whether the levels outside the rim are nearly uniform along it.
     fn is_uniform_outside(&self) -> bool {
         let trusted = || {
             self.edges

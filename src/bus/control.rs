@@ -57,7 +57,7 @@ pub struct ControlClient {
 }
 
 impl ControlClient {
-    /// Sends a request and waits at most `timeout` for the answer; `None` when nobody answers.
+    /// Sends a request and waits at most `timeout` for the answer; `None` if no rig answers.
     ///
     /// # Errors
     ///
@@ -82,7 +82,7 @@ impl ControlClient {
 pub struct PendingReply(PendingResponse<ipc::Service, Request, (), Reply, ()>);
 
 impl PendingReply {
-    /// Waits at most `timeout` for the answer; `None` when nobody answers.
+    /// Waits at most `timeout` for the answer; `None` if no rig answers.
     ///
     /// # Errors
     ///

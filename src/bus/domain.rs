@@ -240,7 +240,7 @@ pub(super) enum Renewal<'a> {
     Of(&'a Domain),
 }
 
-/// Starts a run of a rig. Takes the place of its supervisor, and lets its file lead to the new domain.
+/// Starts a run of a rig. Replaces its supervisor, and points its file to the new domain.
 ///
 /// `role` is the name of the supervisor in error messages.
 ///
@@ -308,7 +308,7 @@ fn lock_rig(folder: &Path) -> Result<Claim, BusError> {
         .ok_or_else(|| BusError::Folder { path, reason: "a process that hangs has locked it".into() })
 }
 
-/// Lets the rig's file lead to a domain. The file is replaced as a whole, so that no reader sees half of it.
+/// Points the file of the rig to a domain. The file is replaced as a whole, so that no reader sees half of it.
 fn write_pointer(folder: &Path, domain: &Domain) -> Result<(), BusError> {
     let text = format!(
         "# Other programs that use iceoryx2 find this rig with this configuration.\n\

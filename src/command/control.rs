@@ -112,7 +112,7 @@ fn report(options: &RigOptions, reply: &Reply, recording: Option<&str>) -> Resul
     Ok(Outcome::Clean)
 }
 
-/// Returns the error of a rig from which nobody replies: it is silent, or there is none.
+/// Returns the error of a rig that does not reply, or does not run.
 fn no_answer_error(bus: &Bus) -> BusError {
     let rig = bus.rig().to_owned();
     match bus.roles().iter().find(|role| role.name == Role::Record.as_str()) {

@@ -144,7 +144,7 @@ pub(super) trait TomlType {
     /// The name in words.
     const NAME: &'static str;
 
-    /// Returns its JSON Schema.
+    /// Returns the JSON Schema of a value of the type.
     fn schema() -> Value;
 }
 

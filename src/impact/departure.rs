@@ -62,10 +62,10 @@ pub fn test_departure(flight: &[Sample], since: &[Sample], gravity: Option<f64>)
     let (end, sample) = (flight.last()?, since.last()?);
     let mut nearest: Option<Departure> = None;
     for curve in plausible_curves(flight, gravity) {
-        let off = residual(&curve, since, sample)?;
+        let distance = residual(&curve, since, sample)?;
         let rate = curve.rate(end.time_frames);
         let rate = Estimate { value: rate.value, sigma: rate.sigma * curve.excess() };
-        let (sigmas, certainty) = (off.value / off.sigma, rate.value / rate.sigma);
+        let (sigmas, certainty) = (distance.value / distance.sigma, rate.value / rate.sigma);
         nearest = Some(match nearest {
             None => Departure { sigmas, rate },
             Some(o) => Departure {

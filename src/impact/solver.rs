@@ -152,8 +152,8 @@ fn is_placed_by_outlines(nodes: &[SurfaceNode], interval: &Interval) -> bool {
 /// Returns the fraction of the frames of a contact in which the body was measured, 0 to 1.
 fn measured_fraction(nodes: &[SurfaceNode], interval: &Interval) -> f64 {
     let (start, end) = (interval.start.value, interval.end.value);
-    let seen = nodes_between(nodes, start, end).len() as f64 + 1.0;
-    (seen / (end - start).max(1.0)).min(1.0)
+    let measured = nodes_between(nodes, start, end).len() as f64 + 1.0;
+    (measured / (end - start).max(1.0)).min(1.0)
 }
 
 /// Whether measured rotations link some of the nodes. Steps over n frames make n interleaved components.

@@ -169,27 +169,25 @@ impl Measurer {
         let mut pending = std::mem::take(&mut self.pending);
         let mut own = None;
         let mut first = 0;
-        while let Some(of_block) = pending.get(first).map(|reference| reference.block) {
-            let last = pending.partition_point(|reference| reference.block <= of_block);
+        while let Some(group) = pending.get(first).map(|reference| reference.block) {
+            let last = pending.partition_point(|reference| reference.block <= group);
             let sequence = frame.meta.sequence;
             let mut prepared = self.spare.pop().unwrap_or_default();
-            let predicted =
-                self.states.predicted_box(of_block, sequence, &self.params.correlation, &self.rigid_matcher);
+            let predicted = self.states.predicted_box(group, sequence, &self.params.correlation, &self.rigid_matcher);
             let mut bounds =
-                predicted.unwrap_or_else(|| self.states.search_box(of_block, sequence, &self.params.correlation));
+                predicted.unwrap_or_else(|| self.states.search_box(group, sequence, &self.params.correlation));
             self.prepare(frame, bounds, &mut prepared);
             let mut is_narrow = predicted.is_some();
             for reference in pending.range_mut(first..last) {
                 if !self.measure_due(reference, Some(Target { sequence, prepared: &prepared, is_narrow })) {
-                    (bounds, is_narrow) = (self.states.search_box(of_block, sequence, &self.params.correlation), false);
+                    (bounds, is_narrow) = (self.states.search_box(group, sequence, &self.params.correlation), false);
                     self.prepare(frame, bounds, &mut prepared);
                     self.measure_due(reference, Some(Target { sequence, prepared: &prepared, is_narrow }));
                 }
             }
-            if of_block == block {
-                own = Some((prepared, bounds))
-            } else {
-                self.spare.push(prepared)
+            match group == block {
+                true => own = Some((prepared, bounds)),
+                false => self.spare.push(prepared),
             }
             first = last;
         }
@@ -310,8 +308,7 @@ impl Measurer {
         }
     }
 
-    /// Discards the motion of a body after a contradiction. After the second one it is lost for the rest of the
-    /// block.
+    /// Discards the motion of a body; after the second contradiction it is no longer followed within the block.
     ///
     /// Another object may be taken for it, and one contradiction may be chance.
     fn record_contradiction(&mut self, key: BodyKey) {

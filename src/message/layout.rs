@@ -47,7 +47,7 @@ pub struct MessageLayout {
 
 /// A type that a field can have.
 pub trait Field {
-    /// Returns the type.
+    /// Returns the type of the field in the layout.
     fn kind() -> FieldKind;
 }
 

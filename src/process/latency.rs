@@ -33,11 +33,11 @@ impl LatencyHistogram {
     /// Returns the quantile of this probability (0 to 1), in whole microseconds, rounded up; `None` if nothing was
     /// added.
     pub(super) fn quantile_us(&self, probability: f64) -> Option<u64> {
-        let wanted = (probability * self.total as f64).ceil() as u64;
-        let mut seen = 0;
+        let rank = (probability * self.total as f64).ceil() as u64;
+        let mut count_so_far = 0;
         let found = self.counts.iter().position(|count| {
-            seen += u64::from(*count);
-            seen >= wanted
+            count_so_far += u64::from(*count);
+            count_so_far >= rank
         });
         found.filter(|_| self.total > 0).map(|us| us as u64 + 1)
     }

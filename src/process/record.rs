@@ -312,14 +312,14 @@ impl Recorder<'_> {
             return Ok(());
         }
         let newest = feed.held.back().map_or(0, |sample| sample.header().sequence + 1);
-        let seen = newest.max(open.shot.next_frame(camera));
+        let next = newest.max(open.shot.next_frame(camera));
         let mut early = std::mem::take(&mut feed.early).into_iter();
         while let Some((step, field)) = early.next().map_or_else(|| feed.next_step(), |step| Ok(Some(step)))? {
             // Steps of the next shot may come before this one is complete, and with a hardware trigger even
             // before its end is announced.
             let is_later = match open.progress[camera].end {
                 Some(end) => step.frame >= end,
-                None => follows && step.frame >= seen,
+                None => follows && step.frame >= next,
             };
             if is_later {
                 feed.early.push((step, field));

@@ -57,7 +57,7 @@ impl NewestFrameFile {
     pub(super) fn open(path: &Path) -> std::io::Result<(Self, Option<(Resume, f64)>)> {
         let file = OpenOptions::new().read(true).write(true).create(true).truncate(false).mode(0o600).open(path)?;
         let mut bytes = [0; 32];
-        let left = file.read_exact_at(&mut bytes, 0).ok().map(|()| {
+        let previous = file.read_exact_at(&mut bytes, 0).ok().map(|()| {
             let number =
                 |at: usize| bytes[8 * at..8 * at + 8].iter().rev().fold(0, |sum, byte| sum << 8 | u64::from(*byte));
             let resume = Resume {
@@ -67,7 +67,7 @@ impl NewestFrameFile {
             };
             (resume, monotonic_ns().saturating_sub(number(3)) as f64 * 1e-9)
         });
-        Ok((Self(file), left))
+        Ok((Self(file), previous))
     }
 
     /// Writes the newest frame. Errors are ignored.

@@ -35,8 +35,8 @@ pub fn run(config: &Config, launch: &Launch, stop: &Stop) -> Result<Summary, Fai
     config.check_calibration(format.width_px, format.height_px)?;
     let limits = limits(config, &format);
     let bus = Bus::join_as(&config.rig.name, Role::Track.as_str(), SUCCESSION_TIMEOUT, launch.domain.as_ref())?;
-    let (reached, left) = NewestFrameFile::open(&bus.private_file(Role::Track.as_str()))?;
-    let left = left.filter(|_| launch.is_restart);
+    let (reached, previous) = NewestFrameFile::open(&bus.private_file(Role::Track.as_str()))?;
+    let previous = previous.filter(|_| launch.is_restart);
     let mut reporter = StatusReporter::new(&bus, &limits, Role::Track, 0)?;
     reporter.set_queue(0, limits.field_depth() as u64);
     let mut loop_ = Loop {
@@ -51,7 +51,7 @@ pub fn run(config: &Config, launch: &Launch, stop: &Stop) -> Result<Summary, Fai
         format,
         reporter,
         summary: Summary::default(),
-        resumed: left.map(|(resume, _)| resume.sequence),
+        resumed: previous.map(|(resume, _)| resume.sequence),
         reached,
         shots: VecDeque::new(),
         shot: None,

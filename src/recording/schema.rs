@@ -43,7 +43,7 @@ impl Topic {
         camera.is_some_and(|camera| camera.is_empty() || (camera.starts_with('/') && !camera[1..].contains('/')))
     }
 
-    /// Returns the name of its messages' schema.
+    /// Returns the name of the schema of its messages.
     pub fn schema_name(self) -> &'static str {
         match self {
             Self::Image => "foxglove.RawImage",

@@ -219,10 +219,10 @@ fn quantity_table(
 
 /// Writes the table cell with measured minus true in standard uncertainties; more than three stand out.
 fn deviation_cell(measured: Option<&Estimate>, truth: Option<&Estimate>) -> Markup {
-    let off = measured.zip(truth).map(|(measured, truth)| (measured.value - truth.value) / measured.sigma);
-    let Some(off) = off.filter(|off| off.is_finite()) else { return html! { td {} } };
+    let deviation = measured.zip(truth).map(|(measured, truth)| (measured.value - truth.value) / measured.sigma);
+    let Some(deviation) = deviation.filter(|deviation| deviation.is_finite()) else { return html! { td {} } };
     html! {
-        td class=[(off.abs() > 3.0).then_some("far")] { @if off > 0.0 { "+" } (fixed(off, 1)) " " i { "σ" } }
+        td class=[(deviation.abs() > 3.0).then_some("far")] { @if deviation > 0.0 { "+" } (fixed(deviation, 1)) " " i { "σ" } }
     }
 }
 

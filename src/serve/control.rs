@@ -70,18 +70,18 @@ impl Control {
 impl Drop for OpenPage {
     fn drop(&mut self) {
         let mut pages = self.control.lock_pages();
-        let left = pages.open.get_mut(&self.page).map(|count| {
+        let remaining = pages.open.get_mut(&self.page).map(|count| {
             *count -= 1;
             *count
         });
-        if left == Some(0) {
+        if remaining == Some(0) {
             pages.open.remove(&self.page);
             pages.holder.take_if(|holder| *holder == self.page);
         }
     }
 }
 
-/// Sends a request to the rig; `None` when nobody answers. It blocks for up to two seconds.
+/// Sends a request to the rig; `None` if it does not answer. It blocks for up to two seconds.
 ///
 /// # Errors
 ///

@@ -199,10 +199,10 @@ fn ringing_motion(ringing: &RingingSetup, time_s: f64) -> (f64, f64) {
     }
     let (decay, angular) = (1.0 / ringing.decay_s, std::f64::consts::TAU * ringing.frequency_hz);
     let (sin, cos) = (angular * time_s).sin_cos();
-    let left = ringing.speed_m_s * (-decay * time_s).exp();
+    let amplitude = ringing.speed_m_s * (-decay * time_s).exp();
     let shift =
-        (ringing.speed_m_s * angular - left * (decay * sin + angular * cos)) / (decay * decay + angular * angular);
-    (shift, left * sin)
+        (ringing.speed_m_s * angular - amplitude * (decay * sin + angular * cos)) / (decay * decay + angular * angular);
+    (shift, amplitude * sin)
 }
 
 /// Returns the unit tangent of the surface, x right and y up.

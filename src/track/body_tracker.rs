@@ -393,15 +393,14 @@ impl BodyTracker {
 
     /// Returns the centre predicted by the pose, with the uncertainty of the drift of the outline.
     fn predicted_center(&self, node: &Pose, here: &LocalDrift) -> Option<Center> {
-        let center_uncertainty_px = self.outline_drift.center_uncertainty_px(node, here);
-        self.center_filter
-            .center(node)
-            .map(|center| Center { sigma_px: center.sigma_px.hypot(center_uncertainty_px), ..center })
+        let drift_px = self.outline_drift.center_uncertainty_px(node, here);
+        let center = self.center_filter.center(node)?;
+        Some(Center { sigma_px: center.sigma_px.hypot(drift_px), ..center })
     }
 
     /// Returns the difference between the measured and the expected radius that neither noise nor the scale explains, px.
     ///
-    /// Glancing reflections hide the rim on one side, which moves the centre by about as much.
+    /// Glancing reflections mask the rim on one side, which moves the centre by about as much.
     fn rim_misfit_px(&self) -> f64 {
         let both = self.radius.radius_px().zip(self.params.radius_px).filter(|_| self.params.form == Form::Ball);
         both.map_or(0.0, |(radius, expected_px)| {

@@ -174,7 +174,7 @@ impl Device {
         entry.map(|entry| entry.index).ok_or_else(|| format!("allowed {}", entry_names(&entries)))
     }
 
-    /// Returns the entries of a menu.
+    /// Returns the entries of a menu control; indices that the camera does not support are left out.
     fn menu(&self, control: &Control) -> Vec<MenuEntry> {
         let entry = |index: i64| {
             let mut raw =

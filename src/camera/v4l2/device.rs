@@ -87,7 +87,7 @@ impl Device {
         unsafe { self.kernel.ioctl(request, std::ptr::from_mut(argument).cast()) }
     }
 
-    /// Returns the identity and capabilities.
+    /// Returns driver, card, bus and capability flags of the device (`VIDIOC_QUERYCAP`).
     pub fn capability(&self) -> io::Result<Capability> {
         let mut raw = sys::v4l2_capability::default();
         // SAFETY: no pointers.
@@ -130,7 +130,7 @@ impl Device {
         Rates::from_list((0..MAX_LIST).map_while(interval))
     }
 
-    /// Returns the present format.
+    /// Returns the present pixel format and size (`VIDIOC_G_FMT`).
     pub(super) fn format(&self) -> io::Result<sys::v4l2_pix_format> {
         let mut raw = sys::v4l2_format { type_: CAPTURE, ..Default::default() };
         // SAFETY: no pointers; for this type of buffer the kernel fills in `pix`.

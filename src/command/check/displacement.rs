@@ -68,7 +68,7 @@ pub(super) fn measure_floor(config: &Config, grabbed: &Grabbed) -> Result<Floor,
     measurer.finish(&mut measured);
     let rate_hz = grabbed.frames.len() as f64 / began.elapsed().as_secs_f64().max(1e-9);
     measured.retain(|measured| measured.step.interval_frames == shortest);
-    let seen = measured.iter().filter(|measured| measured.step.outline.is_some()).count();
+    let detected = measured.iter().filter(|measured| measured.step.outline.is_some()).count();
     let points = || measured.iter().filter_map(|measured| measured.field.as_ref()).flat_map(|field| &field.points);
     let valid = points().filter(|point| point.status == PointStatus::Valid).count();
     let steps: Vec<[f64; 3]> = measured
@@ -89,7 +89,7 @@ pub(super) fn measure_floor(config: &Config, grabbed: &Grabbed) -> Result<Floor,
         body_px: body(&[0, 1]),
         body_deg: body(&[2]),
         moves,
-        found: seen as f64 / measured.len().max(1) as f64,
+        found: detected as f64 / measured.len().max(1) as f64,
         valid: valid as f64 / points().count().max(1) as f64,
         rate_hz,
         measured,

@@ -111,8 +111,8 @@ impl Seen<'_> {
             }
         };
         let rate_hz = grabbed.rate_hz();
-        let off = rate_hz.map_or(0.0, |rate_hz| (rate_hz / wanted_hz - 1.0).abs());
-        let rate = match off > 0.02 {
+        let deviation = rate_hz.map_or(0.0, |rate_hz| (rate_hz / wanted_hz - 1.0).abs());
+        let rate = match deviation > 0.02 {
             true => format!("{wanted_hz} Hz requested: a shorter exposure or a smaller image may allow it"),
             false => format!("as requested, {wanted_hz} Hz"),
         };
@@ -129,7 +129,7 @@ impl Seen<'_> {
         };
         vec![
             lost,
-            finding("frame-rate", rate_hz, "Hz", if off > 0.02 { Verdict::Fair } else { Verdict::Good }, &rate),
+            finding("frame-rate", rate_hz, "Hz", if deviation > 0.02 { Verdict::Fair } else { Verdict::Good }, &rate),
             finding(
                 "measuring-rate",
                 Some(capacity_hz),

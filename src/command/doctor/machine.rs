@@ -27,7 +27,7 @@ pub(super) fn examine(host: &Host) -> Vec<Finding> {
     findings.into_iter().flatten().collect()
 }
 
-/// Examines the number of processors.
+/// Examines whether there is more than one processor for the processes of a rig.
 fn examine_processors() -> Finding {
     let count = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let found = format!("{count} usable");

@@ -6,7 +6,7 @@ use std::io::Write;
 
 /// A writer of a table: the header first, then every row.
 pub(super) trait Sink {
-    /// Writes the headings of the columns.
+    /// Writes the header of the table.
     fn header(&mut self, headings: &[Heading]) -> Result<(), ExportError>;
     /// Writes a row, with a cell for each column.
     fn row(&mut self, cells: Vec<Cell>) -> Result<(), ExportError>;

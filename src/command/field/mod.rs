@@ -82,7 +82,8 @@ fn measure_pair(options: &FieldOptions) -> Result<(), Failure> {
         Some(path) => layout.write_file(path, &field, options.overwrite)?,
         None => {
             let mut out = BufWriter::new(std::io::stdout().lock());
-            let written = layout.head(&mut out).and_then(|()| layout.write_rows(&field, &options.target, &mut out));
+            let written =
+                layout.write_header(&mut out).and_then(|()| layout.write_rows(&field, &options.target, &mut out));
             written.map_err(standard_output_error)?;
         }
     }

@@ -104,7 +104,7 @@ impl<'a> Outputs<'a> {
             }
         }
         if options.output.is_none() {
-            outputs.layout().head(std::io::stdout().lock()).map_err(standard_output_error)?;
+            outputs.layout().write_header(std::io::stdout().lock()).map_err(standard_output_error)?;
         }
         Ok(outputs)
     }

@@ -21,8 +21,8 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// Writes the header.
-    pub(super) fn head(self, out: impl Write) -> Result<(), Failure> {
+    /// Writes the names of the columns; JSON lines have none.
+    pub(super) fn write_header(self, out: impl Write) -> Result<(), Failure> {
         if !self.json {
             let mut table = csv::Writer::from_writer(out);
             let names = FieldPoint::COLUMNS.iter().map(|column| column.heading.name);
@@ -63,7 +63,7 @@ impl Layout {
     /// Errors of [`write_file`].
     pub(super) fn write_file(self, path: &Path, field: &[FieldPoint], overwrite: Overwrite) -> Result<(), Failure> {
         let (layout, mut bytes) = (Self { named: false, ..self }, Vec::new());
-        layout.head(&mut bytes)?;
+        layout.write_header(&mut bytes)?;
         layout.write_rows(field, path, &mut bytes)?;
         write_file(path, bytes, overwrite)
     }

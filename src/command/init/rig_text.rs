@@ -10,7 +10,7 @@ const PATCH_PART: f64 = 0.5;
 /// The size of an image of unknown size, px.
 const SIZE_PX: [u32; 2] = [512, 512];
 
-/// Returns the text of the rig file.
+/// Returns the text of a rig file with the answers; keys with their defaults are left out.
 pub(super) fn rig_text(answers: &Answers) -> String {
     let mut text = String::from(
         "# A rig file, written by `ricochet init`. Keys that are not here have their defaults:\n#\n\

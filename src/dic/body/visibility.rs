@@ -81,8 +81,8 @@ impl VisibilityMap {
         }
         self.columns.resize(len.max(stride), 0.0);
         neighbourhood_sums(&self.mask, stride, &mut self.columns, &mut self.neighbours);
-        let off = self.neighbours.iter_mut().zip(&self.mask).filter(|(_, mask)| **mask < 0.5);
-        off.for_each(|(near, _)| *near = OFF_BODY);
+        let outside = self.neighbours.iter_mut().zip(&self.mask).filter(|(_, mask)| **mask < 0.5);
+        outside.for_each(|(near, _)| *near = OFF_BODY);
         strip_minima(&self.neighbours, stride, &mut self.strip_neighbours);
         let step = (window.pixels / NOISE_SAMPLE_PIXELS).max(1);
         let pixels = |row: &Lanes| row.0.iter().filter(|mask| **mask > 0.5).count();

@@ -111,10 +111,9 @@ impl SubsetMatcher<'_> {
     /// Finds the first-order match; out of frame if the guess leads out of the image and nothing else matches.
     fn solve_first_order(&self, search: &mut IntegerSearch, guess: Guess) -> SubsetMatch {
         let solution = self.match_or_search(search, guess);
-        // The guess leads out of the image and nothing else matches: the subset has left.
-        let left = solution.status == PointStatus::LowCorrelation
+        let has_left_image = solution.status == PointStatus::LowCorrelation
             && guess.warp.is_some_and(|warp| !self.refiner().is_inside(&warp));
-        if left { solution.without_answer(PointStatus::OutOfFrame) } else { solution }
+        if has_left_image { solution.without_answer(PointStatus::OutOfFrame) } else { solution }
     }
 
     /// Refines the guess. If its ZNCC is too low, refines a peak of the quick search, then the peaks of the full search.

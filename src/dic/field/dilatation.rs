@@ -108,10 +108,11 @@ impl Fit {
         let solved = |numbers: usize| {
             let inverse = invert(&normal, numbers)?;
             let found: [f64; 6] = std::array::from_fn(|k| (0..numbers).map(|j| inverse[k][j] * right[j]).sum());
-            let left = moved_square - found.iter().zip(right).map(|(found, right)| found * right).sum::<f64>();
-            Some((inverse, found, left.max(0.0) / (count - numbers as f64)))
+            let residual_square =
+                moved_square - found.iter().zip(right).map(|(found, right)| found * right).sum::<f64>();
+            Some((inverse, found, residual_square.max(0.0) / (count - numbers as f64)))
         };
-        let (flat, flat_found, flat_left) = solved(FLAT_PARAMETERS)?;
+        let (flat, flat_found, flat_variance) = solved(FLAT_PARAMETERS)?;
         let sigma_ratios =
             |inverse: &[[f64; 6]; 6], factor: f64| std::array::from_fn(|k| factor * (inverse[k][k] * square).sqrt());
         if ball.is_none() {
@@ -119,7 +120,7 @@ impl Fit {
         }
         let (round, found, round_left) = solved(6)?;
         // The rotation of the front is not noise.
-        let share = (round_left / flat_left).min(1.0).sqrt();
+        let share = (round_left / flat_variance).min(1.0).sqrt();
         Some(Self { found, sigma_ratios: sigma_ratios(&round, share) })
     }
 }

@@ -268,9 +268,9 @@ fn unpack_layers_with<V: Vector>(
             let mask = V::from_lanes(mask);
             let (gx, gy) = (load(layers.gradient_x).mul(mask), load(layers.gradient_y).mul(mask));
             let (level, value) = (load(layers.reference).sub(means.0), load(layers.target).sub(means.1));
-            let left = level.sub(gain.mul(value)).mul(mask);
-            add_lane_squares(gx, gy, left, &mut totals);
-            for (dense, value) in dense.iter_mut().zip([gx, gy, left]) {
+            let residual = level.sub(gain.mul(value)).mul(mask);
+            add_lane_squares(gx, gy, residual, &mut totals);
+            for (dense, value) in dense.iter_mut().zip([gx, gy, residual]) {
                 value.store(&mut dense[to..]);
             }
             (from, to) = (from + stride, to + dense_stride);
@@ -418,8 +418,8 @@ mod tests {
             let rows = |block: &'a Block| (0..block.rows).map(move |row| (block, row));
             window.blocks.iter().flat_map(rows).map(row).collect()
         };
-        let left = |at| (reference.data()[at] - fit.means.0) - fit.gain * (target.data()[at] - fit.means.1);
-        [of(&|at| gradient_x.data()[at]), of(&|at| gradient_y.data()[at]), of(&left)]
+        let residual = |at| (reference.data()[at] - fit.means.0) - fit.gain * (target.data()[at] - fit.means.1);
+        [of(&|at| gradient_x.data()[at]), of(&|at| gradient_y.data()[at]), of(&residual)]
     }
 
     #[test]

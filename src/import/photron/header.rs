@@ -62,7 +62,11 @@ impl Header {
         Ok(Self { text: text.trim_start_matches('\u{feff}').to_owned() })
     }
 
-    /// Returns the text of a property.
+    /// Returns the value of a property as text, from the XML or from the lines of the header.
+    ///
+    /// # Errors
+    ///
+    /// Returns the reason if the header has no such property.
     pub(super) fn text(&self, key: Key) -> Result<&str, String> {
         // A short binary part precedes the XML.
         if let Some(start) = self.text.find("<cih>").or_else(|| self.text.find("<cih ")) {

@@ -11,16 +11,16 @@ impl Rectifier {
     /// uniform about the rod.
     pub(in crate::motion) fn rod(&self, rod: &Rod) -> Option<Rod> {
         let (sin, cos) = rod.tilt_deg.value.to_radians().sin_cos();
-        let seen = [rod.x_px.value, rod.y_px.value];
-        let [x, y] = self.rectify_point(seen)?;
-        let jacobian = self.jacobian(seen)?;
+        let recorded = [rod.x_px.value, rod.y_px.value];
+        let [x, y] = self.rectify_point(recorded)?;
+        let jacobian = self.jacobian(recorded)?;
         let [right, down] = multiply(&jacobian, [sin, cos]);
         let (min_stretch, mean) = stretch(&jacobian);
         // A rod's width is not foreshortened with the plane.
         let across = if self.mm_per_px().is_some() { min_stretch } else { mean };
         let [down_x, down_y] = jacobian[1];
         let place = |at: Estimate| {
-            let [_, y] = self.rectify_point([seen[0] + (at.value - seen[1]) * sin / cos, at.value])?;
+            let [_, y] = self.rectify_point([recorded[0] + (at.value - recorded[1]) * sin / cos, at.value])?;
             // The centre line is displaced sideways by its own sigma.
             Some(Estimate { value: y, sigma: (down_x * rod.x_px.sigma).hypot(down_y * at.sigma) })
         };

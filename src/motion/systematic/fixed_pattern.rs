@@ -26,7 +26,7 @@ const MIXED_PX: f64 = 0.5;
 /// A running mean of the share by which sub-pixel steps are underestimated.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct RunningBias {
-    seen: u32,
+    count: u32,
     mean: f64,
     /// The sum of the squared uncertainties.
     squares: f64,
@@ -38,19 +38,19 @@ impl RunningBias {
         if !share.is_finite() {
             return;
         }
-        self.seen = self.seen.saturating_add(1);
-        let off = share - self.mean;
-        self.mean += off / f64::from(self.seen);
-        self.squares += off * (share - self.mean);
+        self.count = self.count.saturating_add(1);
+        let deviation = share - self.mean;
+        self.mean += deviation / f64::from(self.count);
+        self.squares += deviation * (share - self.mean);
     }
 
     /// Returns the significant part of the share; 0 at first.
     pub fn significant(&self) -> f64 {
-        if self.seen < MIN_SAMPLES {
+        if self.count < MIN_SAMPLES {
             return 0.0;
         }
-        let seen = f64::from(self.seen);
-        (self.mean - (self.squares / (seen * (seen - 1.0))).sqrt()).max(0.0)
+        let count = f64::from(self.count);
+        (self.mean - (self.squares / (count * (count - 1.0))).sqrt()).max(0.0)
     }
 }
 

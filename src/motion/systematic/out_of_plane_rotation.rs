@@ -42,7 +42,7 @@ const NO_DRIFT: Estimate = Estimate { value: 0.0, sigma: 0.0 };
 /// centre. Its outline does not.
 #[derive(Debug, Clone, Default)]
 pub struct OutlineDrift {
-    seen: Vec<[Sample; 2]>,
+    outlines: Vec<[Sample; 2]>,
     /// The drift from steps: of each, and summed.
     steps: Vec<StepDrift>,
     sums: CumulativeSums<3>,
@@ -111,7 +111,7 @@ impl OutlineDrift {
         }
         self.radius_px = circle.radius_px;
         let (time_frames, component) = (node.time_frames, node.component);
-        push_bounded(&mut self.seen, apart.map(|value| Sample { time_frames, component, value, sigma, walk: 0.0 }));
+        push_bounded(&mut self.outlines, apart.map(|value| Sample { time_frames, component, value, sigma, walk: 0.0 }));
     }
 
     /// Records the drift and the surface speed that the step from a frame shows.
@@ -143,8 +143,8 @@ impl OutlineDrift {
             let fit = &lines[axis].0;
             let rate = fit.rate(from_frames);
             let sigma = (rate.sigma * fit.excess()).hypot(DRIFT_ERROR_SHARE * rate.value).hypot(lens_error[axis]);
-            let off = common_error_share * steps.iter().map(|step| step.drift[axis].sigma).sum::<f64>();
-            Estimate { sigma: sigma.hypot(off), ..rate }
+            let common_error = common_error_share * steps.iter().map(|step| step.drift[axis].sigma).sum::<f64>();
+            Estimate { sigma: sigma.hypot(common_error), ..rate }
         }))
     }
 
@@ -171,35 +171,36 @@ impl OutlineDrift {
     /// Returns the rms scatter of a non-uniform drift of steps between two times, px, px and deg.
     fn step_scatter(&self, from_frames: f64, to_frames: f64, lines: &Lines) -> [f64; 3] {
         let steps = within(&self.steps, from_frames, to_frames, |step| step.time_frames);
-        let off = |axis: usize| {
+        let scatter = |axis: usize| {
             let lens_error = self.lens_error(from_frames, to_frames)?[axis];
             let (fit, sums) = &lines[axis];
             // A relative change of the drift over the whole time bends its sum by an eighth of the total change.
             let bends =
                 0.125 * (to_frames - from_frames) * lens_error.hypot(DRIFT_ERROR_SHARE * fit.rate(from_frames).value);
-            let pull =
-                |sum: &Sample| fit.residual(sum).map_or(0.0, |(left, sigma)| (left / sigma.hypot(bends)).powi(2));
-            let is_even = sums.iter().map(pull).sum::<f64>() <= NONUNIFORM_SIGMAS.powi(2) * fit.freedom() as f64;
+            let pull2 = |sum: &Sample| {
+                fit.residual(sum).map_or(0.0, |(residual, sigma)| (residual / sigma.hypot(bends)).powi(2))
+            };
+            let is_even = sums.iter().map(pull2).sum::<f64>() <= NONUNIFORM_SIGMAS.powi(2) * fit.freedom() as f64;
             let count = steps.len().max(1) as f64;
             let mean = steps.iter().map(|step| step.drift[axis].value).sum::<f64>() / count;
             let square = steps.iter().map(|step| (step.drift[axis].value - mean).powi(2)).sum::<f64>() / count;
             Some(if is_even || fit.freedom() == 0 { 0.0 } else { square.sqrt() })
         };
-        [0, 1, 2].map(|axis| off(axis).unwrap_or(0.0))
+        [0, 1, 2].map(|axis| scatter(axis).unwrap_or(0.0))
     }
 
     /// Returns the drift by outlines between two times along x and y, px per frame; `None` for too few outlines.
     fn drift_by_outlines(&self, from_frames: f64, to_frames: f64) -> Option<[Estimate; 2]> {
-        let seen = self.outlines_between(from_frames, to_frames);
-        let span = seen.last()?[0].time_frames - seen[0][0].time_frames;
+        let outlines = self.outlines_between(from_frames, to_frames);
+        let span = outlines.last()?[0].time_frames - outlines[0][0].time_frames;
         // The error of an outline changes with the background it passes.
-        let shifts = |axis: usize| 4.0 * seen[0][axis].sigma / span;
+        let shift = |axis: usize| 4.0 * outlines[0][axis].sigma / span;
         let slope = |axis: usize| {
-            let (fit, fewer) = fit_line(&seen.iter().map(|seen| seen[axis]).collect::<Vec<_>>())?;
-            let rate = fit.rate(seen[0][axis].time_frames);
-            Some(Estimate { value: rate.value, sigma: (rate.sigma * fit.excess() * fewer).hypot(shifts(axis)) })
+            let (fit, fewer) = fit_line(&outlines.iter().map(|outline| outline[axis]).collect::<Vec<_>>())?;
+            let rate = fit.rate(outlines[0][axis].time_frames);
+            Some(Estimate { value: rate.value, sigma: (rate.sigma * fit.excess() * fewer).hypot(shift(axis)) })
         };
-        if seen.len() < MIN_SAMPLES {
+        if outlines.len() < MIN_SAMPLES {
             return None;
         }
         Some([slope(0)?, slope(1)?])
@@ -207,7 +208,7 @@ impl OutlineDrift {
 
     /// Returns the offsets of the outlines from the poses between two times.
     fn outlines_between(&self, from_frames: f64, to_frames: f64) -> &[[Sample; 2]] {
-        within(&self.seen, from_frames, to_frames, |seen| seen[0].time_frames)
+        within(&self.outlines, from_frames, to_frames, |outline| outline[0].time_frames)
     }
 
     /// Returns the drift between two times by outlines and steps together; `None` where neither determines it.
@@ -283,20 +284,21 @@ impl OutlineDrift {
     /// Returns the possible distance of a centre from its propagated position, px, for an unobserved drift since its
     /// nearest outline.
     pub fn center_uncertainty_px(&self, node: &Pose, here: &LocalDrift) -> f64 {
-        let after = self.seen.partition_point(|seen| seen[0].time_frames < node.time_frames);
-        let near = [after.checked_sub(1), Some(after)].map(|at| self.seen.get(at?).map(|seen| seen[0].time_frames));
-        let away = near.iter().flatten().map(|time| (time - node.time_frames).abs()).fold(f64::INFINITY, f64::min);
+        let after = self.outlines.partition_point(|outline| outline[0].time_frames < node.time_frames);
+        let near =
+            [after.checked_sub(1), Some(after)].map(|at| self.outlines.get(at?).map(|outline| outline[0].time_frames));
+        let gap = near.iter().flatten().map(|time| (time - node.time_frames).abs()).fold(f64::INFINITY, f64::min);
         let [x, y, _] = here.drift;
-        if away.is_finite() { away * x.sigma.max(y.sigma) } else { 0.0 }
+        if gap.is_finite() { gap * x.sigma.max(y.sigma) } else { 0.0 }
     }
 
     /// Returns the possible difference between the angle of a node and the ball's own, deg, from the significant
     /// apparent rotation since the first node.
     pub fn angle_uncertainty_deg(&self, node: &Pose, here: &LocalDrift) -> f64 {
-        let seen = self.sums.sums();
-        let at = seen.partition_point(|sums| sums[0].time_frames < node.time_frames);
-        let (Some([_, _, turn]), Some(rates)) = (seen.get(at), here.rates) else { return 0.0 };
-        rates.share * significant_deviation(turn.value, turn.sigma.hypot(turn.walk * (at as f64).sqrt()))
+        let sums = self.sums.sums();
+        let count = sums.partition_point(|sum| sum[0].time_frames < node.time_frames);
+        let (Some([_, _, turn]), Some(rates)) = (sums.get(count), here.rates) else { return 0.0 };
+        rates.share * significant_deviation(turn.value, turn.sigma.hypot(turn.walk * (count as f64).sqrt()))
     }
 
     /// Returns the interval of uniform drift around a node, frames, the scatter in it (px, px, deg) and its lines.
@@ -362,11 +364,11 @@ impl OutlineDrift {
     /// A step that an impact falls into has a drift of its own, unlike those before and after.
     pub fn apply_to_step(step: RigidStep, own: Option<[Estimate; 3]>, here: &LocalDrift) -> RigidStep {
         let drift = here.drift;
-        let off = |own: &[Estimate; 3]| {
+        let differs = |own: &[Estimate; 3]| {
             let pull = |axis: usize| (own[axis].value - drift[axis].value) / own[axis].sigma.hypot(drift[axis].sigma);
             pull(0).hypot(pull(1)).hypot(pull(2)) > STRUCK_SIGMAS
         };
-        let [x, y, turn] = own.filter(off).unwrap_or(drift);
+        let [x, y, turn] = own.filter(differs).unwrap_or(drift);
         RigidStep {
             dx_px: step.dx_px + x.value,
             dy_px: step.dy_px + y.value,
@@ -390,10 +392,10 @@ impl OutlineDrift {
         let (about, mut reach) = (node.time_frames.clamp(from, to), to - from);
         let (mut near, mut px) = ((from, to), rates.px);
         loop {
-            let (center, off) = self.center_by_outlines(node, near, px)?;
-            let even = off <= NONUNIFORM_SIGMAS * center.sigma_px;
-            if even || reach < 2.0 * NARROW_FRAMES {
-                let sigma_px = if even { center.sigma_px } else { center.sigma_px.hypot(off) };
+            let (center, rms_px) = self.center_by_outlines(node, near, px)?;
+            let is_uniform = rms_px <= NONUNIFORM_SIGMAS * center.sigma_px;
+            if is_uniform || reach < 2.0 * NARROW_FRAMES {
+                let sigma_px = if is_uniform { center.sigma_px } else { center.sigma_px.hypot(rms_px) };
                 // The moment between two outlines at which the drift changed is unknown.
                 let sigma_change_px = NARROW_FRAMES * scatter[0].hypot(scatter[1]);
                 return Some(Center { sigma_px: sigma_px.hypot(sigma_change_px), ..center });
@@ -408,14 +410,14 @@ impl OutlineDrift {
 
     /// Widens the sigma of a centre by its distance from the nearest outline.
     pub fn widened(&self, node: &Pose, center: Center) -> Center {
-        let after = self.seen.partition_point(|seen| seen[0].time_frames < node.time_frames);
-        let near = [after.checked_sub(1), Some(after)].into_iter().flatten().filter_map(|at| self.seen.get(at));
-        let away = |seen: &&[Sample; 2]| (seen[0].time_frames - node.time_frames).abs();
-        let near = near.filter(|seen| seen[0].component == node.component && away(seen) <= NARROW_FRAMES);
-        let Some([x, y]) = near.min_by(|a, b| away(a).total_cmp(&away(b))) else { return center };
-        let off = [center.x_px - node.pose[0] - x.value, center.y_px - node.pose[1] - y.value];
-        let off_px = significant_deviation(off[0].hypot(off[1]), center.sigma_px.hypot(x.sigma));
-        Center { sigma_px: center.sigma_px.hypot(off_px), ..center }
+        let after = self.outlines.partition_point(|outline| outline[0].time_frames < node.time_frames);
+        let near = [after.checked_sub(1), Some(after)].into_iter().flatten().filter_map(|at| self.outlines.get(at));
+        let gap = |outline: &&[Sample; 2]| (outline[0].time_frames - node.time_frames).abs();
+        let near = near.filter(|outline| outline[0].component == node.component && gap(outline) <= NARROW_FRAMES);
+        let Some([x, y]) = near.min_by(|a, b| gap(a).total_cmp(&gap(b))) else { return center };
+        let offset = [center.x_px - node.pose[0] - x.value, center.y_px - node.pose[1] - y.value];
+        let deviation_px = significant_deviation(offset[0].hypot(offset[1]), center.sigma_px.hypot(x.sigma));
+        Center { sigma_px: center.sigma_px.hypot(deviation_px), ..center }
     }
 
     /// Returns the centre at a node by the outlines between two times and the drift `rates` then, px per frame, and the
@@ -424,20 +426,21 @@ impl OutlineDrift {
     /// Without an outline in the interval, the last one before its end is used; `None` if there is none.
     fn center_by_outlines(&self, node: &Pose, span_frames: (f64, f64), rates: [Estimate; 2]) -> Option<(Center, f64)> {
         let (from, to) = span_frames;
-        let before = self.seen.partition_point(|seen| seen[0].time_frames <= to);
+        let before = self.outlines.partition_point(|outline| outline[0].time_frames <= to);
         let near = match self.outlines_between(from, to) {
-            [] => self.seen.get(before.checked_sub(1)?..before)?,
+            [] => self.outlines.get(before.checked_sub(1)?..before)?,
             near => near,
         };
         let count = near.len() as f64;
-        let middle = near.iter().map(|seen| seen[0].time_frames).sum::<f64>() / count;
+        let middle = near.iter().map(|outline| outline[0].time_frames).sum::<f64>() / count;
         let extrapolate = |axis: usize| {
-            let mean = near.iter().map(|seen| seen[axis].value).sum::<f64>() / count;
-            let deviation =
-                |seen: &[Sample; 2]| seen[axis].value - mean - rates[axis].value * (seen[axis].time_frames - middle);
-            let rms = (near.iter().map(|seen| deviation(seen).powi(2)).sum::<f64>() / count).sqrt();
+            let mean = near.iter().map(|outline| outline[axis].value).sum::<f64>() / count;
+            let deviation = |outline: &[Sample; 2]| {
+                outline[axis].value - mean - rates[axis].value * (outline[axis].time_frames - middle)
+            };
+            let rms = (near.iter().map(|outline| deviation(outline).powi(2)).sum::<f64>() / count).sqrt();
             let since = node.time_frames - middle;
-            let sigma = (near.iter().map(|seen| seen[axis].sigma.powi(2)).sum::<f64>() / count).sqrt();
+            let sigma = (near.iter().map(|outline| outline[axis].sigma.powi(2)).sum::<f64>() / count).sqrt();
             // The errors of a film's outlines are correlated, so they do not average.
             (mean + rates[axis].value * since, sigma.max(rms).hypot(rates[axis].sigma * since), rms)
         };
@@ -482,15 +485,15 @@ fn drift_window(node: &Pose, regime: Regime) -> (f64, f64) {
 fn fit_line(samples: &[Sample]) -> Option<(Polynomial, f64)> {
     let middle = 0.5 * (samples.first()?.time_frames + samples.last()?.time_frames);
     let fit = Polynomial::fit(samples, middle, 1, 0.0)?;
-    let left = |sample: &Sample| {
-        fit.predict(sample.time_frames, sample.component).map_or(0.0, |at| (sample.value - at.value) / sample.sigma)
+    let residual = |sample: &Sample| {
+        fit.predict(sample.time_frames, sample.component).map_or(0.0, |line| (sample.value - line.value) / sample.sigma)
     };
-    let left: Vec<f64> = samples.iter().map(left).collect();
-    let square: f64 = left.iter().map(|left| left * left).sum();
-    let next: f64 = left.windows(2).map(|pair| pair[0] * pair[1]).sum();
-    let alike = if square > 0.0 { (next / square).clamp(0.0, MAX_CORRELATION) } else { 0.0 };
+    let residuals: Vec<f64> = samples.iter().map(residual).collect();
+    let square: f64 = residuals.iter().map(|residual| residual * residual).sum();
+    let next: f64 = residuals.windows(2).map(|pair| pair[0] * pair[1]).sum();
+    let correlation = if square > 0.0 { (next / square).clamp(0.0, MAX_CORRELATION) } else { 0.0 };
     // Of n samples with this correlation, only this share is independent.
-    Some((fit, ((1.0 + alike) / (1.0 - alike)).sqrt()))
+    Some((fit, ((1.0 + correlation) / (1.0 - correlation)).sqrt()))
 }
 
 #[cfg(test)]

@@ -26,30 +26,30 @@ impl SizeChange {
 
     /// Returns the dilatation between the first frame and a time, as a logarithm; `None` where steps do not lead there.
     fn since_first(&self, time_frames: f64) -> Option<Estimate> {
-        let seen = self.sizes.sums();
-        let [first] = *seen.first()?;
-        let at = seen.partition_point(|[size]| size.time_frames < time_frames);
-        let [here] = *seen.get(at).filter(|[here]| here.component == first.component)?;
-        let walked = here.walk * (at as f64).sqrt();
-        Some(Estimate { value: here.value - first.value, sigma: here.sigma.hypot(first.sigma).hypot(walked) })
+        let sizes = self.sizes.sums();
+        let [first] = *sizes.first()?;
+        let index = sizes.partition_point(|[size]| size.time_frames < time_frames);
+        let [last] = *sizes.get(index).filter(|[last]| last.component == first.component)?;
+        let walk = last.walk * (index as f64).sqrt();
+        Some(Estimate { value: last.value - first.value, sigma: last.sigma.hypot(first.sigma).hypot(walk) })
     }
 
     /// Returns the size of the significant dilatation since the first frame, as a logarithm, at least 0.
     pub fn total_dilatation(&self) -> f64 {
-        let seen = self.sizes.sums();
-        let (Some([first]), Some([last])) = (seen.first(), seen.last()) else { return 0.0 };
+        let sizes = self.sizes.sums();
+        let (Some([first]), Some([last])) = (sizes.first(), sizes.last()) else { return 0.0 };
         let rate = self.rate(first.time_frames, last.time_frames).map(significant);
         rate.map_or(0.0, |rate| (rate.value * (last.time_frames - first.time_frames)).abs())
     }
 
     /// Returns the dilatation per frame between two times, both included; `None` where there are too few data.
     pub fn rate(&self, from_frames: f64, to_frames: f64) -> Option<Estimate> {
-        let seen: Vec<Sample> = self.sizes.between(from_frames, to_frames).iter().map(|[size]| *size).collect();
-        if seen.len() < MIN_SAMPLES {
+        let sizes: Vec<Sample> = self.sizes.between(from_frames, to_frames).iter().map(|[size]| *size).collect();
+        if sizes.len() < MIN_SAMPLES {
             return None;
         }
-        let middle = 0.5 * (seen[0].time_frames + seen[seen.len() - 1].time_frames);
-        let fit = Polynomial::fit(&seen, middle, 1, 0.0)?;
+        let middle = 0.5 * (sizes[0].time_frames + sizes[sizes.len() - 1].time_frames);
+        let fit = Polynomial::fit(&sizes, middle, 1, 0.0)?;
         let rate = fit.rate(middle);
         Some(Estimate { value: rate.value, sigma: rate.sigma * fit.excess() })
     }

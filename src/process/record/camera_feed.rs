@@ -66,8 +66,8 @@ impl<'a> CameraFeed<'a> {
         config.check_calibration(format.width_px, format.height_px)?;
         let limits = limits(config, &format);
         let bus = Bus::join_as(&config.rig.name, Role::Record.as_str(), SUCCESSION_TIMEOUT, launch.domain.as_ref())?;
-        let (reached, left) = NewestFrameFile::open(&bus.private_file(Role::Record.as_str()))?;
-        let left = left.filter(|_| launch.is_restart);
+        let (reached, previous) = NewestFrameFile::open(&bus.private_file(Role::Record.as_str()))?;
+        let previous = previous.filter(|_| launch.is_restart);
         Ok(Self {
             name: name.to_owned(),
             frames: bus.frame_subscriber(&limits)?,
@@ -86,7 +86,7 @@ impl<'a> CameraFeed<'a> {
             format,
             limits,
             resumed: launch.is_restart,
-            predecessor_end: left.map(|(resume, _)| resume.sequence + 1),
+            predecessor_end: previous.map(|(resume, _)| resume.sequence + 1),
             reached,
             progress: bus.subscriber(&limits)?,
             workers: BTreeMap::new(),
@@ -131,7 +131,7 @@ impl<'a> CameraFeed<'a> {
         }
     }
 
-    /// Reads the progress of the workers.
+    /// Reads the progress messages and keeps the newest one of each correlation worker.
     pub(super) fn update_progress(&mut self) -> Result<(), BusError> {
         while let Some(progress) = self.progress.take()? {
             if progress.role == Role::Correlate as u32 {

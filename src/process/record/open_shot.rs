@@ -67,7 +67,7 @@ impl OpenShot {
         }
     }
 
-    /// Writes a frame of a camera.
+    /// Writes a frame of a camera and adds its stamp to the matching of the cameras.
     pub(super) fn add_frame(&mut self, camera: usize, frame: &Frame<'_>) -> Result<(), RecordingError> {
         self.shot.write_frame(camera, frame)?;
         let stamp_ns = frame.meta.stamp_ns;

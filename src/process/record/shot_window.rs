@@ -70,9 +70,10 @@ impl Recorder<'_> {
         }
         let first = open.shot.first_frame(camera);
         let feed = &self.feeds[camera];
-        let seen = feed.held.iter().find(|sample| sample.header().sequence >= first).map(|sample| sample.header().shot);
+        let first_shot =
+            feed.held.iter().find(|sample| sample.header().sequence >= first).map(|sample| sample.header().shot);
         let progress = &mut open.progress[camera];
-        progress.shot = progress.shot.or(seen);
+        progress.shot = progress.shot.or(first_shot);
         // The next shot's first frame may come before the silence is announced.
         let is_later = |sample: &&FrameSample| {
             sample.header().sequence >= first && progress.shot.is_some_and(|shot| sample.header().shot > shot)

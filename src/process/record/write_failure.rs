@@ -84,12 +84,12 @@ impl Recorder<'_> {
 
     /// Reports when free disk space becomes too small, and when it is sufficient again.
     pub(super) fn check_storage(&mut self) -> Result<(), Failure> {
-        let left = |open: &OpenShot| Some(open.progress[0].end?.saturating_sub(open.shot.next_frame(0)));
-        let left = self.shot.as_ref().and_then(left);
+        let remaining = |open: &OpenShot| Some(open.progress[0].end?.saturating_sub(open.shot.next_frame(0)));
+        let remaining = self.shot.as_ref().and_then(remaining);
         if self.shot.is_none() && !self.armed && self.config.trigger.mode != TriggerMode::Off {
             return Ok(());
         }
-        if let Some(text) = self.storage.check(left) {
+        if let Some(text) = self.storage.check(remaining) {
             if self.storage.has_problem() {
                 log::warn!("{text}");
             }

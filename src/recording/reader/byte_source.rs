@@ -82,11 +82,11 @@ impl<'a> Window<'a> {
 
     /// Returns `count` bytes at `at`, or fewer at the end.
     pub(super) fn peek(&mut self, at: u64, count: usize) -> io::Result<&[u8]> {
-        let left = self.source.len().saturating_sub(at);
-        let count = (count as u64).min(left);
+        let remaining = self.source.len().saturating_sub(at);
+        let count = (count as u64).min(remaining);
         let inside = at >= self.at && at + count <= self.at + self.buffer.len() as u64;
         if !inside {
-            self.buffer = self.source.read(self.file, at, left.min(count.max(WINDOW_BYTES as u64)))?;
+            self.buffer = self.source.read(self.file, at, remaining.min(count.max(WINDOW_BYTES as u64)))?;
             self.at = at;
         }
         let start = (at - self.at) as usize;

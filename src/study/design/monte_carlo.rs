@@ -55,10 +55,10 @@ impl FilmSimulation {
         let white: Vec<[f64; 3]> = (0..self.frames.len()).map(|index| self.white_noise(index, &mut stream)).collect();
         let (mut tracker, mut rows) = (Tracker::new(&self.params), TrackerRows::default());
         for index in 0..self.frames.len() {
-            let seen = self.simulated_outline(index, &mut stream);
+            let outline = self.simulated_outline(index, &mut stream);
             for interval in &self.intervals {
                 let step = self.simulated_step(index, *interval, &white, &mut stream);
-                tracker.push(&BodyStep { interval_frames: *interval, motion: step, ..seen }, &mut rows);
+                tracker.push(&BodyStep { interval_frames: *interval, motion: step, ..outline }, &mut rows);
             }
         }
         tracker.finish(&mut rows);
@@ -90,14 +90,14 @@ impl FilmSimulation {
     }
 
     /// Whether the body is visible in a frame.
-    fn is_seen(&self, index: usize) -> bool {
+    fn is_visible(&self, index: usize) -> bool {
         self.frames.get(index).is_some_and(|(truth, _)| truth.status == PointStatus::Valid)
     }
 
     /// Returns the step of a frame with a simulated outline, without a motion.
     fn simulated_outline(&self, index: usize, stream: &mut Stream) -> BodyStep {
         let (truth, _) = &self.frames[index];
-        let (is_seen, like) = (self.is_seen(index), &self.noise.step);
+        let (is_visible, like) = (self.is_visible(index), &self.noise.step);
         let place = [truth.center_x_px, truth.center_y_px].map(Option::unwrap_or_default);
         let mut at = |k: usize, sigma: f64| place[k] + self.noise.off_px[k] + sigma * stream.normal();
         let outline = like.outline.map(|outline| Outline {
@@ -120,7 +120,7 @@ impl FilmSimulation {
             frame: truth.frame,
             stamp_ns: truth.stamp_ns,
             body: 0,
-            outline: outline.filter(|_| is_seen),
+            outline: outline.filter(|_| is_visible),
             motion: None,
             growth_fraction: None,
             drift: None,
@@ -142,12 +142,12 @@ impl FilmSimulation {
         // Drawn in any case, so that every variant of a rig has the same noise.
         let walk: [f64; 3] = std::array::from_fn(|_| stream.normal());
         let to = index + interval as usize;
-        if !(self.is_seen(index) && self.is_seen(to)) {
+        if !(self.is_visible(index) && self.is_visible(to)) {
             return None;
         }
         let ((here, angle), (there, turned)) = (&self.frames[index], &self.frames[to]);
         let truth = [there.center_x_px? - here.center_x_px?, there.center_y_px? - here.center_y_px?, turned - angle];
-        let left = match self.noise.step.method {
+        let permanent = match self.noise.step.method {
             MotionMethod::WholeBody if self.renewed[index + 1..=to].contains(&true) => self.noise.renewal,
             MotionMethod::WholeBody | MotionMethod::Outlines => [0.0; 3],
             MotionMethod::Subsets => {
@@ -156,7 +156,7 @@ impl FilmSimulation {
             }
         };
         let (first, second, frames) = (self.pose_sigma(index), self.pose_sigma(to), f64::from(interval));
-        let moved = |k: usize| (truth[k] + white[to][k] - white[index][k] + left[k] * walk[k]) / frames;
+        let moved = |k: usize| (truth[k] + white[to][k] - white[index][k] + permanent[k] * walk[k]) / frames;
         let sigma = |k: usize| self.noise.stated[k] * first[k].hypot(second[k]) / frames;
         Some(RigidStep {
             dx_px: moved(0),

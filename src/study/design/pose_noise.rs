@@ -49,8 +49,8 @@ impl PoseNoise {
     /// Returns the scatter (px, px, deg) of a pose of a body that has moved by `moved_px` since its reference was
     /// taken.
     pub(super) fn pose_at(&self, moved_px: [f64; 2]) -> [f64; 3] {
-        let left = (1.0 - self.smoothing * between_pixels(moved_px)).sqrt();
-        self.pose.map(|sigma| left * sigma)
+        let remaining = (1.0 - self.smoothing * between_pixels(moved_px)).sqrt();
+        self.pose.map(|sigma| remaining * sigma)
     }
 
     /// Estimates the noise of a rig. Whole-body matching uses the noise bound of the pattern, subsets use the

@@ -85,8 +85,8 @@ pub(super) fn observe_matches(
     };
     let moved = |frame: u64| [0, 1].map(|k| place(frame)[k] - place(first)[k]);
     let poses = (0..own[0].len()).map(|at| (own.each_ref().map(|own| own[at]), moved(frames[at + 1]))).collect();
-    let left = |k: usize| closures.iter().map(|takes| separate_variances(takes, k).shared).sum::<f64>();
-    Ok(Matched { renewal: [0, 1, 2].map(|k| (left(k) / closures.len().max(1) as f64).sqrt()), poses })
+    let shared_variance = |k: usize| closures.iter().map(|takes| separate_variances(takes, k).shared).sum::<f64>();
+    Ok(Matched { renewal: [0, 1, 2].map(|k| (shared_variance(k) / closures.len().max(1) as f64).sqrt()), poses })
 }
 
 /// Separates the variance of coordinate `k` over renderings into a part shared by all frames and a part of each frame.
@@ -99,10 +99,10 @@ fn separate_variances(takes: &[Vec<[f64; 3]>], k: usize) -> VarianceParts {
     let means: Vec<f64> = (0..frames).map(mean).collect();
     let (mut between, mut within) = (0.0, vec![0.0; frames]);
     for take in takes {
-        let off = |frame: usize| take[frame][k] - means[frame];
-        let shared = (0..frames).map(off).sum::<f64>() / frames as f64;
+        let deviation = |frame: usize| take[frame][k] - means[frame];
+        let shared = (0..frames).map(deviation).sum::<f64>() / frames as f64;
         between += shared * shared;
-        within.iter_mut().enumerate().for_each(|(frame, sum)| *sum += (off(frame) - shared).powi(2));
+        within.iter_mut().enumerate().for_each(|(frame, sum)| *sum += (deviation(frame) - shared).powi(2));
     }
     let free = (count - 1) as f64;
     if frames == 1 {

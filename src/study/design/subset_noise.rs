@@ -100,9 +100,9 @@ impl VarianceSums {
 
     /// Returns the white noise of a pose, and the permanent error per unit of the expected one.
     fn estimate(&self) -> [f64; 2] {
-        let left = if self.closed_shares > 0.0 { self.closed / self.closed_shares } else { 0.0 };
-        let pose = 0.5 * (self.stepped - left * self.stepped_shares) / self.steps.max(1.0);
-        if pose > 0.0 { [pose.sqrt(), (left / pose).sqrt()] } else { [0.0, 1.0] }
+        let permanent = if self.closed_shares > 0.0 { self.closed / self.closed_shares } else { 0.0 };
+        let pose = 0.5 * (self.stepped - permanent * self.stepped_shares) / self.steps.max(1.0);
+        if pose > 0.0 { [pose.sqrt(), (permanent / pose).sqrt()] } else { [0.0, 1.0] }
     }
 }
 

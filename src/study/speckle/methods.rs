@@ -302,7 +302,7 @@ fn evaluate_like_paper(valid: &[CenterVector], windows: Windows, otherwise: Poin
     center_fit(valid, windows.step_px, windows.subset_size_px).map_or_else(|| no_answer(otherwise), answer)
 }
 
-/// Returns the answer with this motion.
+/// Converts a rigid motion to a valid answer.
 fn answer_from(motion: &RigidMotion) -> Answer {
     Answer {
         step: Some([motion.u_px, motion.v_px, motion.angle_deg]),
