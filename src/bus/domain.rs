@@ -322,7 +322,7 @@ fn write_pointer(folder: &Path, domain: &Domain) -> Result<(), BusError> {
         .map_err(|error| BusError::Folder { path, reason: error.to_string() })
 }
 
-/// Removes the domains without members in a runtime folder, which runs leave behind that were killed.
+/// Removes the domains without members in a runtime folder, which are left behind by runs that were killed.
 fn remove_empty_domains(runtime: &Path) {
     let entries = std::fs::read_dir(runtime).into_iter().flatten().flatten();
     let domains = entries.map(|entry| entry.path()).filter(|path| path.join(MEMBERS).exists());

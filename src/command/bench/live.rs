@@ -45,7 +45,7 @@ pub(super) fn run(options: &BenchOptions) -> Result<(), Failure> {
     let film = Film::new()?;
     let whole = film.frame_us(Rotation::Rigid, duration)?;
     let alone = film.frame_us(Rotation::Field, duration)?;
-    let (subsets, parts) = film.parts_us(duration)?;
+    let (subsets, parts) = film.time_parts_us(duration)?;
     let mut rows = vec![("frame, whole ball and subsets", whole.all)];
     let rest = whole.all - parts.per_frame.iter().map(|(_, us)| us).sum::<f64>();
     rows.extend(parts.per_frame);
@@ -143,8 +143,8 @@ impl Film {
         Ok(Frames { all: mean(&|_| true), following: mean(&|frame| !is_finding(frame)), finding: mean(&is_finding) })
     }
 
-    /// Returns the number of subsets, and measures the parts of a frame, us.
-    fn parts_us(&self, duration: Duration) -> Result<(usize, Rows), Failure> {
+    /// Measures the durations of the parts of a frame, us; also returns the number of subsets.
+    fn time_parts_us(&self, duration: Duration) -> Result<(usize, Rows), Failure> {
         let (mut first, mut second) = (Image::new(512, 512), Image::new(512, 512));
         for (image, (meta, bytes)) in [(&mut first, &self.frames[20]), (&mut second, &self.frames[21])] {
             Frame { meta: *meta, bytes }.unpack(image)?;
@@ -264,7 +264,7 @@ mod tests {
         let film = Film::new().unwrap();
         let frame = film.frame_us(Rotation::Rigid, Duration::from_millis(1)).unwrap();
         assert!([frame.all, frame.following, frame.finding].iter().all(|us| us.is_finite() && *us > 0.0));
-        let (subsets, parts) = film.parts_us(Duration::from_millis(1)).unwrap();
+        let (subsets, parts) = film.time_parts_us(Duration::from_millis(1)).unwrap();
         assert!((55..75).contains(&subsets), "{subsets}");
         let mut rows = parts.per_frame.iter().chain(&parts.other);
         assert!(rows.all(|(_, us)| us.is_finite() && *us > 0.0), "{:?} {:?}", parts.per_frame, parts.other);

@@ -183,7 +183,8 @@ impl Repeats {
         self.last.is_some() && across.is_some_and(interrupts)
     }
 
-    /// Returns the error of a film whose repeats took no time, with the rate of the original.
+    /// Returns the error of a film that was converted to a higher rate by repeating frames, with the rate of the
+    /// original.
     fn conversion_error(&self, index: u64) -> ImportError {
         let (repeats, number) = (self.repeats.numbers.count, self.timeline.moment(index).number);
         let share = 1.0 - repeats as f64 / (index as f64 + 1.0);
