@@ -259,9 +259,9 @@ impl Outline {
     }
 
     /// Returns the outline as it is written into the row of its frame.
-    pub(super) fn to_result(&self, origin: OutlineOrigin) -> crate::results::Outline {
+    pub(super) fn to_result(self, origin: OutlineOrigin) -> crate::results::Outline {
         let shape = match self {
-            Self::Ball(circle) => OutlineShape::Circle(*circle),
+            Self::Ball(circle) => OutlineShape::Circle(circle),
             Self::Rod(observation) => OutlineShape::Rod(observation.rod),
             Self::Patch(pose) => OutlineShape::Circle(pose.circle()),
         };
