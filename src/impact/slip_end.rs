@@ -15,6 +15,8 @@ const CHANCE_SIGMAS: f64 = 2.0;
 const ORDER: usize = 3;
 /// The step of the search for the kink, frames.
 const STEP_FRAMES: f64 = 0.125;
+/// The number of parameters of the kink: its moment, the slope before it and the friction.
+const PARAMETERS: usize = 3;
 /// The step of the fine search, frames.
 const FINE_FRAMES: f64 = STEP_FRAMES / 8.0;
 
@@ -114,6 +116,9 @@ fn contact_point_speeds(points: &[Sample], start: f64, end: f64, half: f64) -> V
 }
 
 /// Finds the stop after which the displacement is constant, frames, by a scan; sigma is where chi2 has risen by one.
+///
+/// Where the points scatter more than they should, chi2 must rise by its mean instead. Without a minimum within the scan,
+/// the stop is not known.
 fn find_kink(points: &[Sample], pushed: &[f64], start: f64) -> Option<Estimate> {
     let data = Data::new(points);
     let measured = data.whiten(points.iter().map(|p| p.value).collect());
@@ -149,13 +154,18 @@ fn find_kink(points: &[Sample], pushed: &[f64], start: f64) -> Option<Estimate> 
     let minimum = |scan: &[(f64, f64)]| scan.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1));
     let coarse = scan(first, steps, STEP_FRAMES);
     let best = minimum(&coarse)?;
-    let near = coarse.iter().filter(|s| s.1 <= best.1 + 1.0).map(|s| s.0);
+    let freedom = points.len().saturating_sub(PARAMETERS).max(1) as f64;
+    let rise = (best.1 / freedom).max(1.0);
+    let near = coarse.iter().filter(|s| s.1 <= best.1 + rise).map(|s| s.0);
     let (low, high) = near.fold((best.0, best.0), |(low, high), at| (low.min(at), high.max(at)));
+    if low <= coarse.first()?.0 || high >= coarse.last()?.0 {
+        return None;
+    }
     // A second, finer scan around the minimum.
     let from = (low - STEP_FRAMES).max(first);
     let fine = scan(from, ((high + STEP_FRAMES - from) / FINE_FRAMES).round() as usize, FINE_FRAMES);
     let best = minimum(&fine)?;
-    let inside = || fine.iter().filter(|s| s.1 <= best.1 + 1.0).map(|s| s.0);
+    let inside = || fine.iter().filter(|s| s.1 <= best.1 + rise).map(|s| s.0);
     let width = inside().next_back()? - inside().next()?;
     Some(Estimate { value: best.0, sigma: (width / 2.0).max(FINE_FRAMES) })
 }

@@ -24,6 +24,12 @@ const MAX_OCCLUDED_FRACTION: f64 = 0.003;
 const LIGHT_ERROR: f64 = 2.0;
 /// The minimum rotation that the effect of light is related to, deg.
 const MIN_TURN_DEG: f64 = 0.05;
+/// The rotations over several references from which they are compared with a direct match to the first, deg.
+///
+/// By then a pattern has left its place, so that light that stays in the room no longer holds it back.
+const CLOSING_DEG: [f64; 2] = [15.0, 30.0];
+/// The number of standard uncertainties from which the two differ.
+const CLOSING_SIGMAS: f64 = 2.0;
 /// The number of occluded pixels that is always allowed, since a pixel may be stuck.
 const FREE_OCCLUDED_PIXELS: f64 = 2.0;
 
@@ -60,6 +66,12 @@ struct RigidTrack {
     reference: RigidBody,
     /// The pose of the reference.
     origin: Pose,
+    /// The first reference and its pose, once it was renewed.
+    first: Option<(RigidBody, Pose)>,
+    /// The number of times that the rotation over several references was compared with the first of them.
+    closings: usize,
+    /// The share by which it was wrong.
+    closing_error: Option<f64>,
     radius_px: f64,
     /// Whether nothing occluded the body in the reference.
     is_unoccluded: bool,
@@ -202,6 +214,9 @@ impl RigidMatcher {
             key,
             reference,
             origin,
+            first: None,
+            closings: 0,
+            closing_error: None,
             radius_px,
             is_unoccluded,
             poses: vec![origin],
@@ -241,7 +256,7 @@ impl RigidMatcher {
             step: first.step_to(&second, circle, frames),
             visible_fraction: first.visible_fraction.filter(|_| track.is_unoccluded),
             lever: is_visible.then(|| track.reference.dilatation_error()),
-            light_fraction: first.light_fraction(&second),
+            light_fraction: larger(first.light_fraction(&second), track.closing_error),
         })
     }
 }
@@ -282,6 +297,9 @@ impl RigidTrack {
         }
         let place = self.poses.partition_point(|other| other.frame < frame);
         self.poses.insert(place, pose);
+        if visible_fraction >= UNOCCLUDED_FRACTION {
+            self.close(target, &pose);
+        }
         let center = self.reference.center();
         self.occlusions.extend(self.reference.occlusion_map().map(|map| OccludedFrame { frame, origin, center, map }));
         let is_occluded = visible_fraction < UNOCCLUDED_FRACTION;
@@ -289,12 +307,43 @@ impl RigidTrack {
         if found.is_stale() && (!is_occluded || motion.angle_deg.abs() > RENEW_OCCLUDED_DEG) {
             let region = Region::Disc { x_px: pose.x_px, y_px: pose.y_px, radius_px: self.radius_px };
             if let Ok(reference) = RigidBody::new(target, &region) {
-                (self.reference, self.origin) = (reference, pose);
+                let last =
+                    (std::mem::replace(&mut self.reference, reference), std::mem::replace(&mut self.origin, pose));
+                self.first.get_or_insert(last);
                 self.is_unoccluded = self.is_unoccluded && !is_occluded;
             }
         }
         Some(pose)
     }
+
+    /// Compares the rotation over several references with a match to the first of them, twice in a block at most.
+    ///
+    /// Whatever stands in the room and looks the same in neighbouring frames holds every short rotation back by the same
+    /// share. Their sum then falls short of the direct match, in which the pattern has left its place.
+    fn close(&mut self, target: &PreparedFrame, pose: &Pose) {
+        let Some((reference, origin)) = self.first.as_mut() else { return };
+        let turned_deg = pose.angle_deg - origin.angle_deg;
+        if CLOSING_DEG.get(self.closings).is_none_or(|limit| turned_deg.abs() < *limit) {
+            return;
+        }
+        let (u_px, v_px) = (pose.x_px - origin.x_px, pose.y_px - origin.y_px);
+        let near = PlanarMotion { u_px, v_px, angle_deg: turned_deg };
+        let found = reference.find_visible(target, Point::new(origin.x_px, origin.y_px), near);
+        let error_deg = found.map_or(0.0, |BodyMotion { motion, .. }| {
+            let apart_deg = motion.angle_deg - turned_deg;
+            let apart_deg = apart_deg - 360.0 * (apart_deg / 360.0).round();
+            let sigma_deg = motion.sigma_angle_deg.hypot(pose.sigma[2]);
+            (apart_deg.powi(2) - (CLOSING_SIGMAS * sigma_deg).powi(2)).max(0.0).sqrt()
+        });
+        self.closings += 1;
+        self.closing_error =
+            larger(self.closing_error, Some(error_deg / turned_deg.abs()).filter(|error| *error > 0.0));
+    }
+}
+
+/// Returns the larger of two shares, of which both may be unknown.
+fn larger(one: Option<f64>, other: Option<f64>) -> Option<f64> {
+    one.into_iter().chain(other).reduce(f64::max)
 }
 
 impl RigidTrack {

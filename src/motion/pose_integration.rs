@@ -2,15 +2,12 @@
 
 use std::collections::BTreeMap;
 
+use super::patch_repeat::{ExpectedAngle, PatchRepeat};
 use super::random_walk::{KeptReference, LONG_STEP_WEIGHT, RandomWalk};
 use crate::results::{BodyStep, MotionMethod, RigidStep};
 
 /// The maximum gap over which a pose is extrapolated, frames.
 const BRIDGE_FRAMES: f64 = 8.0;
-/// The smallest part of a turn after which a patch may look the same again, deg: an image with more parts is a blur.
-const MIN_REPEAT_DEG: f64 = 3.0;
-/// The number of standard uncertainties from which the angle of a patch contradicts its last step.
-const CONTRADICTION_SIGMAS: f64 = 8.0;
 /// The minimum sigma of a step, px or deg.
 const SIGMA_FLOOR: f64 = 1e-7;
 
@@ -87,41 +84,6 @@ impl Spin {
         let variance = 2.0 * self.sigma_deg.powi(2) + change.powi(2);
         let is_known = self.unseen_frames <= BRIDGE_FRAMES;
         (frames * self.rate_deg, if is_known { frames * frames * variance } else { f64::INFINITY })
-    }
-}
-
-/// The part of a turn by which the angle of a patch was taken wrong, because it looks the same again after that part.
-///
-/// A block searches the angle from the start. The step into it, which was followed from frame to frame, decides.
-#[derive(Debug, Clone, Copy, Default)]
-struct PatchRepeat {
-    offset_deg: f64,
-    variance_deg2: f64,
-    /// The component of the angle. Where steps are missing, an image that has repeated itself begins another.
-    turn: u32,
-    /// The frame after the last step, the angle in it and its variance.
-    expected: Option<(u64, f64, f64)>,
-}
-
-impl PatchRepeat {
-    /// Returns the angle found in a frame, deg, turned on to where the last step leads.
-    fn continued(&mut self, frame: u64, angle_deg: f64, sigma_deg: f64) -> f64 {
-        let found_deg = angle_deg + self.offset_deg;
-        let Some((_, expected_deg, variance)) = self.expected.filter(|(next, ..)| *next == frame) else {
-            if self.offset_deg.abs() > 0.0 {
-                (self.turn, self.variance_deg2) = (self.turn + 1, f64::INFINITY);
-            }
-            return found_deg;
-        };
-        let apart_deg = expected_deg - found_deg;
-        let apart_deg = apart_deg - 360.0 * (apart_deg / 360.0).round();
-        let variance = variance + sigma_deg.powi(2);
-        if apart_deg.abs() < MIN_REPEAT_DEG || apart_deg.abs() < CONTRADICTION_SIGMAS * variance.sqrt() {
-            return found_deg;
-        }
-        self.offset_deg += apart_deg;
-        self.variance_deg2 += variance;
-        found_deg + apart_deg
     }
 }
 
@@ -253,10 +215,14 @@ impl PoseIntegrator {
         let turns = ((newest_deg - angle_deg) / 360.0).round();
         let n = f64::from(step.interval_frames.max(1));
         let angle_deg = angle_deg + 360.0 * turns;
-        self.repeat.expected = step.motion.filter(has_finite_numbers).filter(RigidStep::has_rotation).map(|out| {
-            let next = step.frame + u64::from(step.interval_frames.max(1));
-            (next, angle_deg + n * out.dtheta_deg, (n * out.sigma_dtheta_deg).powi(2))
-        });
+        self.repeat.expected =
+            step.motion.filter(has_finite_numbers).filter(RigidStep::has_rotation).map(|out| ExpectedAngle {
+                frame: step.frame + u64::from(step.interval_frames.max(1)),
+                angle_deg: angle_deg + n * out.dtheta_deg,
+                variance_deg2: (n * out.sigma_dtheta_deg).powi(2),
+                rate_deg: out.dtheta_deg,
+                rate_variance_deg2: out.sigma_dtheta_deg.powi(2),
+            });
         let out = step.motion.filter(has_finite_numbers).unwrap_or(RigidStep::STILL);
         // The image that the patch was drawn in matches itself exactly; the step from it has its noise.
         let sigma = [

@@ -191,7 +191,7 @@ fn velocity_jump_error(nodes: &[Pose], at_frames: f64, order: usize) -> [f64; 3]
 }
 
 /// Returns the nodes of the frames `from` to `to`, both included.
-fn nodes_between(nodes: &[Pose], from: u64, to: u64) -> &[Pose] {
+pub(super) fn nodes_between(nodes: &[Pose], from: u64, to: u64) -> &[Pose] {
     let first = nodes.partition_point(|n| n.frame < from);
     let end = nodes.partition_point(|n| n.frame <= to);
     &nodes[first..end.max(first)]
@@ -200,7 +200,7 @@ fn nodes_between(nodes: &[Pose], from: u64, to: u64) -> &[Pose] {
 /// Returns the nodes in a window of `width` frames about `frame`.
 ///
 /// The window is moved inwards at the ends of the nodes, but never extends past `frame + ahead`.
-fn fit_window(nodes: &[Pose], frame: u64, width: u64, ahead: u64) -> &[Pose] {
+pub(super) fn fit_window(nodes: &[Pose], frame: u64, width: u64, ahead: u64) -> &[Pose] {
     let (Some(first), Some(last)) = (nodes.first(), nodes.last()) else { return nodes };
     let last = last.frame.min(frame + ahead);
     let width = width.max(2);

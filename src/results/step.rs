@@ -70,6 +70,18 @@ impl RigidStep {
         let sigma_px = self.dtheta_deg.to_radians() * center_sigma_px;
         Self { sigma_dx_px: self.sigma_dx_px.hypot(sigma_px), sigma_dy_px: self.sigma_dy_px.hypot(sigma_px), ..self }
     }
+
+    /// Multiplies the standard uncertainties: x, y and the rotation.
+    #[must_use]
+    pub fn with_sigmas(self, factors: [f64; 3]) -> Self {
+        let [x, y, rotation] = factors;
+        Self {
+            sigma_dx_px: x * self.sigma_dx_px,
+            sigma_dy_px: y * self.sigma_dy_px,
+            sigma_dtheta_deg: rotation * self.sigma_dtheta_deg,
+            ..self
+        }
+    }
 }
 
 named_enum! {

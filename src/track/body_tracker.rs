@@ -11,7 +11,7 @@ use crate::impact::{
 use crate::measure::body_circle;
 use crate::motion::{
     Axes, Center, CenterFilter, Form, KnownMotion, LocalDrift, MotionParams, OutlineDrift, PixelRates, Pose,
-    PoseIntegrator, Regime, RollingShutter, RunningBias, RunningRadius, Scale, SizeChange, SpeedBias, View,
+    PoseIntegrator, Regime, RollingShutter, RunningBias, RunningRadius, Scale, Scatter, SizeChange, SpeedBias, View,
     ViewPosition, gravity_px, lag_frames, physical, smooth,
 };
 use crate::results::{
@@ -418,9 +418,8 @@ impl BodyTracker {
 
     /// Returns the rows of a frame whose step was added, from everything added so far.
     pub fn rows(&self, step: &BodyStep) -> (TrackSample, VelocitySample) {
-        let is_undetected = body_circle(step).is_none();
         let is_missing = matches!(step.status, PointStatus::Lost | PointStatus::Occluded | PointStatus::OutOfFrame)
-            || (is_undetected && step.status == PointStatus::Ambiguous);
+            || (body_circle(step).is_none() && step.status == PointStatus::Ambiguous);
         let node = self.nodes.binary_search_by_key(&step.frame, |n| n.frame).ok().map(|i| self.nodes[i]);
         let node = node.filter(|_| !is_missing);
         let circle = step.circle().filter(|_| !is_missing);
@@ -457,9 +456,10 @@ impl BodyTracker {
             rod: step.rod().filter(|_| !is_missing),
             status: step.status,
         };
+        let known = KnownMotion { nodes: &self.nodes, to_frame: self.newest_frame, gravity: self.gravity() };
+        let scatter = Scatter::near(known, step.frame, regime);
         let rates = here.and_then(|(n, here)| {
-            let known = KnownMotion { nodes: &self.nodes, to_frame: self.newest_frame, gravity: self.gravity() };
-            let rates = smooth(known, n.frame, regime, &self.params)?;
+            let rates = scatter.apply_to_rates(smooth(known, n.frame, regime, &self.params)?, &n);
             Some(self.rolling.widen_rates(self.correct_out_of_plane(rates, regime, &n, &here)))
         });
         let scale = self.radius.metres_per_px(self.params.scale);
@@ -475,7 +475,7 @@ impl BodyTracker {
                 .motion
                 .filter(|_| !is_missing)
                 .map(|moved| here.map_or(moved, |(_, here)| OutlineDrift::apply_to_step(moved, step.drift, &here)))
-                .map(|moved| moved.about(center_sigma_px).into()),
+                .map(|moved| scatter.apply_to_step(moved).about(center_sigma_px).into()),
             velocity: rates.zip(scale).map(|(rates, scale)| {
                 physical(&self.with_systematic_errors(rates.about(center_sigma_px)), scale, &self.params)
             }),

@@ -1,0 +1,141 @@
+//! The scatter of a path: how much more its poses jump from frame to frame than their uncertainties allow.
+//!
+//! The uncertainty of a match follows from its residual. An encoder of films moves blocks by whole pixels and removes the
+//! residual, and regular paint matches at wrong places as well as at the right one. Neither shows in the residual of a
+//! pair of frames, but both show in the path: a body moves smoothly, and the poses jump about it.
+
+use super::velocity_fit::{Regime, fit_window, nodes_between};
+use super::{KnownMotion, PixelRates, Pose};
+use crate::numeric::nth_smallest;
+use crate::results::{Estimate, RigidStep};
+
+/// The number of frames that the size of the scatter is measured over.
+const WINDOW_FRAMES: u64 = 17;
+/// The number of frames that must show it, and how far they reach ahead. In fewer, noise scatters as much by chance.
+const EVIDENCE_FRAMES: u64 = 61;
+const EVIDENCE_AHEAD: u64 = 20;
+/// The weights of neighbouring poses in a fourth difference, in which a smooth path vanishes, and their length.
+const WEIGHTS: [f64; 5] = [1.0, -4.0, 6.0, -4.0, 1.0];
+const LENGTH: f64 = 8.366_600_265_340_756;
+/// The minimum number of differences that show it.
+const MIN_DIFFERENCES: usize = 15;
+/// The minimum ratio of the median difference to that of noise.
+///
+/// An impact makes a few differences large, but not most of them.
+const MIN_RATIO: f32 = 1.9;
+/// The median of the absolute value of a standard normal variable.
+const NORMAL_MEDIAN: f32 = 0.6745;
+
+/// The factors by which the uncertainties of steps near a frame are too small: x, y and the angle, at least 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scatter {
+    factors: [f64; 3],
+}
+
+impl Scatter {
+    /// Measures the scatter of the path near a frame.
+    ///
+    /// Within a window, the root mean square of the differences bounds each of them, however they are distributed.
+    pub fn near(known: KnownMotion<'_>, frame: u64, regime: Regime) -> Self {
+        let nodes = known.nodes;
+        let free = match regime {
+            Regime::Unknown => nodes,
+            Regime::Flight { from, to } => nodes_between(nodes, from, to),
+            // The force bends the path, and the flight before shows the scatter.
+            Regime::Contact { from, .. } => nodes_between(nodes, 0, from.saturating_sub(1)),
+        };
+        let all = fit_window(free, frame, EVIDENCE_FRAMES, EVIDENCE_AHEAD);
+        let near = fit_window(free, frame, WINDOW_FRAMES, WINDOW_FRAMES / 2);
+        let factor = |axis: usize| if is_scattered(all, axis) { size(near, axis).max(1.0) } else { 1.0 };
+        Self { factors: std::array::from_fn(factor) }
+    }
+
+    /// Widens the uncertainties of a step.
+    pub fn apply_to_step(&self, step: RigidStep) -> RigidStep {
+        step.with_sigmas(self.factors)
+    }
+
+    /// Widens the uncertainties of rates at a node: errors that are no noise do not average out over the frames.
+    pub fn apply_to_rates(&self, rates: PixelRates, node: &Pose) -> PixelRates {
+        if self.factors.iter().all(|factor| *factor <= 1.0) {
+            return rates;
+        }
+        let floor =
+            |rate: Estimate, k: usize| Estimate { sigma: rate.sigma.max(self.factors[k] * node.sigma[k]), ..rate };
+        PixelRates { x: floor(rates.x, 0), y: floor(rates.y, 1), theta: floor(rates.theta, 2), ..rates }
+    }
+}
+
+/// Whether most of the differences of one coordinate are larger than noise.
+fn is_scattered(nodes: &[Pose], axis: usize) -> bool {
+    let mut sizes: Vec<f32> = differences(nodes, axis).collect();
+    let (count, middle) = (sizes.len(), sizes.len() / 2);
+    count >= MIN_DIFFERENCES && nth_smallest(&mut sizes, middle) > MIN_RATIO * NORMAL_MEDIAN
+}
+
+/// Returns the root mean square of the differences of one coordinate; 0 without any.
+fn size(nodes: &[Pose], axis: usize) -> f64 {
+    let add = |(sum, count): (f64, f64), size: f32| (sum + f64::from(size).powi(2), count + 1.0);
+    let (squares, count) = differences(nodes, axis).fold((0.0, 0.0), add);
+    (squares / f64::max(count, 1.0)).sqrt()
+}
+
+/// Returns the fourth differences of one coordinate of the nodes.
+fn differences(nodes: &[Pose], axis: usize) -> impl Iterator<Item = f32> {
+    nodes.windows(WEIGHTS.len()).filter_map(move |nodes| difference(nodes, axis))
+}
+
+/// Returns the fourth difference of poses in successive frames, relative to its noise; `None` across a gap.
+fn difference(nodes: &[Pose], axis: usize) -> Option<f32> {
+    let (first, last) = (nodes.first()?, nodes.last()?);
+    let part = |node: &Pose| if axis == 2 { node.turn } else { node.component };
+    let is_linked = nodes.iter().all(|node| part(node) == part(first));
+    if !is_linked || last.frame - first.frame + 1 != WEIGHTS.len() as u64 {
+        return None;
+    }
+    let sum: f64 = nodes.iter().zip(WEIGHTS).map(|(node, weight)| weight * node.pose[axis]).sum();
+    let squares: f64 = nodes.iter().map(|node| node.sigma[axis].powi(2)).sum();
+    let noise = LENGTH * (squares / WEIGHTS.len() as f64).sqrt();
+    (noise > 0.0).then(|| (sum.abs() / noise) as f32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The nodes of a body that falls, with an error of x in each frame, px; the sigmas are 0.01.
+    fn nodes(error_px: impl Fn(u64) -> f64) -> Vec<Pose> {
+        let node = |frame: u64| {
+            let t = frame as f64;
+            Pose {
+                frame,
+                time_frames: t,
+                component: 0,
+                turn: 0,
+                pose: [0.3 * t + error_px(frame), 0.2 * t + 0.01 * t * t, 0.5 * t],
+                sigma: [0.01; 3],
+                bridged: [0.0; 3],
+                walk_share: [0.0; 3],
+                kept: None,
+            }
+        };
+        (0..40).map(node).collect()
+    }
+
+    fn near(nodes: &[Pose]) -> Scatter {
+        Scatter::near(KnownMotion { nodes, to_frame: 39, gravity: None }, 20, Regime::Unknown)
+    }
+
+    #[test]
+    fn jumps_by_whole_pixels_widen_steps_and_rates_and_an_impact_does_not() {
+        // A path of 0.3 px per frame, rounded to whole pixels.
+        let snapped = near(&nodes(|frame| (0.3 * frame as f64).round() - 0.3 * frame as f64));
+        let [x, y, rotation] = snapped.factors;
+        assert!(x > 15.0 && (y - 1.0).abs() < 1e-12 && (rotation - 1.0).abs() < 1e-12, "{snapped:?}");
+        let rates = super::super::local_fit(&nodes(|_| 0.0), 20.0, 1).unwrap();
+        let widened = snapped.apply_to_rates(rates, &nodes(|_| 0.0)[20]);
+        assert!(widened.x.sigma >= 0.15 && widened.y.sigma >= 0.01);
+        let struck = near(&nodes(|frame| if frame < 20 { 0.0 } else { -0.6 * (frame - 20) as f64 }));
+        assert_eq!(struck, Scatter { factors: [1.0; 3] });
+    }
+}
