@@ -77,25 +77,28 @@ pub struct Units {
 /// The duration is separate because the errors of start and end are not independent.
 pub type Findings = [f64; 10];
 
+/// The number of parameter sets integrated in parallel: as many as the numbers of the longest vector.
+pub(super) const SETS: usize = 8;
+
 /// One number for each of several sets of parameters that are integrated in parallel.
-pub(super) type Row<const SETS: usize> = [f64; SETS];
+pub(super) type Row = [f64; SETS];
 
 /// The states of bodies in their contacts: frames since its start, px, px/frame and px/frame^2.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
-pub(super) struct States<const SETS: usize> {
-    pub(super) time: Row<SETS>,
-    pub(super) depth: Row<SETS>,
-    pub(super) speed: Row<SETS>,
-    pub(super) force: Row<SETS>,
+pub(super) struct States {
+    pub(super) time: Row,
+    pub(super) depth: Row,
+    pub(super) speed: Row,
+    pub(super) force: Row,
 }
 
 /// A law with several sets of parameters that differ little.
 #[derive(Debug, Clone)]
-pub(super) struct Law<const SETS: usize> {
+pub(super) struct Law {
     form: u8,
     /// A in place of its logarithm.
-    p: [Row<SETS>; MAX_PARAMETERS],
+    p: [Row; MAX_PARAMETERS],
     pub(super) units: Units,
 }
 
@@ -110,7 +113,7 @@ const DASHPOT: u8 = 5;
 /// The minimum depth, as a share of the unit of depth, whose logarithm is taken.
 const MIN_DEPTH: f64 = 1e-300;
 
-impl<const SETS: usize> Law<SETS> {
+impl Law {
     /// Creates the law for these sets; the last set also fills the unused lanes.
     ///
     /// # Panics
@@ -134,7 +137,7 @@ impl<const SETS: usize> Law<SETS> {
     }
 
     /// Returns the states at first contact.
-    pub(super) fn initial_states(&self) -> States<SETS> {
+    pub(super) fn initial_states(&self) -> States {
         let zero = [0.0; SETS];
         let touch = States { time: zero, depth: zero, speed: self.p[1], force: zero };
         // A step of zero length computes the force.
@@ -144,7 +147,7 @@ impl<const SETS: usize> Law<SETS> {
     }
 
     /// Advances each set from one state by a fourth-order Runge-Kutta step of its own length, frames.
-    pub(super) fn advance(&self, from: &States<SETS>, step: &Row<SETS>, to: &mut States<SETS>) {
+    pub(super) fn advance(&self, from: &States, step: &Row, to: &mut States) {
         advance(self, from, step, to);
     }
 
@@ -174,7 +177,7 @@ impl<const SETS: usize> Law<SETS> {
 
     /// Advances each set by the classical Runge-Kutta method of fourth order, for one form of the law.
     #[inline(always)]
-    fn runge_kutta_step<const FORM: u8>(&self, from: &States<SETS>, step: &Row<SETS>, to: &mut States<SETS>) {
+    fn runge_kutta_step<const FORM: u8>(&self, from: &States, step: &Row, to: &mut States) {
         let gravity = self.units.gravity;
         let States { depth, speed, force, .. } = from;
         let mut speeds = [[0.0; SETS]; 3];
@@ -206,7 +209,7 @@ impl<const SETS: usize> Law<SETS> {
 
 /// Advances each set by one step, with the widest vectors of the processor.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
-fn advance<const SETS: usize>(law: &Law<SETS>, from: &States<SETS>, step: &Row<SETS>, to: &mut States<SETS>) {
+fn advance(law: &Law, from: &States, step: &Row, to: &mut States) {
     match law.form {
         LINEAR => law.runge_kutta_step::<LINEAR>(from, step, to),
         HERTZ => law.runge_kutta_step::<HERTZ>(from, step, to),
@@ -219,7 +222,7 @@ fn advance<const SETS: usize>(law: &Law<SETS>, from: &States<SETS>, step: &Row<S
 
 /// Returns the stiffness factor 1 + b1 T1 + ... + b7 T7 of one set at `x`, -1 to 1.
 #[inline(always)]
-fn chebyshev_factor<const SETS: usize>(b: &[Row<SETS>; MAX_PARAMETERS - 6], set: usize, x: f64) -> f64 {
+fn chebyshev_factor(b: &[Row; MAX_PARAMETERS - 6], set: usize, x: f64) -> f64 {
     let (mut sum, mut lower, mut here) = (1.0, 1.0, x);
     for row in b {
         sum += row[set] * here;

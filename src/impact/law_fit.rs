@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::contact_law::{Family, Findings, MAX_PARAMETERS, Parameters, Units};
+use super::contact_law::{Family, Findings, Parameters, SETS, Units};
 use super::law_motion::LawMotions;
 use crate::numeric::Sample;
 
@@ -24,12 +24,6 @@ const RIPPLES: [f64; 7] = [0.3, 0.2, 0.2, 0.1, 0.1, 0.05, 0.05];
 pub type Expected = [f64; 2];
 /// The bounds of both exponents.
 const EXPONENTS: (f64, f64) = (0.0, 4.0);
-
-/// The number of parameter sets integrated in parallel, for laws with few and with many parameters. A vector holds at
-/// most eight numbers.
-const FEW: usize = 8;
-const MANY: usize = 16;
-const _: () = assert!(MAX_PARAMETERS < MANY);
 
 /// A law fitted to one contact.
 #[derive(Debug, Clone)]
@@ -119,10 +113,10 @@ struct Slopes {
 
 /// The motions for one set of parameters and for that set with one parameter changed at a time.
 struct Motions {
-    /// Depths at each sample.
-    depths: Vec<[f64; MANY]>,
+    /// The depths of each set at the samples.
+    depths: Vec<Vec<f64>>,
     findings: Vec<Findings>,
-    /// Whether the law is_physical the set and the body rebounds.
+    /// Whether the set is physical and the body rebounds.
     sound: Vec<bool>,
 }
 
@@ -149,8 +143,7 @@ impl Problem<'_> {
             motions = self.integrate_motions(&p, &steps);
         }
         let slopes = (0..steps.len()).all(|k| is_sound(&motions, k)).then(|| self.differentiate(&motions, &steps));
-        let depths = motions.depths.iter().map(|row| row[0]).collect();
-        Some(Outcome { depths, findings: motions.findings[0], slopes })
+        Some(Outcome { depths: motions.depths.swap_remove(0), findings: motions.findings[0], slopes })
     }
 
     /// Whether the law is physical with these parameters.
@@ -169,25 +162,17 @@ impl Problem<'_> {
             sound.push(self.is_physical(&moved));
             sets.push(if sound[k + 1] { moved } else { *p });
         }
-        let mut motions = Motions { depths: Vec::new(), findings: Vec::new(), sound };
-        match sets.len() <= FEW {
-            true => self.integrate_sets::<FEW>(&sets, &mut motions),
-            false => self.integrate_sets::<MANY>(&sets, &mut motions),
+        let (mut depths, mut findings) = (Vec::new(), Vec::new());
+        for (sets, sound) in sets.chunks(SETS).zip(sound.chunks_mut(SETS)) {
+            let motions = LawMotions::new(self.family, sets, &self.units);
+            sound.iter_mut().enumerate().for_each(|(set, sound)| *sound &= motions.rebounds(set));
+            let starts: [f64; SETS] = std::array::from_fn(|set| sets[set.min(sets.len() - 1)][0]);
+            findings.extend(motions.findings(&starts));
+            let samples = self.data.samples.iter();
+            let rows: Vec<_> = samples.map(|s| motions.depths(&starts.map(|start| s.time_frames - start))).collect();
+            depths.extend((0..SETS).map(|set| rows.iter().map(|row| row[set]).collect()));
         }
-        motions
-    }
-
-    /// Integrates the motions of several sets of parameters in parallel and appends them to `motions`.
-    fn integrate_sets<const SETS: usize>(&self, sets: &[Parameters], motions: &mut Motions) {
-        let law_motions = LawMotions::<SETS>::new(self.family, sets, &self.units);
-        motions.sound.iter_mut().enumerate().for_each(|(set, sound)| *sound &= law_motions.rebounds(set));
-        let starts: [f64; SETS] = std::array::from_fn(|set| sets[set.min(sets.len() - 1)][0]);
-        motions.findings.extend(law_motions.findings(&starts));
-        motions.depths.extend(self.data.samples.iter().map(|s| {
-            let mut row = [0.0; MANY];
-            row[..SETS].copy_from_slice(&law_motions.depths(&starts.map(|start| s.time_frames - start)));
-            row
-        }));
+        Motions { depths, findings, sound }
     }
 
     /// Returns the residuals of the positions in sigmas, followed by those of the priors.
@@ -227,7 +212,8 @@ impl Problem<'_> {
         let mut jacobian = DMatrix::zeros(samples + count - 4, count);
         let mut gradients = DMatrix::zeros(motions.findings[0].len(), count);
         for (k, h) in steps.iter().enumerate() {
-            let change = motions.depths.iter().map(|row| (row[k + 1] - row[0]) / h).collect();
+            let change =
+                motions.depths[k + 1].iter().zip(&motions.depths[0]).map(|(moved, own)| (moved - own) / h).collect();
             for (i, x) in self.data.whiten(change).into_iter().enumerate() {
                 jacobian[(i, k)] = x;
             }

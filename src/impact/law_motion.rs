@@ -2,7 +2,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use super::contact_law::{Family, Findings, Law, Parameters, Row, States, Units};
+use super::contact_law::{Family, Findings, Law, Parameters, Row, SETS, States, Units};
 
 /// Integration steps per time unit.
 const STEPS_PER_UNIT: f64 = 64.0;
@@ -12,17 +12,17 @@ const MAX_UNITS: f64 = 6.0;
 /// The motions through one contact for up to `SETS` parameter sets of one law; times since its start, depths along the
 /// inward normal.
 #[derive(Debug, Clone)]
-pub struct LawMotions<const SETS: usize> {
-    law: Law<SETS>,
+pub struct LawMotions {
+    law: Law,
     /// The states at every step, until every set has rebounded.
-    states: Vec<States<SETS>>,
-    end: States<SETS>,
+    states: Vec<States>,
+    end: States,
     /// The number of states before the end of each set; 0 where it does not rebound.
     counts: [usize; SETS],
     step: f64,
 }
 
-impl<const SETS: usize> LawMotions<SETS> {
+impl LawMotions {
     /// Integrates y'' = gravity - F/m from the first contact until the force is back to zero, by fourth-order
     /// Runge-Kutta with 64 steps per `units.depth / units.speed * pi / 2`.
     ///
@@ -72,7 +72,7 @@ impl<const SETS: usize> LawMotions<SETS> {
         let (from, steps) = (self.gather(|own, set| own.counts[set].max(1) - 1), [self.step; SETS]);
         let whole = self.stepped_from(&from, &steps);
         // Without depth there is no force, and its zero would be flat.
-        let remainder = |s: &States<SETS>, set: usize| if whole.force[set] < 0.0 { s.force[set] } else { s.depth[set] };
+        let remainder = |s: &States, set: usize| if whole.force[set] < 0.0 { s.force[set] } else { s.depth[set] };
         let mut low: [_; SETS] = std::array::from_fn(|set| (0.0, remainder(&from, set)));
         let mut high: [_; SETS] = std::array::from_fn(|set| (self.step, remainder(&whole, set)));
         let (mut best, mut open) = (whole, self.counts.map(|count| count > 0));
@@ -110,14 +110,14 @@ impl<const SETS: usize> LawMotions<SETS> {
     }
 
     /// Returns the states one step after others; each set has its own step, frames.
-    fn stepped_from(&self, from: &States<SETS>, step: &Row<SETS>) -> States<SETS> {
+    fn stepped_from(&self, from: &States, step: &Row) -> States {
         let mut to = *from;
         self.law.advance(from, step, &mut to);
         to
     }
 
     /// Returns the state of each set at an index of its own; see [`state_at`](Self::state_at).
-    fn gather(&self, place: impl Fn(&Self, usize) -> usize) -> States<SETS> {
+    fn gather(&self, place: impl Fn(&Self, usize) -> usize) -> States {
         let mut out = self.end;
         for set in 0..SETS {
             let from = self.state_at(place(self, set), set);
@@ -130,7 +130,7 @@ impl<const SETS: usize> LawMotions<SETS> {
     }
 
     /// Returns the state of a set at an index; from its last one on, the end of its contact.
-    fn state_at(&self, place: usize, set: usize) -> &States<SETS> {
+    fn state_at(&self, place: usize, set: usize) -> &States {
         if place < self.counts[set].max(1) { &self.states[place] } else { &self.end }
     }
 
@@ -142,7 +142,7 @@ impl<const SETS: usize> LawMotions<SETS> {
     /// Returns the depth of each set at its own time since the start (frames), px. Free fall before and after the
     /// contact.
     pub fn depths(&self, times: &[f64; SETS]) -> [f64; SETS] {
-        let fall = |from: &States<SETS>, set: usize| {
+        let fall = |from: &States, set: usize| {
             let dt = times[set] - from.time[set];
             from.depth[set] + from.speed[set] * dt + 0.5 * self.law.units.gravity * dt * dt
         };
@@ -185,7 +185,7 @@ impl<const SETS: usize> LawMotions<SETS> {
 
     /// Finds the deepest state, where the speed is zero, by Newton's method from the line between the neighbouring
     /// states.
-    fn deepest(&self) -> States<SETS> {
+    fn deepest(&self) -> States {
         let indices: [usize; SETS] = std::array::from_fn(|set| {
             let count = self.counts[set].max(1);
             self.states[..count].partition_point(|s| s.speed[set] > 0.0).clamp(1, count)
@@ -204,12 +204,12 @@ impl<const SETS: usize> LawMotions<SETS> {
     }
 
     /// Returns the first and the last time at which the force of each set has its level, frames.
-    fn level_times(&self, levels: &Row<SETS>) -> (Row<SETS>, Row<SETS>) {
+    fn level_times(&self, levels: &Row) -> (Row, Row) {
         let mut rises = [0; SETS];
         let mut falls = [0; SETS];
         for set in 0..SETS {
             let states = &self.states[..self.counts[set].max(1)];
-            let is_felt = |s: &States<SETS>| s.force[set] >= levels[set];
+            let is_felt = |s: &States| s.force[set] >= levels[set];
             rises[set] = states.iter().position(is_felt).unwrap_or(0);
             falls[set] = states.iter().rposition(is_felt).unwrap_or(0);
         }
@@ -229,13 +229,12 @@ impl<const SETS: usize> LawMotions<SETS> {
     /// Finds the time at which the force of each set crosses its level between two neighbouring states, frames.
     ///
     /// Uses false position, because forces curve strongly near zero.
-    fn level_crossing(&self, levels: &Row<SETS>, a: &States<SETS>, b: &States<SETS>) -> Row<SETS> {
-        let ends = |s: &States<SETS>| -> [(f64, f64); SETS] {
-            std::array::from_fn(|set| (s.time[set], s.force[set] - levels[set]))
-        };
+    fn level_crossing(&self, levels: &Row, a: &States, b: &States) -> Row {
+        let ends =
+            |s: &States| -> [(f64, f64); SETS] { std::array::from_fn(|set| (s.time[set], s.force[set] - levels[set])) };
         let (mut low, mut high) = (ends(a), ends(b));
         for _ in 0..6 {
-            let at: Row<SETS> = std::array::from_fn(|set| {
+            let at: Row = std::array::from_fn(|set| {
                 let ((t0, f0), (t1, f1)) = (low[set], high[set]);
                 t0 - f0 * (t1 - t0) / (f1 - f0)
             });
@@ -267,7 +266,7 @@ impl<const SETS: usize> LawMotions<SETS> {
 }
 
 /// Whether all states are finite and no set has rebounded.
-fn is_in_contact<const SETS: usize>(s: &States<SETS>) -> bool {
+fn is_in_contact(s: &States) -> bool {
     let mut all = true;
     for set in 0..SETS {
         all &= s.depth[set] > 0.0 && s.depth[set] < f64::MAX && (s.speed[set] >= 0.0 || s.force[set] > 0.0);
@@ -277,7 +276,7 @@ fn is_in_contact<const SETS: usize>(s: &States<SETS>) -> bool {
 
 /// Interpolates the depth of a set between two of its states by a cubic Hermite polynomial, px.
 #[inline(always)]
-fn interpolate_depth<const SETS: usize>(a: &States<SETS>, b: &States<SETS>, set: usize, time: f64) -> f64 {
+fn interpolate_depth(a: &States, b: &States, set: usize, time: f64) -> f64 {
     let h = b.time[set] - a.time[set];
     let u = ((time - a.time[set]) / h).clamp(0.0, 1.0);
     let (u2, u3) = (u * u, u * u * u);
@@ -291,10 +290,8 @@ fn interpolate_depth<const SETS: usize>(a: &States<SETS>, b: &States<SETS>, set:
 mod tests {
     use super::*;
 
-    const SETS: usize = 8;
-
     /// The predicted quantities of one set, in the last lane.
-    fn findings(family: Family, p: &Parameters, units: &Units, start: f64) -> Option<(Findings, LawMotions<SETS>)> {
+    fn findings(family: Family, p: &Parameters, units: &Units, start: f64) -> Option<(Findings, LawMotions)> {
         let other = Parameters::from(*p).map(|x| 1.01 * x);
         let passages = LawMotions::new(family, &[family.complete(&other), *p], units);
         passages.rebounds(1).then(|| (passages.findings(&[start; SETS])[1], passages))
