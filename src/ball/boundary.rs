@@ -11,7 +11,7 @@ use super::ransac::{Ray, RoughCircle, sample_line, within};
 use super::texture_disc::{RadiusRange, Region, log_levels};
 use super::visible_fraction::{RimBin, fraction_in_image, unoccluded_fraction};
 use crate::image::{ImageView, is_saturated};
-use crate::numeric::nth_smallest;
+use crate::numeric::{Xorshift, nth_smallest};
 use crate::results::Circle;
 
 /// The distance of two rays along the rim, px, and the limits of their number.
@@ -79,7 +79,7 @@ pub(super) struct Boundary {
     outermost: Vec<[f64; OUTERMOST]>,
     pool: Vec<(usize, f64)>,
     tried: Vec<(f64, Offset)>,
-    random: u64,
+    random: Xorshift,
 }
 
 /// A step of brightness along a ray.
@@ -252,7 +252,7 @@ impl Boundary {
     /// Scores circles through three selected steps each.
     fn try_circles(&mut self, radii: RadiusRange, reach_px: f64) {
         // A constant seed: the same image gives the same circle.
-        self.random = 0x9e37_79b9_7f4a_7c15;
+        self.random = Xorshift::default();
         let enough = self.tried.len() + CIRCLES;
         if self.pool.len() < 10 {
             return;
@@ -272,7 +272,7 @@ impl Boundary {
         let mut points = [[0.0; 2]; 3];
         let mut rays = [0; 3];
         for k in 0..3 {
-            let at = (self.next_random() % self.pool.len() as u64) as usize;
+            let at = self.random.below(self.pool.len());
             let (ray, radius) = self.pool[at];
             rays[k] = ray;
             points[k] = [radius * self.cos[ray], radius * self.sin[ray]];
@@ -385,16 +385,6 @@ impl Boundary {
             let squares: f64 = left_out.iter().map(|other| (other[k] - mean).powi(2)).sum();
             ((count - 1.0) / count * squares + spread[k] / total).sqrt()
         }))
-    }
-
-    /// Returns the next number of xorshift64* (Vigna, <https://doi.org/10.1145/2845077>).
-    fn next_random(&mut self) -> u64 {
-        let mut x = self.random;
-        x ^= x >> 12;
-        x ^= x << 25;
-        x ^= x >> 27;
-        self.random = x;
-        x.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 33
     }
 }
 

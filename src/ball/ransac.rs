@@ -7,6 +7,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::Polarity;
 use crate::image::ImageView;
+use crate::numeric::Xorshift;
 
 /// The minimum number of rays, for the smallest balls.
 const MIN_RAYS: usize = 40;
@@ -71,7 +72,7 @@ pub(super) struct Ransac {
     /// For either sign, the (ray, radius) of all steps.
     pool: [Vec<(u32, f32)>; 2],
     profile: Vec<f32>,
-    random: u64,
+    random: Xorshift,
 }
 
 /// A circle relative to the centre of the rays.
@@ -141,7 +142,7 @@ impl Ransac {
         }
         self.pool.iter_mut().for_each(Vec::clear);
         // A constant seed: the same image gives the same circle.
-        self.random = 0x9e37_79b9_7f4a_7c15;
+        self.random = Xorshift::default();
     }
 
     /// Stores the strongest local maxima of the radial difference along `profile`.
@@ -219,8 +220,7 @@ impl Ransac {
         let mut points = [(0.0_f32, 0.0_f32); 3];
         let mut rays = [0_u32; 3];
         for i in 0..3 {
-            let n = self.pool[sign].len() as u64;
-            let at = (self.next_random() % n) as usize;
+            let at = self.random.below(self.pool[sign].len());
             let (ray, r) = self.pool[sign][at];
             rays[i] = ray;
             points[i] = (r * self.cos[ray as usize], r * self.sin[ray as usize]);
@@ -267,16 +267,6 @@ impl Ransac {
         }
         let step = normal.cholesky()?.solve(&right);
         Some(Offset { dx: offset.dx + step[0], dy: offset.dy + step[1], radius: offset.radius + step[2] })
-    }
-
-    /// Returns the next number of xorshift64* (Vigna, <https://doi.org/10.1145/2845077>).
-    fn next_random(&mut self) -> u64 {
-        let mut x = self.random;
-        x ^= x >> 12;
-        x ^= x << 25;
-        x ^= x >> 27;
-        self.random = x;
-        x.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 33
     }
 }
 

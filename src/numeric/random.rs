@@ -1,4 +1,4 @@
-//! Random numbers from a counter: each can be computed without the previous ones.
+//! Random numbers: from a counter, so that each can be computed without the previous ones, and by xorshift.
 
 /// Mixes 64 bits (the finaliser of SplitMix64, <https://doi.org/10.1145/2714064.2660195>).
 #[inline]
@@ -49,5 +49,32 @@ impl Stream {
     pub fn normal(&mut self) -> f64 {
         let radius = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
         radius * (std::f64::consts::TAU * self.uniform()).cos()
+    }
+}
+
+/// The generator xorshift64* (S. Vigna, ACM Trans. Math. Softw. 42 (2016) 30, <https://doi.org/10.1145/2845077>), which
+/// takes less time per number than a [`Stream`]. It always starts at the same state.
+#[derive(Debug, Clone)]
+pub struct Xorshift {
+    state: u64,
+}
+
+impl Default for Xorshift {
+    fn default() -> Self {
+        Self { state: COUNT }
+    }
+}
+
+impl Xorshift {
+    /// Returns the next number below `count`.
+    ///
+    /// # Panics
+    ///
+    /// If `count` is 0.
+    pub fn below(&mut self, count: usize) -> usize {
+        self.state ^= self.state >> 12;
+        self.state ^= self.state << 25;
+        self.state ^= self.state >> 27;
+        ((self.state.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 33) % count as u64) as usize
     }
 }

@@ -15,8 +15,6 @@ pub trait Vector: Copy {
     fn store(self, values: &mut [f32]);
     /// Loads eight lanes.
     fn from_lanes(lanes: &Lanes) -> Self;
-    /// Loads eight numbers of an array.
-    fn from_eight(values: &[f32; LANES]) -> Self;
     /// Transposes eight vectors.
     fn transpose(rows: [Self; LANES]) -> [Self; LANES];
     /// Returns the sum of each of eight vectors: that of its halves, each of which is the sum of its pairs.
@@ -76,11 +74,6 @@ impl Vector for Portable {
     #[inline(always)]
     fn from_lanes(lanes: &Lanes) -> Self {
         Self(lanes.0)
-    }
-
-    #[inline(always)]
-    fn from_eight(values: &[f32; LANES]) -> Self {
-        Self(*values)
     }
 
     #[inline(always)]
@@ -305,11 +298,6 @@ mod avx2 {
         #[inline(always)]
         fn from_lanes(lanes: &Lanes) -> Self {
             Self::load(&lanes.0)
-        }
-
-        #[inline(always)]
-        fn from_eight(values: &[f32; LANES]) -> Self {
-            Self::load(values)
         }
 
         #[inline(always)]

@@ -6,6 +6,7 @@ mod windows;
 
 use crate::console::Outcome;
 use crate::failure::Failure;
+use crate::numeric::median;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -52,6 +53,11 @@ pub fn run(options: &BenchOptions) -> Result<Outcome, Failure> {
         Part::Record => record::run(options)?,
     }
     Ok(Outcome::Clean)
+}
+
+/// Returns the median; NaN of nothing.
+fn median_of(figures: impl Iterator<Item = f64>) -> f64 {
+    median(&mut figures.collect::<Vec<_>>()).unwrap_or(f64::NAN)
 }
 
 /// Returns the sum of the results of `round` per second, called again and again over a duration.

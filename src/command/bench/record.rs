@@ -1,9 +1,9 @@
 //! `ricochet bench record`: the recording rate, compared with a plain write of the same bytes.
 
-use super::BenchOptions;
+use super::{BenchOptions, median_of};
 use crate::failure::Failure;
 use crate::image::{Frame, FrameMeta, PixelFormat};
-use crate::numeric::quantile;
+use crate::numeric::{COUNT, key, scramble};
 use crate::recording::{RecordingInfo, RecordingWriter, WriterOptions, part_path};
 use serde_json::json;
 use std::fs::File;
@@ -38,7 +38,7 @@ struct Timing {
 ///
 /// When the directory cannot be written, or the result cannot be printed.
 pub(super) fn run(options: &BenchOptions) -> Result<(), Failure> {
-    let pool: Vec<Vec<u8>> = (1..=POOL as u32).map(noise_frame).collect();
+    let pool: Vec<Vec<u8>> = (1..=POOL as u64).map(noise_frame).collect();
     let files = Files::new(&options.directory);
     let (mut plain, mut recorded) = (Vec::new(), Vec::new());
     let start = now();
@@ -59,11 +59,11 @@ pub(super) fn run(options: &BenchOptions) -> Result<(), Failure> {
 fn print_medians(options: &BenchOptions, plain: &[Timing], recorded: &[Timing]) -> Result<(), Failure> {
     let rate = |timing: &Timing| FRAMES as f64 / timing.wall_s;
     let cpu_us = |timing: &Timing| timing.cpu_s * 1e6 / FRAMES as f64;
-    let rates = [median(plain.iter().map(rate)), median(recorded.iter().map(rate))];
-    let cpus = [median(plain.iter().map(cpu_us)), median(recorded.iter().map(cpu_us))];
+    let rates = [median_of(plain.iter().map(rate)), median_of(recorded.iter().map(rate))];
+    let cpus = [median_of(plain.iter().map(cpu_us)), median_of(recorded.iter().map(cpu_us))];
     // Compared turn by turn, so that a temporary slowdown affects both.
-    let ratio = median(plain.iter().zip(recorded).map(|(plain, recorded)| plain.wall_s / recorded.wall_s));
-    let above_us = median(plain.iter().zip(recorded).map(|(plain, recorded)| cpu_us(recorded) - cpu_us(plain)));
+    let ratio = median_of(plain.iter().zip(recorded).map(|(plain, recorded)| plain.wall_s / recorded.wall_s));
+    let above_us = median_of(plain.iter().zip(recorded).map(|(plain, recorded)| cpu_us(recorded) - cpu_us(plain)));
     let mut out = std::io::stdout().lock();
     if options.json {
         let row = |at: usize| json!({ "frames_per_s": rates[at], "cpu_us_per_frame": cpus[at] });
@@ -177,20 +177,10 @@ fn cpu_s() -> f64 {
     time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
 }
 
-/// Returns an incompressible frame of random bytes, for a seed other than 0 (Marsaglia's xorshift,
-/// doi:10.18637/jss.v008.i14).
-fn noise_frame(seed: u32) -> Vec<u8> {
-    let mut state = seed;
-    let mut next = || {
-        state ^= state << 13;
-        state ^= state >> 17;
-        state ^= state << 5;
-        state.to_le_bytes()
-    };
-    (0..FRAME_BYTES / 4).flat_map(|_| next()).collect()
-}
-
-/// Returns the median; 0 of nothing.
-fn median(values: impl Iterator<Item = f64>) -> f64 {
-    quantile(&mut values.collect::<Vec<_>>(), 0.5).unwrap_or(0.0)
+/// Returns an incompressible frame of random bytes.
+fn noise_frame(seed: u64) -> Vec<u8> {
+    let first = key(seed, 0, 0);
+    (0..FRAME_BYTES as u64 / 8)
+        .flat_map(|k| scramble(first.wrapping_add(k.wrapping_mul(COUNT))).to_le_bytes())
+        .collect()
 }

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use serde_json::json;
 
-use super::{BenchOptions, rate_per_s};
+use super::{BenchOptions, median_of, rate_per_s};
 use crate::dic::grid;
 use crate::dic::{
     CorrelationParams, Correlator, GridPoint, KernelBenchmark, Method, PlanarMotion, Point, Region, RigidBody, Shape,
@@ -14,7 +14,7 @@ use crate::dic::{
 };
 use crate::failure::Failure;
 use crate::image::Image;
-use crate::numeric::{instruction_set, quantile};
+use crate::numeric::{Stream, instruction_set, key};
 
 /// Side of the test images, px.
 const SIDE: usize = 512;
@@ -110,7 +110,7 @@ pub(super) fn run(options: &BenchOptions) -> Result<(), Failure> {
         }
         for (threads, own) in counts.iter().zip(&rates) {
             let speedups = own.iter().zip(&rates[0]).map(|(own, one)| own / one);
-            let (points_per_s, speedup) = (median(own.iter().copied()), median(speedups));
+            let (points_per_s, speedup) = (median_of(own.iter().copied()), median_of(speedups));
             rows.push(Row { name: case.name, threads: *threads, points_per_s, speedup });
         }
     }
@@ -241,28 +241,16 @@ fn run_case(case: &Case, frames: &(Image, Image), duration: Duration, ready: &Ba
     Ok(rate_per_s(duration, || round(&mut field)))
 }
 
-/// Returns the median; NaN of nothing.
-fn median(figures: impl Iterator<Item = f64>) -> f64 {
-    quantile(&mut figures.collect::<Vec<_>>(), 0.5).unwrap_or(f64::NAN)
-}
-
 /// Renders speckle discs of 3 to 6 px with soft edges and uniform noise, shifted by `shift`.
 ///
-/// The discs are the same for every noise seed. Random numbers are those of Marsaglia's xorshift
-/// (doi:10.18637/jss.v008.i14).
-fn render_speckles(shift: Point, noise_seed: u32) -> Image {
-    let mut state = 7_u32;
-    let random = |state: &mut u32| {
-        *state ^= *state << 13;
-        *state ^= *state >> 17;
-        *state ^= *state << 5;
-        f64::from(*state >> 8) / f64::from(1 << 24)
-    };
+/// The discs are the same for every noise seed.
+fn render_speckles(shift: Point, noise_seed: u64) -> Image {
+    let mut random = Stream::new(7);
     let mut clear = vec![1.0_f32; SIDE * SIDE];
     for _ in 0..10_000 {
-        let x = random(&mut state) * SIDE as f64 + shift.x_px;
-        let y = random(&mut state) * SIDE as f64 + shift.y_px;
-        let radius = 1.5 + 1.4 * random(&mut state);
+        let x = random.uniform() * SIDE as f64 + shift.x_px;
+        let y = random.uniform() * SIDE as f64 + shift.y_px;
+        let radius = 1.5 + 1.4 * random.uniform();
         let low = |center: f64| (center - 6.0).max(0.0) as usize;
         let high = |center: f64| ((center + 6.0).max(0.0) as usize).min(SIDE - 1);
         for row in low(y)..=high(y) {
@@ -272,8 +260,8 @@ fn render_speckles(shift: Point, noise_seed: u32) -> Image {
             }
         }
     }
-    state = noise_seed;
-    let level = |clear: &f32| (18.0 + 200.0 * clear + 3.4 * (random(&mut state) as f32 - 0.5)).round();
+    let mut noise = Stream::new(key(noise_seed, 0, 0));
+    let level = |clear: &f32| (18.0 + 200.0 * clear + 3.4 * (noise.uniform() as f32 - 0.5)).round();
     let mut image = Image::new(SIDE, SIDE);
     let levels: Vec<f32> = clear.iter().map(level).collect();
     image.data_mut().copy_from_slice(&levels);
