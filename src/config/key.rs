@@ -135,7 +135,7 @@ impl NumberRange {
 }
 
 /// Joins the lines of a text with single blanks.
-fn one_line(text: &str) -> String {
+pub(super) fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 

@@ -1,6 +1,7 @@
 //! The rig file as text: the position of each key, for error messages.
 
 use super::error::{ConfigError, Problem};
+use super::key::one_line;
 use super::raw::RawConfig;
 use std::ops::Range;
 use toml::de::{DeTable, DeValue};
@@ -160,11 +161,6 @@ fn collect_value(value: &DeValue<'_>, parent: &str, places: &mut Vec<Place>) {
 /// Returns the line at a byte offset, counted from 1.
 fn line_at(text: &str, offset: usize) -> usize {
     1 + text.bytes().take(offset).filter(|byte| *byte == b'\n').count()
-}
-
-/// Joins the lines of a text with single blanks.
-fn one_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 /// Returns the names that serde lists after "expected", each between backticks.

@@ -5,6 +5,7 @@
 //! other at the rate of the header or of the user.
 
 use super::rate::{Rate, RateSource};
+use crate::numeric::quantile;
 
 /// Relative difference of two rates that contradict each other.
 const CONTRADICTION: f64 = 0.01;
@@ -208,9 +209,8 @@ impl FrameTimes {
         // Frames off the grid, such as an odd first one, bend the line: it is fitted again without them.
         for _ in 0..2 {
             let off_ns = |index: usize| (times[index] - start_ns - numbers[index] as f64 * period_ns).abs();
-            let mut sorted: Vec<f64> = (0..times.len()).map(off_ns).collect();
-            sorted.sort_unstable_by(f64::total_cmp);
-            let limit_ns = (OUTLIER * sorted[sorted.len() / 2]).max(1.0);
+            let usual_ns = quantile(&mut (0..times.len()).map(off_ns).collect::<Vec<f64>>(), 0.5)?;
+            let limit_ns = (OUTLIER * usual_ns).max(1.0);
             let on_grid = (0..times.len()).filter(|index| off_ns(*index) <= limit_ns);
             let (on_numbers, on_times): (Vec<u64>, Vec<f64>) =
                 on_grid.map(|index| (numbers[index], times[index])).unzip();

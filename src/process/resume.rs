@@ -1,7 +1,7 @@
 //! The state from which a restarted process continues.
 
-use super::clock::monotonic_ns;
 use super::frame_stamp::FrameStamp;
+use crate::camera::v4l2::monotonic_ns;
 use std::fs::{File, OpenOptions};
 use std::os::unix::fs::{FileExt, OpenOptionsExt};
 use std::path::Path;

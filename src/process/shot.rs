@@ -11,6 +11,7 @@ use crate::results::{BodyStep, PairField, VelocitySample, segments};
 use crate::synth::SimulatedFilm;
 use crate::track::{TrackerParams, TrackerRows};
 use camera_part::CameraPart;
+use chrono::DateTime;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -301,19 +302,8 @@ pub(super) fn free_path(directory: &Path, rig: &str, stamp_ns: u64) -> PathBuf {
 
 /// Formats a time, ns since the Unix epoch, as UTC to the millisecond: `20261121-083000-123`.
 fn format_utc(stamp_ns: u64) -> String {
-    let (seconds, millis) = (stamp_ns / 1_000_000_000, stamp_ns / 1_000_000 % 1000);
-    let (days, time) = (seconds / 86400, seconds % 86400);
-    // Years that begin in March put the leap day last (H. Hinnant, "chrono-Compatible Low-Level Date Algorithms",
-    // https://howardhinnant.github.io/date_algorithms.html).
-    let shifted = days + 719_468;
-    let (era, day_of_era) = (shifted / 146_097, shifted % 146_097);
-    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
-    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let shifted_month = (5 * day_of_year + 2) / 153;
-    let day = day_of_year - (153 * shifted_month + 2) / 5 + 1;
-    let month = if shifted_month < 10 { shifted_month + 3 } else { shifted_month - 9 };
-    let year = year_of_era + era * 400 + u64::from(month <= 2);
-    format!("{year:04}{month:02}{day:02}-{:02}{:02}{:02}-{millis:03}", time / 3600, time / 60 % 60, time % 60)
+    let time = DateTime::from_timestamp_nanos(i64::try_from(stamp_ns).unwrap_or(i64::MAX));
+    time.format("%Y%m%d-%H%M%S-%3f").to_string()
 }
 
 #[cfg(test)]

@@ -37,6 +37,7 @@ mod timestamps;
 pub use device::{Capability, Device};
 pub use discovery::{CameraListing, FormatListing, features, is_v4l2_id, list};
 pub use modes::{FrameSize, Rates, Sizes};
+pub use timestamps::monotonic_ns;
 
 use super::feature_setting::slot_count;
 use crate::camera::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
@@ -47,7 +48,7 @@ use pixel_layout::BufferLayout;
 use queue::{BUFFERS_MAX, BUFFERS_MIN, Dequeued, Queue};
 use std::io;
 use std::time::Duration;
-use timestamps::{BufferInfo, HostClock, Sequences, is_stale, monotonic_ns};
+use timestamps::{BufferInfo, HostClock, Sequences, is_stale};
 
 /// Minimum number of slots.
 const MIN_SLOTS: usize = 2 * BUFFERS_MIN;

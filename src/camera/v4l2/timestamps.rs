@@ -128,8 +128,8 @@ fn stamps_start(info: &BufferInfo) -> bool {
     info.flags & sys::V4L2_BUF_FLAG_TSTAMP_SRC_MASK == sys::V4L2_BUF_FLAG_TSTAMP_SRC_SOE
 }
 
-/// Returns the time on the kernel's monotonic clock, ns.
-pub(super) fn monotonic_ns() -> u64 {
+/// Returns the time on the kernel's monotonic clock, which never steps and which all processes share, ns.
+pub fn monotonic_ns() -> u64 {
     clock_ns(ClockId::Monotonic)
 }
 

@@ -1,6 +1,7 @@
 //! The change from one frame to another, tile by tile.
 
 use crate::image::PixelFormat;
+use crate::numeric::quantile;
 use std::ops::Range;
 
 /// Length of the shortest side of a tile, pixels, so that the noise of a tile is known within a tenth.
@@ -73,7 +74,7 @@ impl Change {
 
     /// Returns the median change of a tile, DN^2: that of noise, where most of the picture is at rest.
     pub(super) fn floor(&self) -> f64 {
-        median(self.tiles.clone())
+        quantile(&mut self.tiles.clone(), 0.5).unwrap_or_default()
     }
 
     /// Returns the sum of the tiles' changes above the floor, DN^2.
@@ -96,12 +97,6 @@ impl Change {
         });
         distances.fold(0.0, f64::max)
     }
-}
-
-/// Returns the median, of two in the middle the higher one; 0 of nothing.
-pub(super) fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_unstable_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or_default()
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Repeats that took no time: films that were converted to a higher rate.
 
-use super::change::median;
+use crate::numeric::quantile;
 use std::collections::BTreeMap;
 
 /// The minimum number of changes after runs of one length for a judgement.
@@ -37,8 +37,9 @@ impl MotionAfterRepeats {
     pub(super) fn are_inserted(&self) -> bool {
         let mut groups = self.by_repeats.iter().filter(|(_, motions)| motions.len() >= MIN_CHANGES);
         let (Some(fewest), Some(most)) = (groups.next(), groups.next_back()) else { return false };
-        let [few, many] = [fewest, most].map(|(_, motions)| median(motions.clone()));
-        let growth = median(self.across.clone()) / few;
+        let middle = |motions: &Vec<f64>| quantile(&mut motions.clone(), 0.5).unwrap_or_default();
+        let [few, many] = [fewest, most].map(|(_, motions)| middle(motions));
+        let growth = middle(&self.across) / few;
         if !(few > 0.0 && growth >= MIN_GROWTH) {
             return false;
         }

@@ -1,6 +1,7 @@
 //! The usual changes between the frames of a film, against which a repeat stands out.
 
-use super::change::{Change, median};
+use super::change::Change;
+use crate::numeric::quantile;
 use std::collections::VecDeque;
 
 /// Number of changes that count as recent.
@@ -41,6 +42,11 @@ impl RecentChanges {
         }
     }
 
+    /// Returns the median of the recent floors, DN^2; 0 without one.
+    fn usual_floor(&self) -> f64 {
+        quantile(&mut Vec::from(self.floors.clone()), 0.5).unwrap_or_default()
+    }
+
     /// Whether no change was added yet.
     pub(super) fn is_empty(&self) -> bool {
         self.peaks.is_empty()
@@ -48,7 +54,7 @@ impl RecentChanges {
 
     /// Whether no change at all is less than the noise of this film, so that the frame is no other exposure.
     pub(super) fn is_copy(&self, change: &Change) -> bool {
-        let floor = median(self.floors.iter().copied().collect());
+        let floor = self.usual_floor();
         change.peak() == 0.0 && self.floors.len() >= MIN_CHANGES && is_noise(floor)
     }
 
@@ -68,7 +74,7 @@ impl RecentChanges {
         let (Some(last), Some(before)) = (recent.next(), recent.next()) else { return false };
         let (slower, faster) = (before.min(after.peak()), before.max(after.peak()));
         let is_small = *last > ROUNDING && *last < MAX_DOUBTFUL_SHARE * slower;
-        let is_compressed = || !is_noise(median(self.floors.iter().copied().collect()));
+        let is_compressed = || !is_noise(self.usual_floor());
         is_small && is_compressed() && across().is_some_and(|across| across.peak() > faster / 2.0)
     }
 
@@ -79,7 +85,7 @@ impl RecentChanges {
     /// motion to the frame after the standstill. Where these two are alike, the motion has turned back.
     pub(super) fn interrupts_motion(&self, largest: f64, after: &Change, across: &Change) -> bool {
         let Some(before) = self.peaks.back().copied() else { return false };
-        let usual = median(self.peaks.iter().copied().collect());
+        let usual = quantile(&mut Vec::from(self.peaks.clone()), 0.5).unwrap_or_default();
         let (slower, faster) = (before.min(after.peak()), before.max(after.peak()));
         let is_fast = slower > ROUNDING && slower >= FULL_SPEED * usual && largest <= MAX_STANDSTILL_SHARE * slower;
         is_fast && across.peak() > faster / 2.0

@@ -2,6 +2,7 @@
 
 use super::names::Column;
 use crate::import::timeline::FrameTimes;
+use chrono::{Datelike, NaiveDateTime};
 
 /// The digits of year, month, day, hour, minute and second, which one to six numbers hold.
 const PARTS: [usize; 6] = [4, 2, 2, 2, 2, 2];
@@ -45,9 +46,9 @@ pub(super) fn from_dates(columns: &[Column]) -> Option<Dates> {
                 .collect();
             let fraction_ns = fraction.map_or(Some(0), |fraction| {
                 let places = u32::try_from(fraction.digits[name]).ok().filter(|places| *places <= 9)?;
-                Some(fraction.values[name] * 10_i128.pow(9 - places))
+                i64::try_from(fraction.values[name] * 10_i128.pow(9 - places)).ok()
             })?;
-            i64::try_from(epoch_seconds(&digits)? * SECOND_NS + fraction_ns).ok()
+            epoch_ns(&digits)?.checked_add(fraction_ns)
         })
         .collect();
     let is_padded = fraction.is_none_or(Column::is_padded);
@@ -76,24 +77,16 @@ fn date_length(columns: &[Column]) -> Option<usize> {
                 .iter()
                 .map(|column| format!("{:0width$}", column.values[0], width = column.digits[0]))
                 .collect();
-            return epoch_seconds(&first).map(|_| index + 1);
+            return epoch_ns(&first).map(|_| index + 1);
         }
     }
     None
 }
 
-/// Returns the seconds since the Unix epoch of `20240501120000`; `None` when it is no date.
-fn epoch_seconds(digits: &str) -> Option<i128> {
-    let number = |from: usize, to: usize| digits.get(from..to)?.parse::<i128>().ok();
-    let (year, month, day) = (number(0, 4)?, number(4, 6)?, number(6, 8)?);
-    let (hour, minute, second) = (number(8, 10)?, number(10, 12)?, number(12, 14)?);
-    let is_date = (1970..2200).contains(&year) && (1..=12).contains(&month) && (1..=31).contains(&day);
-    // A leap second has the number 60.
-    let is_time = (0..24).contains(&hour) && (0..60).contains(&minute) && (0..=60).contains(&second);
-    // Days of the Gregorian calendar, with years that begin in March.
-    let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
-    let days = 365 * year + year / 4 - year / 100 + year / 400 + (153 * month + 2) / 5 + day - 1 - 719_468;
-    (is_date && is_time).then_some(((days * 24 + hour) * 60 + minute) * 60 + second)
+/// Returns the time since the Unix epoch of `20240501120000`, ns; `None` when it is no date from 1970 to 2199.
+fn epoch_ns(digits: &str) -> Option<i64> {
+    let time = NaiveDateTime::parse_from_str(digits, "%Y%m%d%H%M%S").ok()?;
+    time.and_utc().timestamp_nanos_opt().filter(|_| (1970..2200).contains(&time.year()))
 }
 
 /// Returns the times of numbers that are times: by a unit behind them, or since they count from the Unix epoch.
@@ -136,10 +129,14 @@ mod tests {
 
     #[test]
     fn days_of_the_calendar_count_from_1970() {
-        assert_eq!(epoch_seconds("19700101000000"), Some(0));
-        assert_eq!(epoch_seconds("20240229120000"), Some(1_709_208_000));
-        assert_eq!(epoch_seconds("20240501120000"), Some(1_714_564_800));
-        assert_eq!(epoch_seconds("20241301120000"), None);
-        assert_eq!(epoch_seconds("20240501250000"), None);
+        let seconds = |digits: &str| epoch_ns(digits).map(|ns| ns / 1_000_000_000);
+        assert_eq!(seconds("19700101000000"), Some(0));
+        assert_eq!(seconds("20240229120000"), Some(1_709_208_000));
+        assert_eq!(seconds("20240501120000"), Some(1_714_564_800));
+        // A leap second has the number 60.
+        assert_eq!(seconds("20161231235960"), Some(1_483_228_800));
+        for no_date in ["20241301120000", "20240230120000", "20240501250000", "19691231235959", "22000101000000"] {
+            assert_eq!(seconds(no_date), None, "{no_date}");
+        }
     }
 }

@@ -27,7 +27,7 @@ impl Program {
     ///
     /// # Errors
     ///
-    /// [`ImportError::Invalid`] when the program is not installed; [`ImportError::Io`] when it does not start.
+    /// [`ImportError::Invalid`] when the program is not installed or does not start.
     pub(super) fn start(
         name: &'static str,
         options: &str,
@@ -46,7 +46,7 @@ impl Program {
                 path,
                 format!("needs the program {name}, which is not installed (Debian, Ubuntu: apt install ffmpeg)"),
             ),
-            _ => ImportError::io("start ffmpeg for", path, error),
+            _ => ImportError::invalid(path, format!("needs the program {name}, which does not start: {error}")),
         })?;
         Ok(Self { child, name, path: path.to_path_buf() })
     }

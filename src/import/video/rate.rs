@@ -6,6 +6,7 @@ use super::super::{ImportError, RateSource};
 use super::capture::CaptureRate;
 use super::stream::Stream;
 use super::times::Ticks;
+use crate::numeric::quantile;
 use std::path::Path;
 
 /// Relative difference of two rates that contradict each other.
@@ -114,9 +115,8 @@ fn coarse_timeline(
 
 /// Returns the median interval between frames, ns; 0 for a single frame.
 fn median_interval_ns(times: &FrameTimes) -> f64 {
-    let mut steps: Vec<i64> = times.times_ns.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    steps.sort_unstable();
-    steps.get(steps.len() / 2).map_or(0.0, |median| *median as f64)
+    let mut steps: Vec<f64> = times.times_ns.windows(2).map(|pair| (pair[1] - pair[0]) as f64).collect();
+    quantile(&mut steps, 0.5).unwrap_or(0.0)
 }
 
 /// Returns the rate of the frames on average; `None` where they have no duration.

@@ -111,7 +111,7 @@ pub const ROOMS: &[Room] = &[
     pure("ball", &["failure", "results", "image", "numeric"], &["multiversion", "nalgebra", "thiserror"]),
     pure("rod", &["failure", "results", "image", "numeric"], &["nalgebra", "thiserror"]),
     pure("motion", &["results", "numeric"], &["nalgebra", "thiserror"]),
-    pure("survey", &["results", "image", "numeric", "ball", "rod"], &["nalgebra"]),
+    pure("survey", &["results", "image", "numeric", "ball", "rod"], &[]),
     pure("trigger", &["results", "image", "motion"], &[]),
     pure("impact", &["results", "numeric", "motion"], &["libm", "multiversion", "nalgebra", "thiserror"]),
     pure(
@@ -147,8 +147,8 @@ pub const ROOMS: &[Room] = &[
         ],
     ),
     pure("plot", &["results", "image"], &["image", "maud"]),
-    open("report", &["results", "image", "numeric", "recording", "plot"], &["base64", "image", "maud"]),
-    open("import", &["failure", "image"], &["glob", "image", "serde_json", "thiserror", "tiff"]),
+    open("report", &["results", "image", "numeric", "recording", "plot"], &["base64", "chrono", "image", "maud"]),
+    open("import", &["failure", "image", "numeric"], &["chrono", "glob", "image", "serde_json", "thiserror", "tiff"]),
     open(
         "camera",
         &["failure", "results", "image", "synth", "config", "message", "recording"],
@@ -159,7 +159,7 @@ pub const ROOMS: &[Room] = &[
         &["failure", "results", "image", "config", "message", "camera"],
         &["iceoryx2", "log", "rustix", "thiserror"],
     ),
-    open("process", BELOW_PROCESS, &["log", "rustix", "serde_json", "thiserror", "ureq"]),
+    open("process", BELOW_PROCESS, &["chrono", "log", "rustix", "serde_json", "thiserror", "ureq"]),
     open(
         "serve",
         &["failure", "results", "image", "config", "message", "recording", "plot", "report", "bus", "process"],
