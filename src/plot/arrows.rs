@@ -1,5 +1,6 @@
 //! A picture of the displacement vectors over the reference.
 
+use super::canvas::Canvas;
 use crate::image::ImageView;
 use crate::results::FieldPoint;
 
@@ -12,38 +13,52 @@ pub(super) fn grey_picture(image: ImageView<'_>) -> image::RgbImage {
     })
 }
 
+/// The lengths in one or several fields that a common gain of their arrows follows from.
+#[derive(Debug, Clone)]
+pub struct ArrowScale {
+    /// The longest displacement, px.
+    longest_px: f32,
+    /// The shortest distance of two consecutive points, px.
+    step_px: f32,
+}
+
+impl Default for ArrowScale {
+    fn default() -> Self {
+        Self { longest_px: 0.0, step_px: f32::INFINITY }
+    }
+}
+
+impl ArrowScale {
+    /// Includes a field.
+    pub fn add(&mut self, points: &[FieldPoint]) {
+        let motions = points.iter().filter_map(|point| point.displacement);
+        self.longest_px = motions.map(|d| d.u_px.hypot(d.v_px)).fold(self.longest_px, f32::max);
+        let apart = points.windows(2).map(|pair| (pair[0].x_px - pair[1].x_px).hypot(pair[0].y_px - pair[1].y_px));
+        self.step_px = apart.filter(|apart| *apart > 0.0).fold(self.step_px, f32::min);
+    }
+
+    /// Returns the gain with which the longest arrow spans this number of steps; 1 without a displacement.
+    pub fn gain(&self, steps: f64) -> f64 {
+        let gain = steps * f64::from(self.step_px) / f64::from(self.longest_px);
+        if gain.is_finite() { gain } else { 1.0 }
+    }
+}
+
 /// Draws the reference in grey with an arrow per vector, scaled so that the longest spans one step.
 ///
 /// A subset without a displacement is a blue dot.
 pub fn draw_vectors(image: ImageView<'_>, field: &[FieldPoint], step_px: u32) -> image::RgbImage {
-    let mut picture = grey_picture(image);
+    let mut canvas = Canvas::from_picture(grey_picture(image));
     let longest = field.iter().filter_map(|p| p.displacement).map(|d| d.u_px.hypot(d.v_px)).fold(0.0, f32::max);
     let gain = if longest > 0.0 { step_px as f32 / longest } else { 0.0 };
     for point in field {
+        let start = [point.x_px, point.y_px];
         let (color, end) = match point.displacement {
-            Some(d) => ([255, 60, 40], [point.x_px + gain * d.u_px, point.y_px + gain * d.v_px]),
-            None => ([40, 120, 255], [point.x_px, point.y_px]),
+            Some(d) => ([255, 60, 40], [start[0] + gain * d.u_px, start[1] + gain * d.v_px]),
+            None => ([40, 120, 255], start),
         };
-        draw_line(&mut picture, [point.x_px, point.y_px], end, color);
+        canvas.draw_line(start, end, color);
+        canvas.cross(start, 1.0, color);
     }
-    picture
-}
-
-/// Draws a straight line with a dot at its start, in pixels of the image; clips it at the edge.
-fn draw_line(picture: &mut image::RgbImage, from: [f32; 2], to: [f32; 2], color: [u8; 3]) {
-    let span = [to[0] - from[0], to[1] - from[1]];
-    let steps = span[0].abs().max(span[1].abs()).ceil().max(1.0) as i32;
-    let mut dot = |x: f32, y: f32| {
-        let (x, y) = (x.round(), y.round());
-        if x >= 0.0 && y >= 0.0 && x < picture.width() as f32 && y < picture.height() as f32 {
-            picture.put_pixel(x as u32, y as u32, image::Rgb(color));
-        }
-    };
-    for k in 0..=steps {
-        let along = k as f32 / steps as f32;
-        dot(from[0] + along * span[0], from[1] + along * span[1]);
-    }
-    for (dx, dy) in [(-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0)] {
-        dot(from[0] + dx, from[1] + dy);
-    }
+    canvas.into_picture()
 }

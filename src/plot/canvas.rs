@@ -51,6 +51,11 @@ impl Canvas {
         Self { picture, zoom: zoom as f32, origin: [left as f32, top as f32], line_px: 1 }
     }
 
+    /// Draws on a picture in which a pixel of the frame is one pixel.
+    pub(super) fn from_picture(picture: RgbImage) -> Self {
+        Self { picture, zoom: 1.0, origin: [0.0; 2], line_px: 1 }
+    }
+
     /// Draws lines of this width from now on, px of the picture.
     #[must_use]
     pub fn with_line(mut self, line_px: u32) -> Self {

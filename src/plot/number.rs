@@ -38,6 +38,26 @@ pub struct EstimateText {
     pub decimals: usize,
 }
 
+/// A number of a collision on a page.
+#[derive(Debug, Clone, Copy)]
+pub struct ImpactQuantity {
+    /// The column of the `impact` table.
+    pub column: &'static str,
+    /// The name on the page.
+    pub label: &'static str,
+    /// The unit on the page; empty for a plain number.
+    pub unit: &'static str,
+    /// The factor from the unit of the column to that of the page.
+    pub factor: f64,
+}
+
+impl ImpactQuantity {
+    /// Describes a column.
+    pub const fn new(column: &'static str, label: &'static str, unit: &'static str, factor: f64) -> Self {
+        Self { column, label, unit, factor }
+    }
+}
+
 /// Formats `factor` times an estimate to two digits of its uncertainty, or to six digits without one.
 pub fn format_estimate(estimate: Estimate, factor: f64) -> EstimateText {
     let (value, sigma) = (estimate.value * factor, estimate.sigma * factor);

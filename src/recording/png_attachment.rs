@@ -1,7 +1,7 @@
 //! Attached pictures: grey levels to PNG and back.
 
-use crate::image::{Image, PixelFormat, grey_pixels};
-use image::{ExtendedColorType, ImageEncoder, ImageFormat};
+use crate::image::{Image, PixelFormat, encode_png, grey_pixels};
+use image::{GrayImage, ImageBuffer, ImageFormat, Luma};
 use std::io::Cursor;
 
 /// Maximum memory for decoding a picture, bytes.
@@ -23,18 +23,12 @@ pub fn to_png_of_bits(picture: &Image, bits: u32) -> Option<Vec<u8>> {
     let view = picture.view();
     let (width, height) = (u32::try_from(view.width()).ok()?, u32::try_from(view.height()).ok()?);
     let levels =
-        || (0..view.height()).flat_map(|y| view.row(y).iter().map(|level| level.round().clamp(0.0, 65_535.0) as u16));
-    let mut png = Vec::new();
-    let encoder = image::codecs::png::PngEncoder::new(&mut png);
-    let written = if bits <= 8 {
-        let pixels: Vec<u8> = levels().map(|level| level.min(255) as u8).collect();
-        encoder.write_image(&pixels, width, height, ExtendedColorType::L8)
+        (0..view.height()).flat_map(|y| view.row(y).iter().map(|level| level.round().clamp(0.0, 65_535.0) as u16));
+    if bits <= 8 {
+        encode_png(&GrayImage::from_raw(width, height, levels.map(|level| level.min(255) as u8).collect())?).ok()
     } else {
-        // The encoder expects the byte order of the machine.
-        let pixels: Vec<u8> = levels().flat_map(u16::to_ne_bytes).collect();
-        encoder.write_image(&pixels, width, height, ExtendedColorType::L16)
-    };
-    written.ok().map(|()| png)
+        encode_png(&ImageBuffer::<Luma<u16>, _>::from_raw(width, height, levels.collect())?).ok()
+    }
 }
 
 /// Decodes the grey levels of a PNG; `None` for other data and for a picture in colour.

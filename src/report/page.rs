@@ -1,10 +1,11 @@
 //! The page of one recording.
 
-use super::quantities::{GROUPS, Quantity};
+use super::quantities::GROUPS;
 use super::shot::Shot;
 use super::{curves, snapshot};
-use crate::plot::{fixed, format_estimate, three_digits};
+use crate::plot::{ImpactQuantity, fixed, format_estimate, three_digits};
 use crate::results::{Estimate, Impact, PointStatus};
+use chrono::DateTime;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use std::collections::BTreeMap;
 
@@ -183,7 +184,7 @@ fn headline_tiles(measured: &BTreeMap<&str, Estimate>, spin_refusal: Option<Poin
 /// Writes the table of a group of numbers. With the truth it has the deviation from it as well.
 fn quantity_table(
     name: &str,
-    group: &[Quantity],
+    group: &[ImpactQuantity],
     measured: &BTreeMap<&str, Estimate>,
     truth: Option<&BTreeMap<&str, Estimate>>,
 ) -> Markup {
@@ -348,20 +349,9 @@ fn grouped(number: f64) -> String {
 }
 
 /// Formats a stamp, ns since the Unix epoch, as date and time of day.
-///
-/// The date follows from the days since 1970-01-01 by the algorithm `civil_from_days` of H. Hinnant
-/// (<https://howardhinnant.github.io/date_algorithms.html>).
 pub fn utc(stamp_ns: u64) -> String {
-    let seconds = stamp_ns / 1_000_000_000;
-    let (days, of_day) = (seconds / 86_400 + 719_468, seconds % 86_400);
-    let (era, of_era) = (days / 146_097, days % 146_097);
-    let year_of_era = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;
-    let of_year = of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let shifted_month = (5 * of_year + 2) / 153;
-    let day = of_year - (153 * shifted_month + 2) / 5 + 1;
-    let month = if shifted_month < 10 { shifted_month + 3 } else { shifted_month - 9 };
-    let year = 400 * era + year_of_era + u64::from(month <= 2);
-    format!("{year:04}-{month:02}-{day:02} {:02}:{:02}:{:02} UTC", of_day / 3600, of_day / 60 % 60, of_day % 60)
+    let time = DateTime::from_timestamp_nanos(i64::try_from(stamp_ns).unwrap_or(i64::MAX));
+    time.format("%Y-%m-%d %H:%M:%S UTC").to_string()
 }
 
 #[cfg(test)]

@@ -58,10 +58,7 @@ pub(super) fn encode_png(meta: FrameMeta, bytes: &[u8], crop: Crop) -> Option<Ve
     let low = levels.iter().copied().fold(f32::INFINITY, f32::min);
     let range = (levels.iter().copied().fold(0.0, f32::max) - low).max(1.0);
     let grey: Vec<u8> = levels.iter().map(|level| (255.0 * (level - low) / range).round() as u8).collect();
-    let picture = image::GrayImage::from_raw(columns as u32, rows as u32, grey)?;
-    let mut file = std::io::Cursor::new(Vec::new());
-    picture.write_to(&mut file, image::ImageFormat::Png).ok()?;
-    Some(file.into_inner())
+    crate::image::encode_png(&image::GrayImage::from_raw(columns as u32, rows as u32, grey)?).ok()
 }
 
 /// Returns the `data:` URL of a PNG, which a page shows without asking for a file.

@@ -1,10 +1,10 @@
 //! The page of several recordings: how well their numbers repeat.
 
 use super::page::{document, utc};
-use super::quantities::{GROUPS, Quantity};
+use super::quantities::GROUPS;
 use super::shot::Shot;
 use super::spread::Spread;
-use crate::plot::{fixed, format_estimate, px};
+use crate::plot::{ImpactQuantity, fixed, format_estimate, px};
 use crate::results::{Estimate, Impact};
 use maud::{Markup, html};
 use std::collections::BTreeSet;
@@ -69,7 +69,7 @@ fn spread_table(impacts: &[Option<&Impact>]) -> Markup {
 /// One number of a collision over all shots.
 struct SpreadRow<'a> {
     group: &'a str,
-    quantity: &'a Quantity,
+    quantity: &'a ImpactQuantity,
     shots: usize,
     /// The shots that have the number, counted from 1, with its value in the page's unit.
     values: Vec<(usize, Estimate)>,
@@ -78,7 +78,7 @@ struct SpreadRow<'a> {
 
 impl<'a> SpreadRow<'a> {
     /// Collects a number from the shots that have it, in the page's unit, and computes its spread.
-    fn new(group: &'a str, quantity: &'a Quantity, impacts: &[Option<&Impact>]) -> Self {
+    fn new(group: &'a str, quantity: &'a ImpactQuantity, impacts: &[Option<&Impact>]) -> Self {
         let values: Vec<(usize, Estimate)> = (1..)
             .zip(impacts)
             .filter_map(|(shot, impact)| {

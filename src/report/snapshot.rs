@@ -2,7 +2,7 @@
 
 use super::picture::{Crop, data_url};
 use super::shot::{Shot, Snapshot};
-use crate::plot::{fixed, three_digits};
+use crate::plot::{ArrowScale, fixed, three_digits};
 use crate::results::{Impact, PairField};
 use maud::{Markup, html};
 use std::fmt::Write as _;
@@ -62,14 +62,9 @@ fn moment_figure(shot: &Shot, snapshot: &Snapshot, gain: f64) -> Markup {
 /// Computes the common gain of the arrows, rounded down to one digit. The longest of all pictures spans at most 1.8
 /// grid steps.
 pub(super) fn gain(shown: &[&Snapshot]) -> f64 {
-    let (mut longest, mut step) = (0.0_f64, f64::INFINITY);
-    for field in shown.iter().filter_map(|snapshot| snapshot.field.as_ref()) {
-        let motions = field.points.iter().filter_map(|point| point.displacement);
-        longest = motions.map(|d| f64::from(d.u_px.hypot(d.v_px))).fold(longest, f64::max);
-        let apart = field.points.windows(2).map(|p| f64::from((p[0].x_px - p[1].x_px).hypot(p[0].y_px - p[1].y_px)));
-        step = apart.filter(|apart| *apart > 0.0).fold(step, f64::min);
-    }
-    let exact = if longest > 0.0 && step.is_finite() { 1.8 * step / longest } else { 1.0 };
+    let mut scale = ArrowScale::default();
+    shown.iter().filter_map(|snapshot| snapshot.field.as_ref()).for_each(|field| scale.add(&field.points));
+    let exact = scale.gain(1.8);
     // A round number is easier to remember.
     let power = 10_f64.powf(exact.log10().floor());
     [5.0, 4.0, 3.0, 2.0, 1.0].into_iter().map(|k| k * power).find(|round| *round <= exact).unwrap_or(power)

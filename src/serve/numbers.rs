@@ -1,41 +1,23 @@
 //! The numbers of a collision as the page shows them.
 
-use crate::plot::format_estimate;
+use crate::plot::{ImpactQuantity, format_estimate};
 use crate::results::{Estimate, Impact, PointStatus};
 use serde_json::{Value, json};
 
-/// A number of the `impact` table on the page.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Quantity {
-    /// The column.
-    pub(super) column: &'static str,
-    /// The name on the page.
-    pub(super) label: &'static str,
-    /// The unit on the page; empty for a plain number.
-    pub(super) unit: &'static str,
-    /// The factor from the unit of the column to that of the page.
-    pub(super) factor: f64,
-}
-
-/// Returns one entry of [`QUANTITIES`].
-const fn quantity(column: &'static str, label: &'static str, unit: &'static str, factor: f64) -> Quantity {
-    Quantity { column, label, unit, factor }
-}
-
 /// The numbers that decide whether a drop is repeated.
-pub(super) const QUANTITIES: [Quantity; 8] = [
-    quantity("restitution", "Restitution", "", 1.0),
-    quantity("contact_time_s", "Contact time", "ms", 1e3),
-    quantity("vn_before_m_s", "Normal speed in", "m/s", 1.0),
-    quantity("vn_after_m_s", "Normal speed out", "m/s", 1.0),
-    quantity("vt_before_m_s", "Tangential speed in", "m/s", 1.0),
-    quantity("vt_after_m_s", "Tangential speed out", "m/s", 1.0),
-    quantity("omega_before_rad_s", "Spin in", "rad/s", 1.0),
-    quantity("omega_after_rad_s", "Spin out", "rad/s", 1.0),
+pub(super) const QUANTITIES: [ImpactQuantity; 8] = [
+    ImpactQuantity::new("restitution", "Restitution", "", 1.0),
+    ImpactQuantity::new("contact_time_s", "Contact time", "ms", 1e3),
+    ImpactQuantity::new("vn_before_m_s", "Normal speed in", "m/s", 1.0),
+    ImpactQuantity::new("vn_after_m_s", "Normal speed out", "m/s", 1.0),
+    ImpactQuantity::new("vt_before_m_s", "Tangential speed in", "m/s", 1.0),
+    ImpactQuantity::new("vt_after_m_s", "Tangential speed out", "m/s", 1.0),
+    ImpactQuantity::new("omega_before_rad_s", "Spin in", "rad/s", 1.0),
+    ImpactQuantity::new("omega_after_rad_s", "Spin out", "rad/s", 1.0),
 ];
 
 /// Returns a number as JSON, with its texts as the page shows them; `text` is null when it was not measured.
-pub(super) fn quantity_json(quantity: &Quantity, estimate: Option<Estimate>) -> Value {
+pub(super) fn quantity_json(quantity: &ImpactQuantity, estimate: Option<Estimate>) -> Value {
     let text = estimate.map(|estimate| format_estimate(estimate, quantity.factor));
     json!({
         "column": quantity.column, "label": quantity.label, "unit": quantity.unit,

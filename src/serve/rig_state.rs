@@ -72,7 +72,7 @@ pub(super) struct Saved {
 /// Times are those of the page's clock, in seconds. They come with each call, so that the state is a function of its
 /// input.
 #[derive(Debug)]
-pub(super) struct RigState {
+pub(super) struct PageState {
     config: Arc<Config>,
     pub(super) is_running: bool,
     /// The stamp of the stream's first frame, ns since the Unix epoch.
@@ -95,7 +95,7 @@ pub(super) struct RigState {
     impacts: Vec<Impact>,
 }
 
-impl RigState {
+impl PageState {
     pub(super) fn new(config: Arc<Config>) -> Self {
         // A rig without a recorder reacts to every trigger.
         let is_armed = config.record.is_none() && config.trigger.mode != TriggerMode::Off;

@@ -1,7 +1,7 @@
 //! The numbers of the shots so far: mean, spread, outliers.
 
 use super::numbers::{QUANTITIES, quantity_json};
-use crate::plot::format_estimate;
+use crate::plot::{ImpactQuantity, format_estimate};
 use crate::report::Spread;
 use crate::results::{Estimate, Impact};
 use serde_json::{Value, json};
@@ -32,7 +32,7 @@ impl Series {
 
     /// Returns the numbers of the shot at a place as JSON, each with whether it is an outlier.
     pub(super) fn numbers(&self, place: usize, impact: Option<&Impact>) -> Vec<Value> {
-        let entry = |(quantity, column): (&super::numbers::Quantity, &Column)| {
+        let entry = |(quantity, column): (&ImpactQuantity, &Column)| {
             let mut entry = quantity_json(quantity, impact.and_then(|impact| impact.get(quantity.column)));
             let at = column.places.iter().position(|other| *other == place);
             let outliers = column.spread.as_ref().map(|spread| &spread.outliers);
@@ -44,7 +44,7 @@ impl Series {
 
     /// Returns the mean of each number as JSON, with its standard deviation where there are at least two shots.
     pub(super) fn as_json(&self) -> Vec<Value> {
-        let entry = |(quantity, column): (&super::numbers::Quantity, &Column)| {
+        let entry = |(quantity, column): (&ImpactQuantity, &Column)| {
             let spread = column.spread.as_ref();
             let mean = spread.map(|s| Estimate { value: s.mean, sigma: s.sd.unwrap_or(s.stated) });
             let deviation = mean.filter(|_| spread.is_some_and(|s| s.sd.is_some()));

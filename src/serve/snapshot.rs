@@ -2,14 +2,14 @@
 
 use super::control::Control;
 use super::numbers::{impact_json, status_reason};
-use super::rig_state::{RigState, Word};
+use super::rig_state::{PageState, Word};
 use super::shots::Shots;
 use crate::config::Config;
 use crate::message::{Role, StatusMessage};
 use serde_json::{Value, json};
 
 /// Returns the state of the rig as a JSON object.
-pub(super) fn snapshot(config: &Config, rig: &RigState, shots: &Shots, control: &Control, now_s: f64) -> Value {
+pub(super) fn snapshot(config: &Config, rig: &PageState, shots: &Shots, control: &Control, now_s: f64) -> Value {
     let state = rig.state(now_s);
     let saved = rig.shot.and_then(|shot| shot.saved).map(|saved| saved.number);
     json!({
@@ -31,7 +31,7 @@ pub(super) fn snapshot(config: &Config, rig: &RigState, shots: &Shots, control: 
 }
 
 /// Returns the reserves of the rig, which the page shows as bars: ring, disk, lost frames, lag and rate.
-fn bars_json(config: &Config, rig: &RigState, shots: &Shots) -> Value {
+fn bars_json(config: &Config, rig: &PageState, shots: &Shots) -> Value {
     let statuses_of = |role: Role| rig.statuses.values().filter(move |status| status.role == role as u32);
     let lost = |status: &StatusMessage| status.lost + status.dropped;
     let slowest = statuses_of(Role::Correlate).max_by_key(|status| status.waiting);
@@ -56,7 +56,7 @@ fn bars_json(config: &Config, rig: &RigState, shots: &Shots) -> Value {
 }
 
 /// Returns the numbers of the last collision, or the reason why there are none. `saved` is the number of the last shot.
-fn last_shot_json(config: &Config, rig: &RigState, saved: Option<u32>) -> Value {
+fn last_shot_json(config: &Config, rig: &PageState, saved: Option<u32>) -> Value {
     let Some(impact) = rig.last_impact() else {
         let reason = match rig.shot {
             Some(shot) if shot.saved.is_none() => "the shot is being measured",

@@ -4,7 +4,7 @@ use super::clock::now;
 use super::control::Control;
 use super::feed::{BATCH_ROWS, Feed};
 use super::pulse::{Heartbeat, Pulse};
-use super::rig_state::RigState;
+use super::rig_state::PageState;
 use super::rows::{self, RowContext};
 use super::shots::Shots;
 use super::snapshot::snapshot;
@@ -69,7 +69,7 @@ pub(super) struct Watcher<'a> {
     control: &'a Control,
     outputs: Outputs,
     context: RowContext,
-    rig: RigState,
+    rig: PageState,
     /// The start of the watcher, from which the page's clock counts.
     began: Instant,
 }
@@ -84,7 +84,7 @@ impl<'a> Watcher<'a> {
     ) -> Self {
         let bodies = config.bodies.iter().map(|body| body.name.clone()).collect();
         let context = RowContext { bodies, origin_ns: None };
-        Self { link, shots, control, outputs, context, rig: RigState::new(Arc::clone(config)), began: now(), config }
+        Self { link, shots, control, outputs, context, rig: PageState::new(Arc::clone(config)), began: now(), config }
     }
 
     /// Returns the time since the start of the watcher, s.

@@ -5,11 +5,11 @@ use crate::command::film_survey::{FilmFiles, Surveyed};
 use crate::config::{BodyKind, Config};
 use crate::console::WriteError;
 use crate::failure::Failure;
+use crate::image::encode_png;
 use crate::plot::{Canvas, Color, stretched_levels};
 use crate::process::Stop;
 use crate::report::{FrameDiagnosis, Panel};
 use crate::results::{Circle, PointStatus, segments};
-use image::RgbImage;
 
 /// The colour of the searched region and radii.
 const ROI: Color = [90, 170, 255];
@@ -34,9 +34,9 @@ pub(super) fn draw_frame(
     surveyed: &Surveyed,
 ) -> Result<FrameDiagnosis, Failure> {
     let view = View { evidence, config, body, surveyed };
-    let mut panels = vec![Panel { png: encode_png(view.draw_whole())?, caption: "The whole frame".into() }];
+    let mut panels = vec![Panel { png: encoded(view.draw_whole())?, caption: "The whole frame".into() }];
     if let Some((part, caption)) = view.draw_part() {
-        panels.push(Panel { png: encode_png(part)?, caption });
+        panels.push(Panel { png: encoded(part)?, caption });
     }
     Ok(FrameDiagnosis {
         number: evidence.index,
@@ -67,7 +67,7 @@ pub(super) fn draw_movement(film: &FilmFiles, surveyed: &Surveyed, stop: &Stop) 
         }
     }
     let caption = format!("Frame {shown}; tinted: every place over which something moves in the film");
-    Ok(Some(Panel { png: encode_png(canvas)?, caption }))
+    Ok(Some(Panel { png: encoded(canvas)?, caption }))
 }
 
 /// One body in one frame.
@@ -243,10 +243,6 @@ fn tint_marked(canvas: &mut Canvas, marked: &[bool], surveyed: &Surveyed) {
 }
 
 /// Encodes a drawing as PNG.
-fn encode_png(canvas: Canvas) -> Result<Vec<u8>, Failure> {
-    let picture: RgbImage = canvas.into_picture();
-    let mut file = std::io::Cursor::new(Vec::new());
-    let written = picture.write_to(&mut file, image::ImageFormat::Png);
-    written.map_err(|error| WriteError::new("a picture", error))?;
-    Ok(file.into_inner())
+fn encoded(canvas: Canvas) -> Result<Vec<u8>, Failure> {
+    encode_png(&canvas.into_picture()).map_err(|error| WriteError::new("a picture", error).into())
 }

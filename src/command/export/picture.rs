@@ -3,14 +3,14 @@
 use super::{ExportError, ExportOptions};
 use crate::command::result_film::Frames;
 use crate::console::write_file;
-use crate::image::{Frame, FrameMeta, Image};
-use crate::plot::{Canvas, Color};
+use crate::image::{Frame, FrameMeta, Image, encode_png};
+use crate::plot::{ArrowScale, Canvas, Color};
 use crate::recording::{Recording, RecordingError, to_png_of_bits};
 use crate::results::segments;
 use crate::results::{PairField, TrackSample};
-use image::{ImageFormat, RgbImage};
+use image::RgbImage;
 use std::collections::BTreeMap;
-use std::io::{self, Cursor};
+use std::io;
 use std::path::Path;
 
 /// The colour of outlines.
@@ -44,7 +44,7 @@ pub(super) fn write_all(options: &ExportOptions, directory: &Path) -> Result<u64
         }
     } else {
         draw_frames(&recording, frames, &options.topic, |sequence, picture| {
-            write(sequence, picture.and_then(|p| encode_png(&p)))
+            write(sequence, picture.and_then(|p| encode_png(&p).map_err(io::Error::other)))
         })?;
     }
     Ok(count)
@@ -55,13 +55,6 @@ fn encode_recorded(meta: FrameMeta, bytes: &[u8]) -> io::Result<Vec<u8>> {
     let mut image = Image::default();
     Frame { meta, bytes }.unpack(&mut image).map_err(io::Error::other)?;
     to_png_of_bits(&image, meta.format.bits()).ok_or_else(|| io::Error::other("the frame is no image"))
-}
-
-/// Encodes a drawing as PNG.
-fn encode_png(picture: &RgbImage) -> io::Result<Vec<u8>> {
-    let mut png = Cursor::new(Vec::new());
-    picture.write_to(&mut png, ImageFormat::Png).map_err(io::Error::other)?;
-    Ok(png.into_inner())
 }
 
 /// Returns the error for a frame that the results were not measured in.
@@ -117,7 +110,7 @@ pub(super) fn draw_frames(
 ///
 /// The gain is the same in all frames. The longest displacement spans about the distance of two subsets.
 fn arrow_gain(recording: &Recording) -> Result<(f32, u64), RecordingError> {
-    let (mut longest, mut step, mut interval) = (0.0_f32, f32::INFINITY, u64::MAX);
+    let (mut scale, mut interval) = (ArrowScale::default(), u64::MAX);
     for field in recording.fields()? {
         let field = field?;
         let frames = field.target_frame.saturating_sub(field.frame);
@@ -125,14 +118,11 @@ fn arrow_gain(recording: &Recording) -> Result<(f32, u64), RecordingError> {
             continue;
         }
         if frames < interval {
-            (longest, interval) = (0.0, frames);
+            (scale, interval) = (ArrowScale::default(), frames);
         }
-        let points = field.points;
-        longest = points.iter().filter_map(|p| p.displacement).map(|d| d.u_px.hypot(d.v_px)).fold(longest, f32::max);
-        let apart = points.windows(2).map(|pair| (pair[0].x_px - pair[1].x_px).hypot(pair[0].y_px - pair[1].y_px));
-        step = apart.filter(|apart| *apart > 0.0).fold(step, f32::min);
+        scale.add(&field.points);
     }
-    Ok((if longest > 0.0 && step.is_finite() { 2.0 * step / longest } else { 1.0 }, interval))
+    Ok((scale.gain(2.0) as f32, interval))
 }
 
 /// Returns the pixels of a frame as 8-bit grey levels over the full range of its format, without padding.

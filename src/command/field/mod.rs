@@ -6,14 +6,13 @@ mod start;
 mod stills;
 mod table;
 
-use image::ImageFormat;
-use std::io::{BufWriter, Cursor};
+use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 use crate::console::{Outcome, Overwrite, WriteError, check_no_input, write_file};
 use crate::dic::{CorrelationParams, Correlator, Region};
 use crate::failure::Failure;
-use crate::image::ImageView;
+use crate::image::{ImageView, encode_png};
 use crate::process::Stop;
 use crate::results::{FieldPoint, PointStatus};
 
@@ -116,9 +115,8 @@ fn save_picture(
             (map.picture, Some(map.legend))
         }
     };
-    let mut png = Cursor::new(Vec::new());
-    drawn.write_to(&mut png, ImageFormat::Png).map_err(|error| WriteError::new(path, error))?;
-    write_file(path, png.into_inner(), options.overwrite)?;
+    let png = encode_png(&drawn).map_err(|error| WriteError::new(path, error))?;
+    write_file(path, png, options.overwrite)?;
     Ok(legend)
 }
 

@@ -10,12 +10,11 @@ use super::image_order::ImageOrder;
 use crate::config::Config;
 use crate::console::{Outcome, Overwrite, UsageError, WriteError, check_no_input, print_line, print_note, write_file};
 use crate::failure::{ExitCode, Failure, Fatal};
-use crate::image::Frame;
+use crate::image::{Frame, encode_png};
 use crate::process::Stop;
-use image::ImageFormat;
 use proposal::Proposal;
 use serde_json::json;
-use std::io::{Cursor, IsTerminal, Write as _};
+use std::io::{IsTerminal, Write as _};
 use std::path::{Path, PathBuf};
 
 /// The options of `ricochet setup`.
@@ -94,9 +93,8 @@ pub fn run(options: &SetupOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let (meta, bytes) = film.frame(proposal.shown_frame, stop)?;
     let drawn = picture::draw(&proposal, &surveyed, &Frame { meta, bytes: &bytes })?;
     write_file(&options.output, &text, options.overwrite)?;
-    let mut png = Cursor::new(Vec::new());
-    drawn.write_to(&mut png, ImageFormat::Png).map_err(|error| WriteError::new(&picture_path, error))?;
-    write_file(&picture_path, png.into_inner(), options.overwrite)?;
+    let png = encode_png(&drawn).map_err(|error| WriteError::new(&picture_path, error))?;
+    write_file(&picture_path, png, options.overwrite)?;
     print_proposal(options, &proposal, &picture_path, &command);
     match proposal.missing {
         Some(missing) => Err(Incomplete(format!("{}: {missing}", options.output.display())).into()),

@@ -4,9 +4,9 @@ use super::*;
 
 const SECOND_NS: u64 = 1_000_000_000;
 
-fn state_of(rest: &str) -> RigState {
+fn state_of(rest: &str) -> PageState {
     let text = format!("[camera]\nsource = \"simulated\"\n[record]\ndirectory = \"shots\"\n{rest}");
-    let mut state = RigState::new(Arc::new(Config::parse(&text, "rig.toml").unwrap()));
+    let mut state = PageState::new(Arc::new(Config::parse(&text, "rig.toml").unwrap()));
     state.is_running = true;
     state
 }
@@ -28,7 +28,7 @@ fn recorder(state: u32) -> StatusMessage {
 fn a_drop_goes_from_starting_to_saved_and_back_to_ready() {
     let mut rig = state_of("[trigger]\nmode = \"motion\"\npre_s = 0.5\npost_s = 0.2\n");
     let mut words = Vec::new();
-    let mut note = |rig: &RigState, now_s: f64| words.push((rig.state(now_s).word.as_str(), rig.actions().join(" ")));
+    let mut note = |rig: &PageState, now_s: f64| words.push((rig.state(now_s).word.as_str(), rig.actions().join(" ")));
     note(&rig, 0.0);
     rig.add_event(&event(EventKind::Started, 0.0), || 0, 0.0);
     note(&rig, 0.0);
@@ -78,7 +78,7 @@ fn a_rig_that_does_not_rearm_shows_the_saved_shot_until_it_is_armed() {
 #[test]
 fn faults_are_named_and_end_by_themselves() {
     let mut rig = state_of("");
-    let fault = |rig: &RigState, now_s: f64| {
+    let fault = |rig: &PageState, now_s: f64| {
         let State { word, detail } = rig.state(now_s);
         (word == Word::Fault).then_some(detail)
     };
