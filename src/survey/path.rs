@@ -133,13 +133,12 @@ fn mean_acceleration(flights: &[&[TrackPoint]]) -> Option<Acceleration> {
     let mut sums = [0.0; 3];
     for flight in flights.iter().filter(|flight| flight.len() >= FLIGHT_POINTS) {
         let Some(fit) = PathFit::fit(flight, 2) else { continue };
-        let ([x, y], noise) = fit.highest_coefficients();
+        let [x, y] = fit.acceleration();
         let span_s = flight[flight.len() - 1].t_s - flight[0].t_s;
-        // A parabola with a coefficient c rises by c * span^2 / 4 above its chord.
-        let sigma = noise.hypot(4.0 * CENTER_ERROR_PX / (span_s * span_s));
-        let weight = 1.0 / (4.0 * sigma * sigma).max(f64::MIN_POSITIVE);
-        // The coefficient of t^2 is half of the acceleration.
-        sums = [sums[0] + 2.0 * weight * x, sums[1] + 2.0 * weight * y, sums[2] + weight];
+        // A parabola of this acceleration rises by an eighth of it times span^2 above its chord.
+        let sigma = x.sigma.hypot(8.0 * CENTER_ERROR_PX / (span_s * span_s));
+        let weight = 1.0 / (sigma * sigma).max(f64::MIN_POSITIVE);
+        sums = [sums[0] + weight * x.value, sums[1] + weight * y.value, sums[2] + weight];
     }
     let [x, y, weight] = sums;
     (weight > 0.0).then(|| Acceleration { value_px_s2: [x / weight, y / weight], sigma_px_s2: weight.sqrt().recip() })

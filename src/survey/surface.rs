@@ -2,7 +2,7 @@
 
 use super::movement::Movement;
 use super::path::Bounce;
-use crate::numeric::median;
+use crate::numeric::{Polynomial, Sample, median, quantile};
 
 /// The maximum angle between the normal of the surface and the change of velocity, deg.
 ///
@@ -75,9 +75,8 @@ pub fn find_surface_edge(movement: &Movement, bounce: &Bounce, radius_px: f64) -
         }
     }
     let (contrast, line) = best?;
-    contrasts.sort_by(f64::total_cmp);
     let background =
-        contrasts[contrasts.len() / 2].max(MIN_CONTRAST_SIGMAS * f64::from(movement.noise_dn) / MIN_CONTRAST_RATIO);
+        quantile(&mut contrasts, 0.5)?.max(MIN_CONTRAST_SIGMAS * f64::from(movement.noise_dn) / MIN_CONTRAST_RATIO);
     if contrast < MIN_CONTRAST_RATIO * background {
         return None;
     }
@@ -105,20 +104,24 @@ impl Line {
     fn refine(self, movement: &Movement) -> Option<(Self, f64)> {
         let steps = (2.0 * self.half_length).ceil() as i32;
         let places = (0..=steps).map(|k| self.half_length * (2.0 * f64::from(k) / f64::from(steps) - 1.0));
-        let mut points: Vec<[f64; 2]> =
-            places.filter_map(|along| Some([along, self.edge_across(movement, along)?])).collect();
+        let point = |along: f64| {
+            let value = self.edge_across(movement, along)?;
+            Some(Sample { time_frames: along, component: 0, value, sigma: 1.0, walk: 0.0 })
+        };
+        let mut points: Vec<Sample> = places.filter_map(point).collect();
         for _ in 0..2 {
-            let fitted = StraightFit::fit(&points)?;
-            let mut deviations: Vec<f64> = points.iter().map(|point| fitted.residual(point).abs()).collect();
-            let limit = OUTLIER_RATIO * median(&mut deviations)?;
-            points.retain(|point| fitted.residual(point).abs() <= limit);
+            let fitted = fit_edge(&points)?;
+            let deviation = |point: &Sample| fitted.residual(point).map_or(f64::INFINITY, |(value, _)| value.abs());
+            let limit = OUTLIER_RATIO * median(&mut points.iter().map(deviation).collect::<Vec<_>>())?;
+            points.retain(|point| deviation(point) <= limit);
         }
-        let fitted = StraightFit::fit(&points)?;
-        let (sin, cos) = fitted.slope.atan().sin_cos();
+        let fitted = fit_edge(&points)?;
+        let (slope, offset) = (fitted.rate(0.0), fitted.predict(0.0, 0)?.value);
+        let (sin, cos) = slope.value.atan().sin_cos();
         let [x, y] = self.normal;
-        let line =
-            Self { foot: self.point_at(0.0, fitted.offset), normal: [x * cos + y * sin, y * cos - x * sin], ..self };
-        Some((line, fitted.slope_sigma(&points)))
+        let line = Self { foot: self.point_at(0.0, offset), normal: [x * cos + y * sin, y * cos - x * sin], ..self };
+        // The points have no uncertainty of their own: their scatter gives it.
+        Some((line, slope.sigma * (fitted.chi2() / fitted.freedom() as f64).sqrt()))
     }
 
     /// Returns the distance of the edge from the line towards the ball, `along` the line, reduced pixels.
@@ -155,41 +158,9 @@ impl Line {
     }
 }
 
-/// A straight line through points by least squares.
-struct StraightFit {
-    offset: f64,
-    slope: f64,
-}
-
-impl StraightFit {
-    /// Fits the second coordinate of the points over the first; `None` for too few points.
-    fn fit(points: &[[f64; 2]]) -> Option<Self> {
-        if points.len() < MIN_POINTS {
-            return None;
-        }
-        let mean = |axis: usize| points.iter().map(|point| point[axis]).sum::<f64>() / points.len() as f64;
-        let (x, y) = (mean(0), mean(1));
-        let products: f64 = points.iter().map(|point| (point[0] - x) * (point[1] - y)).sum();
-        let slope = products / squares_about_mean(points);
-        Some(Self { offset: y - slope * x, slope })
-    }
-
-    /// Returns the deviation of a point from the line in the second coordinate.
-    fn residual(&self, point: &[f64; 2]) -> f64 {
-        point[1] - self.offset - self.slope * point[0]
-    }
-
-    /// Returns the standard uncertainty of the slope, from the scatter of the points about the line.
-    fn slope_sigma(&self, points: &[[f64; 2]]) -> f64 {
-        let squares: f64 = points.iter().map(|point| self.residual(point).powi(2)).sum();
-        (squares / (points.len() as f64 - 2.0) / squares_about_mean(points)).sqrt()
-    }
-}
-
-/// Returns the sum of squares of the first coordinates about their mean.
-fn squares_about_mean(points: &[[f64; 2]]) -> f64 {
-    let mean = points.iter().map(|point| point[0]).sum::<f64>() / points.len() as f64;
-    points.iter().map(|point| (point[0] - mean).powi(2)).sum()
+/// Fits a straight line of the distances across over those along; `None` for too few points.
+fn fit_edge(points: &[Sample]) -> Option<Polynomial> {
+    if points.len() < MIN_POINTS { None } else { Polynomial::fit(points, 0.0, 1, 0.0) }
 }
 
 /// Interpolates the reduced background bilinearly at a point in reduced pixels, DN; `None` outside.
