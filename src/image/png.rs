@@ -1,7 +1,7 @@
 //! Pictures as PNG files.
 
-use image::{EncodableLayout, ImageBuffer, ImageFormat, ImageResult, PixelWithColorType};
-use std::io::Cursor;
+use image::codecs::png::PngEncoder;
+use image::{EncodableLayout, ImageBuffer, ImageResult, PixelWithColorType};
 
 /// Encodes a picture as PNG.
 ///
@@ -13,7 +13,7 @@ where
     P: PixelWithColorType,
     [P::Subpixel]: EncodableLayout,
 {
-    let mut png = Cursor::new(Vec::new());
-    picture.write_to(&mut png, ImageFormat::Png)?;
-    Ok(png.into_inner())
+    let mut png = Vec::new();
+    picture.write_with_encoder(PngEncoder::new(&mut png))?;
+    Ok(png)
 }

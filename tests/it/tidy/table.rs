@@ -242,6 +242,7 @@ pub const OUTSIDE: &[&str] = &[
     "axum",
     "base64",
     "bytes",
+    "chrono",
     "clap",
     "clap_complete",
     "clap_mangen",
