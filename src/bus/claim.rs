@@ -22,12 +22,14 @@ pub(super) struct Claim {
 }
 
 impl Claim {
-    /// Takes the role that this file stands for. Waits at most `timeout` for the process that has it; `None` if it
-    /// keeps it.
+    /// Takes the role that the lock file at `path` stands for, and writes this process's id into it.
+    ///
+    /// Waits for the process that has the role until `timeout`, but makes at least [`MIN_TRIES`] tries, [`PAUSE`]
+    /// apart. `None` if that process keeps it.
     ///
     /// # Errors
     ///
-    /// [`BusError::Folder`] if the file cannot be written.
+    /// [`BusError::Folder`] if the file cannot be opened or written.
     pub(super) fn take(path: &Path, timeout: Duration) -> Result<Option<Self>, BusError> {
         let fail = |error: std::io::Error| BusError::Folder { path: path.to_owned(), reason: error.to_string() };
         for attempt in 0..(timeout.as_millis() / PAUSE.as_millis()).max(MIN_TRIES) {
@@ -52,14 +54,16 @@ impl Drop for Claim {
     }
 }
 
-/// Whether the path still leads to this file.
+/// Whether the path still leads to this open file (the same device and inode), and not to a later one of its name.
 fn is_at(file: &File, path: &Path) -> bool {
     let inode = |found: std::fs::Metadata| (found.dev(), found.ino());
     file.metadata().map(inode).ok() == path.metadata().map(inode).ok()
 }
 
-/// Returns the id of the process that has taken the role of this file, 0 while it takes it; `None` if no process has.
-pub(super) fn holder(path: &Path) -> Option<u32> {
+/// Returns the id of the process that has taken the role of the lock file at `path`, 0 while it takes it.
+///
+/// `None` if no process has, or the file cannot be read.
+pub(super) fn holder_pid(path: &Path) -> Option<u32> {
     let mut file = File::open(path).ok()?;
     if file.try_lock_shared().is_ok() {
         return None;
@@ -80,11 +84,11 @@ mod tests {
         runtime::ensure_private(&folder).unwrap();
         let path = folder.join("track");
         let first = Claim::take(&path, Duration::ZERO).unwrap();
-        assert!(first.is_some() && holder(&path) == Some(std::process::id()));
+        assert!(first.is_some() && holder_pid(&path) == Some(std::process::id()));
         assert!(Claim::take(&path, Duration::from_millis(30)).unwrap().is_none());
         assert!(Claim::take(&folder.join("record"), Duration::ZERO).unwrap().is_some());
         drop(first);
-        assert_eq!(holder(&path), None);
+        assert_eq!(holder_pid(&path), None);
         assert!(Claim::take(&path, Duration::ZERO).unwrap().is_some());
         assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 0, "nothing is left");
         std::fs::remove_dir_all(&folder).unwrap();

@@ -42,7 +42,7 @@ impl PendingRequest {
         Command::from_number(self.0.command)
     }
 
-    /// Sends the answer.
+    /// Sends the answer. A client that is gone by now gets none, which is no error.
     pub fn answer(self, reply: Reply) {
         // The client may be gone by now.
         let _ = self.0.send_copy(reply);
@@ -132,7 +132,8 @@ impl Bus {
     ///
     /// # Errors
     ///
-    /// [`BusError::NoRig`] when the rig is not running.
+    /// [`BusError::NoRig`] when the rig is not running; [`BusError::Service`] or [`BusError::Memory`] when shared
+    /// memory cannot be used.
     pub fn control_client(&self) -> Result<ControlClient, BusError> {
         self.rejoin_present_domain()?;
         let service = self

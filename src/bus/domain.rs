@@ -80,7 +80,7 @@ impl Domain {
         Ok(config)
     }
 
-    /// Joins the domain; `None` if it was removed.
+    /// Joins the domain; `None` if it was removed, or its file of members cannot be locked.
     pub(super) fn join(&self) -> Option<Member> {
         let path = self.folder.join(MEMBERS);
         let lock = File::open(&path).ok()?;
@@ -89,19 +89,23 @@ impl Domain {
         path.exists().then(|| Member { domain: self.clone(), lock: Some(lock) })
     }
 
-    /// Takes a role, and waits at most `timeout` for the process that has it; `None` if it keeps it.
+    /// Takes a role of a rig, and waits for the process that has it as [`Claim::take`] does; `None` if it keeps it.
+    ///
+    /// # Errors
+    ///
+    /// [`BusError::Folder`] if the folder of the claims or the claim's file cannot be used.
     pub(super) fn claim(&self, rig: &str, role: &str, timeout: Duration) -> Result<Option<Claim>, BusError> {
         let claims = self.folder.join("claims");
         runtime::ensure_private(&claims)?;
         Claim::take(&claims.join(format!("{rig}.{role}")), timeout)
     }
 
-    /// Returns the roles of a rig that are taken.
+    /// Returns the roles of a rig that processes have taken or are taking, in no particular order.
     pub(super) fn claims(&self, rig: &str) -> Vec<TakenRole> {
         let entries = std::fs::read_dir(self.folder.join("claims")).into_iter().flatten().flatten();
         let claimed = |path: PathBuf| {
             let name = path.file_name()?.to_str()?.strip_prefix(rig)?.strip_prefix('.')?.to_owned();
-            Some(TakenRole { name, pid: claim::holder(&path)? })
+            Some(TakenRole { name, pid: claim::holder_pid(&path)? })
         };
         entries.filter_map(|entry| claimed(entry.path())).collect()
     }
@@ -133,7 +137,7 @@ impl Domain {
         Err(BusError::new("create", MEMORY, "another user takes its names"))
     }
 
-    /// Replaces every file in shared memory by a copy that only this user can open.
+    /// Replaces every file that the domain has in shared memory by a copy that only this user can open.
     ///
     /// The library lets every user write its counter of processes. A change of the mode would not affect a process that
     /// has already opened the file.
@@ -187,7 +191,10 @@ fn rig_folder(runtime: &Path, rig: &str) -> Option<PathBuf> {
     (!rig.is_empty() && rig.chars().all(is_plain)).then(|| runtime.join("rigs").join(rig))
 }
 
-/// Returns the domain that the rig's file in this runtime folder leads to; `None` if it has no such file.
+/// Returns the domain that the rig's file in this runtime folder leads to.
+///
+/// `None` if the rig has no such file, the file names no domain, or others can enter the runtime folder. The domain may
+/// have been removed since.
 fn read_pointer(runtime: &Path, rig: &str) -> Option<Domain> {
     runtime::ensure_private(runtime).ok()?;
     let pointer = std::fs::read_to_string(rig_folder(runtime, rig)?.join(POINTER)).ok()?;
@@ -198,7 +205,7 @@ fn read_pointer(runtime: &Path, rig: &str) -> Option<Domain> {
 /// Returns the names of all rigs that this user has run since the runtime folders were created, in alphabetical order.
 pub(super) fn known_rigs() -> Vec<String> {
     let is_ours = |folder: &PathBuf| folder.is_dir() && runtime::ensure_private(folder).is_ok();
-    let folders = runtime::candidates().into_iter().filter(is_ours);
+    let folders = runtime::candidate_folders().into_iter().filter(is_ours);
     let entries = folders.flat_map(|folder| std::fs::read_dir(folder.join("rigs")).into_iter().flatten().flatten());
     let mut names: Vec<String> = entries.filter_map(|entry| entry.file_name().into_string().ok()).collect();
     names.sort();
@@ -209,13 +216,18 @@ pub(super) fn known_rigs() -> Vec<String> {
 /// Returns the rig's present domain: that of the runtime folder in which processes of the rig run, else the first one.
 /// `None` if it has none.
 pub(super) fn present_domain(rig: &str) -> Option<Domain> {
-    let folders = runtime::candidates();
+    let folders = runtime::candidate_folders();
     let found = || folders.iter().filter(|folder| folder.is_dir()).filter_map(|folder| read_pointer(folder, rig));
     let is_alive = |domain: &Domain| !domain.claims(rig).is_empty();
     found().find(is_alive).or_else(|| found().next())
 }
 
-/// Joins the rig's present domain, or creates one.
+/// Joins the rig's present domain, or creates one if there is none that can be joined.
+///
+/// # Errors
+///
+/// [`BusError::NoRig`] for a name that no rig can have, [`BusError::Folder`] if a folder cannot be used,
+/// [`BusError::Service`] if the domain cannot be created.
 pub(super) fn join_or_create(rig: &str) -> Result<Member, BusError> {
     if let Some(member) = present_domain(rig).and_then(|domain| domain.join()) {
         return Ok(member);
@@ -240,13 +252,15 @@ pub(super) enum Renewal<'a> {
     Of(&'a Domain),
 }
 
-/// Starts a run of a rig. Replaces its supervisor, and points its file to the new domain.
+/// Starts a run of a rig: takes the role of its supervisor, and points its file to the domain of the run.
 ///
-/// `role` is the name of the supervisor in error messages.
+/// Waits up to [`EXIT_TIMEOUT`] for a previous supervisor to exit, and removes the domains without members. Returns
+/// the membership of the domain and the claim on the supervisor's role. `role` names the supervisor in error messages.
 ///
 /// # Errors
 ///
-/// [`BusError::Taken`] if the rig has a supervisor, or processes without one.
+/// [`BusError::Taken`] if the rig has a supervisor, or processes without one. [`BusError::Folder`] if a folder cannot
+/// be used, or the domain of the other rig is gone. [`BusError::Service`] if the new domain cannot be created.
 pub(super) fn renew(rig: &str, role: &str, renewal: &Renewal<'_>) -> Result<(Member, Claim), BusError> {
     let taken = |role: &str| BusError::Taken { rig: rig.to_owned(), role: role.to_owned() };
     let RigFolders { runtime, folder } = open_rig_folder(rig)?;
@@ -269,7 +283,7 @@ pub(super) fn renew(rig: &str, role: &str, renewal: &Renewal<'_>) -> Result<(Mem
     Ok((member, claim))
 }
 
-/// Returns the error of a process that starts after the end of its run.
+/// Returns the error of a process that joins a domain which was removed at the end of its run.
 pub(super) fn ended_error(domain: &Domain) -> BusError {
     BusError::Folder { path: domain.folder.clone(), reason: "the run of the rig is over".into() }
 }
@@ -308,7 +322,9 @@ fn lock_rig(folder: &Path) -> Result<Claim, BusError> {
         .ok_or_else(|| BusError::Folder { path, reason: "a process that hangs has locked it".into() })
 }
 
-/// Points the file of the rig to a domain. The file is replaced as a whole, so that no reader sees half of it.
+/// Points the rig's file, in the rig's `folder`, to a domain.
+///
+/// The file is replaced as a whole, so that no reader sees half of it.
 fn write_pointer(folder: &Path, domain: &Domain) -> Result<(), BusError> {
     let text = format!(
         "# Other programs that use iceoryx2 find this rig with this configuration.\n\

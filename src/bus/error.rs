@@ -76,7 +76,7 @@ impl Fatal for BusError {
 }
 
 impl BusError {
-    /// Returns the error of an action on a service that iceoryx2 refused.
+    /// Returns the error of an action on a service that failed, with the debug text of the reason.
     pub fn new(action: &'static str, service: &str, reason: impl std::fmt::Debug) -> Self {
         Self::Service { action, service: service.to_owned(), reason: format!("{reason:?}") }
     }

@@ -22,7 +22,9 @@ pub struct FieldPublisher {
 }
 
 impl FieldPublisher {
-    /// Publishes a step and its field (empty when there is none); returns `false` if shared memory is full.
+    /// Publishes a step and the points of its field, none for `None`.
+    ///
+    /// Returns `false`, without publishing, if shared memory is full.
     ///
     /// # Errors
     ///
@@ -53,7 +55,7 @@ pub struct FieldSubscriber {
 }
 
 impl FieldSubscriber {
-    /// Returns the oldest unread step and its field, if there is one.
+    /// Returns the oldest unread step and its field, if there is one. The field is `None` for a step without a field.
     ///
     /// # Errors
     ///
@@ -87,7 +89,7 @@ impl Bus {
             .map_err(self.failure("create", TOPIC))
     }
 
-    /// Creates a publisher of fields, one per worker.
+    /// Creates the publisher of fields of one worker.
     ///
     /// # Errors
     ///
@@ -115,11 +117,12 @@ impl Bus {
         self.subscribe_to_field(self.field_service(limits)?, limits.field_depth())
     }
 
-    /// Creates a subscriber of fields for any other program.
+    /// Creates a subscriber of fields for any other program, whose queue holds 64 fields.
     ///
     /// # Errors
     ///
-    /// [`BusError::NoRig`] when the rig is not running.
+    /// [`BusError::NoRig`] when the rig is not running; [`BusError::Service`] or [`BusError::Memory`] when shared
+    /// memory cannot be used.
     pub fn listen_field(&self) -> Result<FieldSubscriber, BusError> {
         self.rejoin_present_domain()?;
         let service = self

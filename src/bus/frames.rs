@@ -30,7 +30,7 @@ pub struct FramePublisher {
 }
 
 impl FramePublisher {
-    /// Lends a slot of the ring to a camera; `None` when slow readers hold all slots.
+    /// Lends a slot of the ring to a camera; `None` when readers hold all slots, or the camera as many as it may.
     ///
     /// # Errors
     ///
@@ -53,11 +53,11 @@ impl FramePublisher {
         Ok(Some(unsafe { Slot::new(memory, self.slot_bytes, token) }))
     }
 
-    /// Publishes a filled slot.
+    /// Publishes a filled slot of this ring with its header.
     ///
     /// # Errors
     ///
-    /// [`BusError::Service`] when shared memory cannot be used.
+    /// [`BusError::Service`] when shared memory cannot be used, or the slot is not lent by this ring.
     pub fn send(&mut self, slot: Slot, header: FrameHeader) -> Result<(), BusError> {
         let Some(mut loan) = self.loans.get_mut(slot.token()).and_then(Option::take) else {
             return Err(BusError::new("publish", TOPIC, "a slot of another ring"));
@@ -68,14 +68,14 @@ impl FramePublisher {
         sample.send().map(|_| ()).map_err(failure("publish", TOPIC))
     }
 
-    /// Returns an unused slot to the ring.
+    /// Returns a lent slot to the ring without publishing it.
     pub fn take_back(&mut self, slot: Slot) {
         if let Some(loan) = self.loans.get_mut(slot.token()) {
             *loan = None;
         }
     }
 
-    /// Returns to the ring all slots that a camera still holds which is gone.
+    /// Returns all lent slots to the ring without publishing them, after the camera that held them is gone.
     pub fn take_all_back(&mut self) {
         self.loans.clear();
     }
@@ -87,9 +87,12 @@ impl FramePublisher {
 
     /// Touches all pages of the ring, so that the first frames cause no page faults.
     ///
+    /// Does nothing while no slot is free.
+    ///
     /// # Errors
     ///
-    /// [`BusError::Memory`] when there is less memory than the ring needs.
+    /// [`BusError::Memory`] when there is less memory than the ring needs, [`BusError::Service`] when shared memory
+    /// cannot be used.
     pub fn touch(&mut self) -> Result<(), BusError> {
         if let Some(slot) = self.lend()? {
             let address = slot.as_ptr() as usize;
@@ -110,7 +113,7 @@ impl FrameSample {
         self.0.user_header()
     }
 
-    /// Returns the pixels.
+    /// Returns the bytes of the slot: the pixels row by row, with the row padding, and any unused bytes behind them.
     pub fn bytes(&self) -> &[u8] {
         self.0.payload()
     }
@@ -179,7 +182,7 @@ impl Bus {
         Ok(FramePublisher { loans: Vec::new(), port, _service: service, slot_bytes })
     }
 
-    /// Creates a subscriber whose queue is as long as the ring.
+    /// Creates a subscriber of frames for a process of the rig, whose queue is as long as the ring.
     ///
     /// # Errors
     ///
@@ -194,11 +197,13 @@ impl Bus {
         Ok(FrameSubscriber { port, _service: service })
     }
 
-    /// Creates a subscriber for any other program, whose queue holds the newest frame alone.
+    /// Creates a subscriber of frames for any other program, whose queue holds the newest frame alone.
+    ///
+    /// Unlike [`listen`](Self::listen), it stays in the domain that this process has joined.
     ///
     /// # Errors
     ///
-    /// [`BusError::NoRig`] when the rig is not running.
+    /// [`BusError::NoRig`] when the rig is not running, [`BusError::Service`] when shared memory cannot be used.
     pub fn listen_newest_frame(&self) -> Result<FrameSubscriber, BusError> {
         let service = self
             .node()

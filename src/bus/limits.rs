@@ -27,7 +27,7 @@ impl Limits {
         self.ring_frames + self.held_frames + 4 * self.workers as usize + Self::CAMERA_SLOTS + 32
     }
 
-    /// Returns the size of the frames in shared memory, bytes, for slots of this size.
+    /// Returns the size of all [`frame_chunks`](Self::frame_chunks) with their headers, bytes, for slots of this size.
     pub fn ring_bytes(&self, slot_bytes: usize) -> u64 {
         // The headers of the library and ours.
         (self.frame_chunks() * (slot_bytes + 192)) as u64

@@ -18,11 +18,11 @@ pub fn free_bytes() -> u64 {
     rustix::fs::statvfs("/dev/shm").map_or(u64::MAX, |stat| stat.f_bavail * stat.f_frsize)
 }
 
-/// Checks that `/dev/shm` has room for frames of `ring_bytes` and for this number of further processes.
+/// Checks that `/dev/shm` has room for frames of `ring_bytes` and for `processes` further processes to join.
 ///
 /// # Errors
 ///
-/// [`BusError::Memory`] if it has not.
+/// [`BusError::Memory`] if it has less room.
 pub fn check_room(ring_bytes: u64, processes: usize) -> Result<(), BusError> {
     require(ring_bytes + processes as u64 * JOIN_BYTES)
 }
@@ -31,20 +31,20 @@ pub fn check_room(ring_bytes: u64, processes: usize) -> Result<(), BusError> {
 ///
 /// # Errors
 ///
-/// [`BusError::Memory`] if it has not.
+/// [`BusError::Memory`] if fewer bytes are free.
 pub(super) fn require(needed_bytes: u64) -> Result<(), BusError> {
     let free_bytes = free_bytes();
     if free_bytes < needed_bytes { Err(BusError::Memory { needed_bytes, free_bytes }) } else { Ok(()) }
 }
 
-/// Reserves the memory of small files, so that using them cannot fail later.
+/// Reserves the memory of the small files among `paths`, so that using them cannot fail later.
 ///
 /// Files above [`JOIN_BYTES`] are left out: the pool of frames, which its writer touches, and that of fields, whose
 /// writer checks for room at each use.
 ///
 /// # Errors
 ///
-/// [`BusError::Memory`] if there is not enough.
+/// [`BusError::Memory`] if there is not enough for a file.
 pub(super) fn reserve(paths: &[PathBuf]) -> Result<(), BusError> {
     for path in paths {
         // It may be gone by now.
@@ -63,7 +63,8 @@ pub(super) fn reserve(paths: &[PathBuf]) -> Result<(), BusError> {
 
 /// Makes every page of the mapping that holds `address` present and writable.
 ///
-/// A kernel before 5.14 does not know the request. That is no error; the pages are then mapped one by one.
+/// A kernel before 5.14 does not know the request. That is no error; the pages are then mapped one by one. Nor is an
+/// address without a mapping.
 ///
 /// # Errors
 ///

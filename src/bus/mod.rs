@@ -57,7 +57,12 @@ struct Link {
 }
 
 impl Link {
-    /// Registers this process in a domain, under a name made of rig and role.
+    /// Registers this process in a domain, under the name `ricochet-RIG-ROLE`.
+    ///
+    /// # Errors
+    ///
+    /// [`BusError::Memory`] when shared memory has too little room for a process, [`BusError::Service`] when iceoryx2
+    /// refuses.
     fn new(member: Member, rig: &str, role: &str) -> Result<Self, BusError> {
         memory::require(memory::JOIN_BYTES)?;
         iceoryx2::prelude::set_log_level_from_env_or(LogLevel::Fatal);
@@ -74,28 +79,33 @@ impl Link {
 }
 
 impl Bus {
-    /// Joins the rig of this name. `iox2 node list` shows the `role`.
+    /// Joins the present domain of a rig, or creates one if it has none, without taking a role.
+    ///
+    /// `role` only names the process in `iox2 node list`.
     ///
     /// # Errors
     ///
-    /// [`BusError::Service`] when shared memory cannot be used.
+    /// [`BusError::NoRig`] for a name that no rig can have; [`BusError::Service`], [`BusError::Memory`] or
+    /// [`BusError::Folder`] when shared memory or the private folder cannot be used.
     pub fn join(rig: &str, role: &str) -> Result<Self, BusError> {
         Self::new(domain::join_or_create(rig)?, rig, role, Vec::new())
     }
 
-    /// Registers this process in a domain with the roles that it has taken.
+    /// Registers this process in a domain, with the claims on the roles that it has taken.
     fn new(member: Member, rig: &str, role: &str, claims: Vec<Claim>) -> Result<Self, BusError> {
         let link = RefCell::new(Link::new(member, rig, role)?);
         Ok(Self { link, rig: rig.to_owned(), role: role.to_owned(), _claims: claims })
     }
 
-    /// Joins in a role that only one process of a rig has at a time. Waits at most `timeout` for one that is ending.
+    /// Joins in a role that only one process of a rig has at a time.
     ///
-    /// `domain` is that of the supervisor; a process without one joins the rig's present domain.
+    /// Waits up to `timeout`, and at least some tries long, for a process that is ending. `domain` is that of the
+    /// supervisor. A process without one (`None`) joins the rig's present domain or creates one.
     ///
     /// # Errors
     ///
-    /// [`BusError::Taken`] when another process has the role; [`BusError::Service`] when shared memory cannot be used.
+    /// [`BusError::Taken`] when another process keeps the role, [`BusError::Folder`] when the run of that domain is
+    /// over. Otherwise as in [`join`](Self::join).
     pub fn join_as(rig: &str, role: &str, timeout: Duration, domain: Option<&Domain>) -> Result<Self, BusError> {
         let member = match domain {
             Some(domain) => domain.join().ok_or_else(|| domain::ended_error(domain))?,
@@ -106,11 +116,11 @@ impl Bus {
         Self::new(member, rig, role, vec![claim])
     }
 
-    /// Joins as the supervisor of a rig, which gets a new domain, or that of another rig of the same supervisor.
+    /// Joins as the supervisor of a rig, which gets a new domain, or that of `first`, a rig of the same supervisor.
     ///
     /// # Errors
     ///
-    /// [`BusError::Taken`] when the rig runs already; [`BusError::Service`] when shared memory cannot be used.
+    /// [`BusError::Taken`] when the rig runs already. Otherwise as in [`join`](Self::join).
     pub fn supervise(rig: &str, role: &str, first: Option<&Self>) -> Result<Self, BusError> {
         memory::require(memory::JOIN_BYTES)?;
         let domain = first.map(Self::domain);
@@ -124,12 +134,14 @@ impl Bus {
         self.link.borrow().member.domain().clone()
     }
 
-    /// Returns the path of a file of this rig that nobody else can reach and that lasts as long as the domain.
+    /// Returns the path of a file of this rig in the private folder of its domain; the file need not exist.
+    ///
+    /// No other user can reach it, and it lasts as long as the domain.
     pub fn private_file(&self, name: &str) -> PathBuf {
         self.domain().folder().join(format!("{}-{name}", self.rig))
     }
 
-    /// Reserves the shared memory that this rig has by now.
+    /// Reserves the memory of the small files that the rig's domain has in shared memory by now.
     ///
     /// # Errors
     ///
@@ -138,7 +150,11 @@ impl Bus {
         memory::reserve(&self.domain().memory_files())
     }
 
-    /// Leaves the domain for the rig's present one, if the rig was started again since.
+    /// Leaves the domain for the rig's present one, if the rig was started again since. Stays if that one is gone too.
+    ///
+    /// # Errors
+    ///
+    /// [`BusError::Memory`] or [`BusError::Service`] when shared memory cannot be used.
     fn rejoin_present_domain(&self) -> Result<(), BusError> {
         let present = domain::present_domain(&self.rig);
         let Some(domain) = present.filter(|domain| *domain != self.domain()) else { return Ok(()) };
@@ -170,12 +186,12 @@ impl Bus {
         names
     }
 
-    /// Whether any process of this rig is alive, listeners aside.
+    /// Whether any process has a role of this rig in the domain that this process has joined; listeners have none.
     pub fn is_alive(&self) -> bool {
         !self.domain().claims(&self.rig).is_empty()
     }
 
-    /// Returns the roles of this rig that processes have, with or without a heartbeat.
+    /// Returns the roles of this rig that processes have, with or without a heartbeat, in alphabetical order.
     pub fn roles(&self) -> Vec<TakenRole> {
         let mut roles = self.domain().claims(&self.rig);
         roles.sort();
@@ -187,18 +203,22 @@ impl Bus {
         &self.rig
     }
 
-    /// Returns the name of a topic's service for iceoryx2, which limits its length.
+    /// Returns the name of a topic's service in the type of iceoryx2.
+    ///
+    /// # Errors
+    ///
+    /// [`BusError::Service`] if the name is too long.
     fn service_name(&self, topic: &str) -> Result<ServiceName, BusError> {
         let name = self.full_name(topic);
         ServiceName::new(&name).map_err(|error| BusError::new("name", &name, error))
     }
 
-    /// Returns the name of a topic's service.
+    /// Returns the name of a topic's service, `ricochet/RIG/TOPIC`.
     fn full_name(&self, topic: &str) -> String {
         format!("ricochet/{}/{topic}", self.rig)
     }
 
-    /// Returns the conversion of an error of iceoryx2 in an action on the service of a topic.
+    /// Returns a function that turns an error of iceoryx2 into that of `action` on the service of a topic of this rig.
     fn failure<E: Debug>(&self, action: &'static str, topic: &str) -> impl FnOnce(E) -> BusError + use<E> {
         failure(action, self.full_name(topic))
     }
@@ -228,7 +248,7 @@ impl Bus {
     }
 }
 
-/// Returns the conversion of an error of iceoryx2 in an action on a service.
+/// Returns a function that turns an error of iceoryx2 into that of `action` on a service.
 fn failure<E: Debug>(action: &'static str, service: impl Into<String>) -> impl FnOnce(E) -> BusError {
     let service = service.into();
     move |error| BusError::new(action, &service, error)

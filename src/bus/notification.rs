@@ -25,7 +25,7 @@ pub struct TopicNotifier {
 }
 
 impl TopicNotifier {
-    /// Wakes the readers, unless that was done within the last millisecond.
+    /// Wakes the readers, unless this notifier did so less than a millisecond ago.
     pub fn notify(&mut self) {
         #[expect(clippy::disallowed_methods, reason = "decides when readers wake, never what they measure")]
         let now = Instant::now();

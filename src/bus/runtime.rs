@@ -13,10 +13,10 @@ const VARIABLE: &str = "RICOCHET_RUNTIME_DIR";
 /// The maximum length of its path: the address of a local socket in it has at most 107 bytes.
 const MAX_PATH_BYTES: usize = 35;
 
-/// Returns the folders in which rigs of this user may be found, the one for new rigs first.
+/// Returns the runtime folders in which rigs of this user may be found, the one for new rigs first; never empty.
 ///
 /// A process without a login session, such as a service, has no session folder. So a rig may be in any of them.
-pub(super) fn candidates() -> Vec<PathBuf> {
+pub(super) fn candidate_folders() -> Vec<PathBuf> {
     if let Some(path) = std::env::var_os(VARIABLE).filter(|path| !path.is_empty()) {
         return vec![path.into()];
     }
@@ -32,13 +32,14 @@ pub(super) fn candidates() -> Vec<PathBuf> {
     folders
 }
 
-/// Creates the folder for new rigs, or checks that nobody else can enter it.
+/// Creates the folder for new rigs, or checks that nobody else can enter it, and returns its path.
 ///
 /// # Errors
 ///
-/// [`BusError::Folder`] if it belongs to another user, can be entered by others, or has too long a path.
+/// [`BusError::Folder`] if it cannot be created, belongs to another user, can be entered by others, or has a path of
+/// more than [`MAX_PATH_BYTES`].
 pub(super) fn open_folder() -> Result<PathBuf, BusError> {
-    let path = candidates().swap_remove(0);
+    let path = candidate_folders().swap_remove(0);
     ensure_private(&path)?;
     if path.as_os_str().len() > MAX_PATH_BYTES {
         let reason = format!("its path is longer than {MAX_PATH_BYTES} bytes");
@@ -51,7 +52,7 @@ pub(super) fn open_folder() -> Result<PathBuf, BusError> {
 ///
 /// # Errors
 ///
-/// [`BusError::Folder`] if it is a link or a file, belongs to another user, or others can enter it.
+/// [`BusError::Folder`] if it cannot be created, is a link or a file, belongs to another user, or others can enter it.
 pub(super) fn ensure_private(path: &Path) -> Result<(), BusError> {
     let fail = |reason: String| BusError::Folder { path: path.to_owned(), reason };
     let created = DirBuilder::new().mode(0o700).create(path);
@@ -68,7 +69,7 @@ pub(super) fn ensure_private(path: &Path) -> Result<(), BusError> {
     }
 }
 
-/// Opens a file in a private folder for locks and notes; creates it if needed.
+/// Opens a file of a private folder for reading and writing; keeps its content, and creates it if needed.
 pub(super) fn open_file(path: &Path) -> std::io::Result<File> {
     OpenOptions::new().read(true).write(true).create(true).truncate(false).mode(0o600).open(path)
 }

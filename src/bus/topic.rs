@@ -117,7 +117,7 @@ impl Bus {
     ///
     /// # Errors
     ///
-    /// [`BusError::NoRig`] when the rig is not running.
+    /// [`BusError::NoRig`] when the rig is not running, [`BusError::Service`] when shared memory cannot be used.
     pub fn guest_publisher<T: Topic>(&self) -> Result<Publisher<T>, BusError> {
         self.publish_to(self.existing_service::<T>()?)
     }
@@ -142,11 +142,12 @@ impl Bus {
         self.subscribe_to(self.topic_service::<T>(limits)?)
     }
 
-    /// Creates a subscriber of this topic for any other program.
+    /// Creates a subscriber of this topic for any other program, in the rig's present domain.
     ///
     /// # Errors
     ///
-    /// [`BusError::NoRig`] when the rig is not running.
+    /// [`BusError::NoRig`] when the rig is not running; [`BusError::Service`] or [`BusError::Memory`] when shared
+    /// memory cannot be used.
     pub fn listen<T: Topic>(&self) -> Result<Subscriber<T>, BusError> {
         self.rejoin_present_domain()?;
         self.subscribe_to(self.existing_service::<T>()?)
@@ -156,7 +157,7 @@ impl Bus {
     ///
     /// # Errors
     ///
-    /// [`BusError::NoRig`] if it does not exist.
+    /// [`BusError::NoRig`] if it does not exist, [`BusError::Service`] if it cannot be opened.
     fn existing_service<T: Topic>(&self) -> Result<Service<T>, BusError> {
         use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
         let opened = self.node().service_builder(&self.service_name(T::NAME)?).publish_subscribe::<T>().open();

@@ -16,11 +16,13 @@ pub(super) struct DeliveryLatency {
 
 impl DeliveryLatency {
     /// Records a frame that was due at `due` and took `duration` to write.
+    ///
+    /// It counts as delivered `duration` after the later of `due` and the delivery of the previous frame.
     pub fn record(&mut self, due: Instant, duration: Duration) {
         self.delivered = self.delivered.map_or(due, |last| last.max(due)).checked_add(duration);
     }
 
-    /// Returns the time since the last frame was delivered, at the time `now`; zero before the first frame.
+    /// Returns the time from the delivery of the last frame to `now`; zero before it and before the first frame.
     pub fn age(&self, now: Instant) -> Duration {
         self.delivered.map_or(Duration::ZERO, |delivered| now.saturating_duration_since(delivered))
     }

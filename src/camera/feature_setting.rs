@@ -7,7 +7,7 @@ use std::fmt;
 /// The delay of the consumer that the slots of a camera must absorb, s.
 const MAX_CONSUMER_DELAY_S: f64 = 0.05;
 
-/// Whether the configured tone curve is linear, so that a gamma of the camera would not be corrected for.
+/// Whether the configured tone curve is linear (`camera.gamma` is 1), so that a gamma in the camera is not corrected.
 pub fn is_linear(settings: &config::Camera) -> bool {
     settings.gamma.total_cmp(&1.0).is_eq()
 }
@@ -17,11 +17,13 @@ pub fn setting_error(feature: &str, value: impl fmt::Display, reason: impl Into<
     CameraError::Setting { feature: feature.into(), value: value.to_string(), reason: reason.into() }
 }
 
-/// Sets features repeatedly until all are set, because some can only be set after another one.
+/// Sets features in rounds until all are set, because some can only be set after another one.
+///
+/// Each round calls `set` for the features that were refused in the round before, in the order of `pending`.
 ///
 /// # Errors
 ///
-/// The first refusal, once a whole round sets no further feature.
+/// The first refusal of a round that sets no feature.
 pub fn set_in_dependency_order<'a>(
     pending: impl IntoIterator<Item = (&'a String, &'a FeatureValue)>,
     set: impl Fn(&str, &FeatureValue) -> Result<(), CameraError>,
@@ -45,7 +47,7 @@ pub fn set_in_dependency_order<'a>(
     }
 }
 
-/// Checks that an integer lies within its range and on its increment.
+/// Checks that an integer lies within its range, and a multiple of the increment above the minimum.
 ///
 /// # Errors
 ///
@@ -85,7 +87,10 @@ pub struct FloatRange {
 }
 
 impl FloatRange {
-    /// Checks that a value lies within the range, which the camera may have computed with rounding.
+    /// Checks that a value is finite and lies within the range.
+    ///
+    /// The camera may have computed the range with rounding. It is therefore wider on both sides by 1e-9 of its larger
+    /// bound.
     ///
     /// # Errors
     ///
@@ -105,9 +110,9 @@ impl fmt::Display for FloatRange {
     }
 }
 
-/// Returns the number of slots that a camera of this rate holds at once.
+/// Returns the number of slots that a camera of this frame rate (0 if unknown) holds at once.
 ///
-/// It is `min` plus the frames of [`MAX_CONSUMER_DELAY_S`], and at most `max`.
+/// It is `min` slots plus the frames of [`MAX_CONSUMER_DELAY_S`], rounded up, and at most `max` slots.
 pub fn slot_count(frame_rate_hz: f64, min: usize, max: usize) -> usize {
     (min + (frame_rate_hz * MAX_CONSUMER_DELAY_S).ceil() as usize).min(max)
 }

@@ -39,7 +39,9 @@ impl StreamFormat {
         self.width_px as usize * self.height_px as usize * self.format.bytes_per_pixel()
     }
 
-    /// Returns the metadata of a frame without row padding, in the stream's first epoch.
+    /// Returns the metadata of a frame without row padding, in the stream's first epoch (0).
+    ///
+    /// `stamp_ns` counts from the Unix epoch, `device_ns` on the camera's own clock (0 if it has none).
     fn frame_meta(&self, sequence: u64, stamp_ns: u64, device_ns: u64) -> FrameMeta {
         FrameMeta {
             sequence,
@@ -167,7 +169,11 @@ pub trait Camera {
     /// Returns the number of slots the camera wants to hold at once.
     fn slots(&self) -> usize;
 
-    /// Queues a slot of at least `format().slot_bytes()` bytes.
+    /// Queues a slot of at least `format().slot_bytes()` bytes, for one of the next frames.
+    ///
+    /// # Panics
+    ///
+    /// If the slot is smaller and the camera fills it in the background.
     fn queue(&mut self, slot: Slot);
 
     /// Starts the stream. Called once, after the first slots were queued and every reader is ready.
@@ -181,17 +187,19 @@ pub trait Camera {
     ///
     /// # Errors
     ///
-    /// If the camera is gone.
+    /// If the camera is gone, or the recording that is replayed cannot be read.
     fn next(&mut self, timeout: Duration) -> Result<Next, CameraError>;
 
-    /// Skips all frames before this sequence number, if the frames come from a film.
+    /// Skips all frames before this sequence number, and returns `true`, if the frames come from a film.
     ///
-    /// Called before [`start`](Self::start). Live cameras return `false` and ignore the call.
+    /// Called before [`start`](Self::start). Real cameras ignore the call and return `false`.
     fn seek(&mut self, _sequence: u64) -> bool {
         false
     }
 
-    /// Plays one frame per message instead of one per line of standard input, if the camera is stepped.
+    /// Plays one frame per message instead of one per line of standard input, if the camera replays step by step.
+    ///
+    /// Called before [`start`](Self::start). Other cameras ignore the call.
     fn follow_steps(&mut self, _steps: Receiver<()>) {}
 
     /// Returns the time since the last returned frame was complete; zero if the camera does not know.
@@ -199,7 +207,9 @@ pub trait Camera {
         Duration::ZERO
     }
 
-    /// Returns the ground truth of the frame with this sequence number; empty unless the camera is simulated.
+    /// Returns the ground truth of the frame with this sequence number, a row per body.
+    ///
+    /// Empty unless the camera is simulated, and behind the last frame.
     fn truth(&self, _sequence: u64) -> Vec<crate::results::VelocitySample> {
         Vec::new()
     }

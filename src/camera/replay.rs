@@ -34,9 +34,9 @@ impl TimeRange {
     /// The whole recording.
     pub const ALL: Self = Self { from_s: 0.0, to_s: f64::INFINITY };
 
-    /// Returns whether a frame lies before (`Less`), within (`Equal`) or after the range.
+    /// Returns whether a frame lies before (`Less`), within (`Equal`) or after (`Greater`) the range.
     ///
-    /// `first_ns` is the stamp of the recording's first frame.
+    /// `first_ns` is the stamp of the recording's first frame, `stamp_ns` that of the frame.
     pub fn locate(&self, first_ns: u64, stamp_ns: u64) -> Ordering {
         // Whole nanoseconds, so that 0.003 s is the frame at 3 ms.
         let since_ns = stamp_ns.saturating_sub(first_ns);
@@ -100,7 +100,7 @@ impl ReplayCamera {
     /// # Errors
     ///
     /// [`CameraError::Recording`] if the recording cannot be read or holds no frames.
-    /// [`CameraError::Setting`] if the rate is not a positive number.
+    /// [`CameraError::Setting`] if the playback rate is not a positive, finite number.
     pub fn new(recording: Recording, playback: Playback) -> Result<Self, CameraError> {
         if let PlaybackRate::Times(times) = playback.rate
             && !(times.is_finite() && times > 0.0)
@@ -139,7 +139,9 @@ impl ReplayCamera {
         })
     }
 
-    /// Reads the next frame of the part that is played; `None` at its end.
+    /// Reads the next frame within the range that is played, from `first_sequence` on; `None` at its end.
+    ///
+    /// A frame that cannot be read is returned as its error, wherever it lies.
     fn next_in_range(&mut self) -> Option<Result<(FrameMeta, Bytes), RecordingError>> {
         loop {
             let frame = self.frames.next_shared()?;
@@ -155,7 +157,9 @@ impl ReplayCamera {
         }
     }
 
-    /// Reads the next frame into `pending` unless one is there; returns `false` at the end.
+    /// Reads the next frame into `pending`, unless one is there; returns `false` at the end.
+    ///
+    /// Shifts the frame's stamp by the playback's `shift_ns`, and measures the time that reading took.
     ///
     /// # Errors
     ///
@@ -180,9 +184,10 @@ impl ReplayCamera {
         Ok(true)
     }
 
-    /// Sleeps until the frame with this stamp is due, at most `timeout`; returns whether it is due.
+    /// Sleeps until the frame with this stamp is due, at most `timeout`, and returns whether it is.
     ///
-    /// The first call since the start sets the origin of the playback.
+    /// At a given speed, the first frame since the start is due at once and sets the origin of the others. Otherwise
+    /// every frame is due at once.
     fn wait_until_due(&mut self, stamp_ns: u64, timeout: Duration) -> bool {
         let PlaybackRate::Times(times) = self.playback.rate else { return true };
         let now = now();
@@ -195,7 +200,7 @@ impl ReplayCamera {
         left <= timeout
     }
 
-    /// Records the delivery of a frame whose copy began at `begin`.
+    /// Records the delivery of the frame whose copy began at `begin`, if it is played at a given speed.
     fn record_delivery(&mut self, begin: Instant) {
         let Some(due) = self.due else { return };
         // Reading ahead of the due time delays nobody.
@@ -209,7 +214,9 @@ fn now() -> Instant {
     Instant::now()
 }
 
-/// Starts a thread that sends one message per line on standard input, and hangs up at its end.
+/// Starts a thread that sends one message per line on standard input, and closes the channel at the end of the input.
+///
+/// The thread ends at the first line after the receiver was dropped.
 fn step_on_input_lines() -> Receiver<()> {
     let (sender, receiver) = mpsc::channel();
     std::thread::spawn(move || {

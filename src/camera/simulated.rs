@@ -44,7 +44,9 @@ pub fn stream_format(world: &SimulatedFilm) -> StreamFormat {
     }
 }
 
-/// Returns the metadata of one frame of a simulated film.
+/// Returns the metadata of the frame with this index, from 0, in a simulated film without pauses.
+///
+/// The device clock is 0 ns at the first frame.
 pub fn meta(world: &SimulatedFilm, index: u64) -> FrameMeta {
     let stamp_ns = world.stamp_ns(index);
     stream_format(world).frame_meta(index, stamp_ns, stamp_ns - world.stamp_ns(0))
@@ -110,7 +112,9 @@ impl SimulatedCamera {
         })
     }
 
-    /// Restricts the frames to the pulses of a simulated trigger line.
+    /// Exposes the frames in bursts, one at each pulse of a simulated trigger line; `None` for one film without pauses.
+    ///
+    /// No frame of the film is left out: the pauses move the later ones.
     ///
     /// # Errors
     ///
@@ -127,7 +131,7 @@ impl SimulatedCamera {
         Ok(Self { pulse, ..self })
     }
 
-    /// Returns when the exposure of a frame begins, and the silence of the trigger line before it.
+    /// Returns when the exposure of the frame with this index begins, and the silence of the trigger line before it.
     fn exposure_start(&self, index: u64) -> ExposureStart {
         let period_s = 1.0 / self.world.frame_rate_hz();
         let film_s = index as f64 * period_s;
@@ -169,14 +173,16 @@ impl SimulatedCamera {
         }
     }
 
-    /// Returns when a frame is completely exposed and read out, as time from the start of the film.
+    /// Returns when the frame with this index is completely exposed and read out, as time from the start of the film.
     fn due(&self, index: u64) -> Duration {
         let camera = &self.world.scenario().camera;
         let rows_s = 1e-6 * camera.row_time_us.abs() * f64::from(camera.height_px - 1);
         Duration::from_secs_f64(self.exposure_start(index).since_start_s + 1e-6 * camera.exposure_us + rows_s)
     }
 
-    /// Waits at most `timeout` until a frame is due; returns whether it is due. On demand every frame is.
+    /// Waits at most `timeout` until the frame with this index is due, and returns whether it is.
+    ///
+    /// On demand every frame is due at once.
     fn wait_until_due(&self, index: u64, timeout: Duration) -> bool {
         if self.pace == Pace::OnDemand {
             return true;
@@ -186,7 +192,7 @@ impl SimulatedCamera {
         missing <= timeout
     }
 
-    /// Records the delivery of a frame whose rendering began at the film time `begin`, if the camera is live.
+    /// Records the delivery of a frame whose writing began at the film time `begin`, if the camera is live.
     fn record_delivery(&mut self, index: u64, begin: Duration) {
         if let Some(started) = self.started.filter(|_| self.pace == Pace::Live) {
             let duration = self.elapsed().saturating_sub(begin);
@@ -198,7 +204,7 @@ impl SimulatedCamera {
     ///
     /// # Panics
     ///
-    /// If the slot is smaller than a frame.
+    /// If the slot is smaller than a frame, or the film has no frame of this index.
     fn fill(&self, index: u64, slot: &mut Slot) {
         let bytes = self.world.frame_bytes();
         let target = &mut slot.bytes_mut()[..bytes];
@@ -290,13 +296,14 @@ struct ExposureStart {
     silent_s: f64,
 }
 
-/// Renders the whole film if rendering cannot keep up with its rate; `None` if it can.
+/// Renders the whole film if a frame takes [`MAX_RENDER_SHARE`] of the frame period or more; `None` if it takes less.
 ///
-/// The rate is that of the fastest of three frames. The film is one frame after another, without padding.
+/// That time is the shortest of three renderings of the first frame. The film is one frame after another, without
+/// padding.
 ///
 /// # Errors
 ///
-/// [`CameraError::Setting`] if the film needs more than [`MAX_FILM_BYTES`].
+/// [`CameraError::Setting`] if such a film needs more than [`MAX_FILM_BYTES`].
 fn render_if_slow(world: &SimulatedFilm) -> Result<Option<Vec<u8>>, CameraError> {
     let bytes = world.frame_bytes();
     let mut frame = vec![0; bytes];

@@ -85,7 +85,8 @@ fn name_parser<T: Copy + Send + Sync + 'static>(
 }
 
 impl Field {
-    /// Returns the options: the rig file's settings, overridden by those of the command line.
+    /// Returns the options. Those of the correlator are the rig file's, or the defaults, overridden by the command
+    /// line.
     ///
     /// # Errors
     ///

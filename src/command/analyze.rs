@@ -74,7 +74,8 @@ pub fn run(options: &AnalyzeOptions, stop: &Stop) -> Result<Outcome, Failure> {
     measure_and_print(film, options, &options.inputs, &output, stop)
 }
 
-/// Opens a film with the chosen rig file, within the chosen interval.
+/// Opens a film with the chosen rig file and number of workers, within the chosen interval. Nothing but the results is
+/// recorded.
 ///
 /// # Errors
 ///
@@ -97,6 +98,9 @@ pub(super) fn open(options: &AnalyzeOptions, inputs: &[PathBuf]) -> Result<Film,
 }
 
 /// Measures an opened film into a results file and prints its impacts.
+///
+/// Missing frames and a truncated film are losses. The outcome is `NothingMeasured` if no body was measured in any
+/// frame.
 ///
 /// # Errors
 ///
@@ -134,7 +138,7 @@ pub(super) fn results_record() -> Record {
     }
 }
 
-/// Returns `shot.results-1.mcap` next to `shot.mcap`, or the next free number.
+/// Returns `shot.results-1.mcap` next to `shot.mcap`, or the next free number; of a view, `shot.VIEW.results-1.mcap`.
 fn free_results_path(inputs: &[PathBuf], camera: Option<&str>) -> PathBuf {
     let input = inputs.first().map_or_else(|| Path::new("film"), PathBuf::as_path);
     let stem = input.file_stem().map_or_else(|| "recording".into(), |stem| stem.to_string_lossy().into_owned());
@@ -161,7 +165,7 @@ pub(super) struct MeasuredFilm {
     pub(super) runs: FrameRuns,
 }
 
-/// Measures every frame.
+/// Measures every frame of a film into a results file. After a stop, the remaining frames count as missing.
 ///
 /// # Errors
 ///
@@ -236,7 +240,7 @@ pub(super) fn measure(film: Film, output: &Path, stop: &Stop) -> Result<Measured
     Ok(MeasuredFilm { path: finished.path, missing, runs })
 }
 
-/// Plans the measurer of worker `index` of `of`.
+/// Plans the measurer of worker `index`, from 0, of `of` workers.
 fn plan_measurer(params: &MeasureParams, index: u32, of: u32, format: &StreamFormat) -> Result<Measurer, MeasureError> {
     Measurer::new(params, Share { index, of }, format.width_px as usize, format.height_px as usize)
 }
@@ -249,7 +253,7 @@ fn send_to_all(workers: &[SyncSender<Job>], job: &Job) {
     }
 }
 
-/// Measures the frames of a queue until it closes, and sends the results of each.
+/// Measures the frames of a queue until it closes or one cannot be measured, and sends the results of each.
 fn run_worker(mut measurer: Measurer, todo: &Receiver<Job>, answers: &Sender<Answer>) {
     for job in todo {
         let (meta, bytes) = job.as_ref();
@@ -273,7 +277,7 @@ fn write_measured(shot: &mut Shot, answer: Answer) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Returns the last revision of every impact.
+/// Reads the impacts of a recording and returns the last revision of each.
 pub(super) fn last_revisions(recording: &Recording) -> Result<Vec<Impact>, RecordingError> {
     Ok(report::last_revisions(recording.impacts()?.collect::<Result<_, _>>()?))
 }

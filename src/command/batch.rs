@@ -67,7 +67,12 @@ pub fn run(options: &AnalyzeOptions, shard: Shard, stop: &Stop) -> Result<Outcom
     }
 }
 
-/// Returns the films of the arguments. A text file (`.txt` or `.list`) has the path of a film on each line.
+/// Returns the films of the arguments. A text file (`.txt` or `.list`) has the path of a film on each line; blank lines
+/// and those that begin with `#` are skipped.
+///
+/// # Errors
+///
+/// [`UsageError`] when a list cannot be read, or there is no film.
 fn list_films(inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     let mut films = Vec::new();
     for input in inputs {
@@ -83,7 +88,11 @@ fn list_films(inputs: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     if films.is_empty() { Err(UsageError("the list names no film".into()).into()) } else { Ok(films) }
 }
 
-/// Returns each film with the file of its results, which has the film's name.
+/// Returns each film with the file of its results: the film's name in `folder`, ending in `.mcap`.
+///
+/// # Errors
+///
+/// [`UsageError`] when two films would share their results, or these would replace a film.
 fn results_by_film(films: &[PathBuf], folder: &Path) -> Result<Vec<(PathBuf, PathBuf)>, UsageError> {
     let mut taken: BTreeMap<PathBuf, &Path> = BTreeMap::new();
     let mut named = Vec::new();
@@ -103,6 +112,10 @@ fn results_by_film(films: &[PathBuf], folder: &Path) -> Result<Vec<(PathBuf, Pat
 }
 
 /// Locks a share, so that two processes never measure the same film. The lock ends with the returned file.
+///
+/// # Errors
+///
+/// [`UsageError`] when another process holds the lock.
 fn lock_share(folder: &Path, shard: Shard) -> Result<std::fs::File, Failure> {
     let path = folder.join(format!(".shard-{}-of-{}", shard.index, shard.of));
     let file = std::fs::File::create(&path)?;
@@ -113,7 +126,7 @@ fn lock_share(folder: &Path, shard: Shard) -> Result<std::fs::File, Failure> {
     Ok(file)
 }
 
-/// Measures a film into its results file, unless that is complete.
+/// Measures a film into its results file, unless that is complete, which is a clean outcome.
 ///
 /// # Errors
 ///
@@ -136,7 +149,7 @@ fn measure_film(options: &AnalyzeOptions, film: &Path, results: &Path, stop: &St
     analyze::measure_and_print(opened, options, &inputs, results, stop)
 }
 
-/// Returns the version, and a checksum of everything that results depend on except the frames.
+/// Returns the version, and a CRC-32 of everything that results depend on; of the film itself only its size in bytes.
 fn settings_checksum(options: &AnalyzeOptions, config: &Config, film: &Path) -> String {
     let bytes = film.metadata().map_or(0, |metadata| metadata.len());
     let given = (&options.camera, options.fps, options.order.reverse, options.from_s, options.to_s, bytes);

@@ -68,7 +68,7 @@ pub(super) fn summarize_rows<'a>(
     (0..).zip(&config.bodies).map(summary).collect()
 }
 
-/// Counts the rows of each body of a shot, whose missing frames do not count.
+/// Returns the line of each body of a shot, and whether it was measured in every frame. Missing frames do not count.
 pub(super) fn summarize_shot(shot: &Shot, config: &Config) -> Vec<MeasuredBody> {
     let rows = shot.velocities().iter().filter(|row| !shot.is_missing(row.frame));
     let film = FilmShape { size_px: shot.size_px(), first_frame: shot.first_frame() };
@@ -77,6 +77,12 @@ pub(super) fn summarize_shot(shot: &Shot, config: &Config) -> Vec<MeasuredBody> 
 }
 
 /// Returns the value that a key has, or its default where the rig file leaves it out; `None` where that is unknown.
+///
+/// `body` is the index of the body, and `size_px` the width and height of the image, which default radii depend on.
+///
+/// # Panics
+///
+/// If there is no body of this index.
 pub(super) fn current_value(key: &str, config: &Config, body: u32, size_px: Option<[u32; 2]>) -> Option<String> {
     let index = body as usize;
     let settings = &config.bodies[index];
@@ -113,7 +119,7 @@ impl BodySummary {
         Some(self.cause.as_ref()?.frequent.status)
     }
 
-    /// Returns the reason behind that status, and the keys that change it with their values.
+    /// Returns the reason behind that status, and the keys that change it with their values; `None` like the status.
     pub(super) fn reason(&self) -> Option<(Reason, &[Key])> {
         self.cause.as_ref().map(|cause| (cause.reason, cause.keys.as_slice()))
     }

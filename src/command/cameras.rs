@@ -60,7 +60,7 @@ pub(super) struct FoundCamera {
     pub description: String,
 }
 
-/// Returns the cameras at hand. Those of GenICam are missing where its library is.
+/// Finds the cameras that can be used now: GenICam ones, if the library is installed, and the available V4L2 ones.
 pub(super) fn find_cameras() -> Vec<FoundCamera> {
     let genicam = list().unwrap_or_default().into_iter().map(|camera| FoundCamera {
         description: format!("{} ({} {}, {})", camera.id, camera.vendor, camera.model, camera.protocol),

@@ -58,7 +58,7 @@ pub fn trigger(options: &TriggerOptions, stop: &Stop) -> Result<Outcome, Failure
     while events.take()?.is_some() {}
     let reply = ask(&bus, Command::Trigger)?;
     let recording = match ReplyCode::from_number(reply.code) {
-        Some(ReplyCode::Accepted) => Some(recorded(&bus, &events, stop)?),
+        Some(ReplyCode::Accepted) => Some(wait_for_recording(&bus, &events, stop)?),
         _ => None,
     };
     report(&options.rig, &reply, recording.as_deref())
@@ -74,8 +74,12 @@ fn ask(bus: &Bus, command: Command) -> Result<Reply, Failure> {
     Ok(reply.ok_or_else(|| no_answer_error(bus))?)
 }
 
-/// Waits for the next recording and returns its path.
-fn recorded(bus: &Bus, events: &Subscriber<Event>, stop: &Stop) -> Result<String, Failure> {
+/// Waits until the rig has completed a recording and returns its path.
+///
+/// # Errors
+///
+/// When the rig dies, or a stop ends the wait.
+fn wait_for_recording(bus: &Bus, events: &Subscriber<Event>, stop: &Stop) -> Result<String, Failure> {
     while !stop.requested() {
         while let Some(event) = events.take()? {
             if event.kind() == Some(EventKind::Recorded) {
@@ -90,7 +94,11 @@ fn recorded(bus: &Bus, events: &Subscriber<Event>, stop: &Stop) -> Result<String
     Err(UsageError("stopped; the rig goes on with the recording".into()).into())
 }
 
-/// Prints the reply of a rig, and the recording of a shot.
+/// Prints the reply of a rig as JSON, or the recording of a shot.
+///
+/// # Errors
+///
+/// [`UsageError`] when the rig did not accept the command.
 fn report(options: &RigOptions, reply: &Reply, recording: Option<&str>) -> Result<Outcome, Failure> {
     let rig = &options.rig;
     let code = ReplyCode::from_number(reply.code).unwrap_or(ReplyCode::Unknown);

@@ -54,6 +54,10 @@ impl FilmFiles {
     }
 
     /// Passes the frames to `take`, each with its number from 0, until it returns [`Visit::Stop`].
+    ///
+    /// # Errors
+    ///
+    /// When the film cannot be read, `take` fails, or a stop is requested.
     pub(super) fn visit(
         &self,
         stop: &Stop,
@@ -71,7 +75,7 @@ impl FilmFiles {
         Ok(())
     }
 
-    /// Returns the frame of this number, from 0, in grey levels.
+    /// Returns the frame of this number, from 0: its header and its pixels as they are stored.
     ///
     /// # Errors
     ///
@@ -116,14 +120,14 @@ pub(super) fn survey(film: &FilmFiles, stop: &Stop) -> Result<Surveyed, Failure>
     };
     let movers = movement.iter().flat_map(|movement| movement.movers.iter().cloned());
     let bodies = movers.zip(kinds).map(|(mover, kind)| SurveyedBody { mover, kind, path: None });
-    let mut bodies = bodies.fold(Vec::new(), with_body);
+    let mut bodies = bodies.fold(Vec::new(), add_or_join);
     follow_all(film, &mut bodies, size_px, &bar, stop)?;
     bar.finish_and_clear();
     Ok(Surveyed { size_px, count, frame_rate_hz, rate_source, movement, bodies })
 }
 
 /// Adds a body, or joins it with the same ball seen elsewhere at other times: where it is slow, and where it is fast.
-fn with_body(mut bodies: Vec<SurveyedBody>, body: SurveyedBody) -> Vec<SurveyedBody> {
+fn add_or_join(mut bodies: Vec<SurveyedBody>, body: SurveyedBody) -> Vec<SurveyedBody> {
     let is_apart = |other: &SurveyedBody| {
         let times = |body: &SurveyedBody| body.mover.appearances.iter().map(|a| a.index).collect::<BTreeSet<_>>();
         times(other).is_disjoint(&times(&body))
@@ -140,6 +144,12 @@ fn with_body(mut bodies: Vec<SurveyedBody>, body: SurveyedBody) -> Vec<SurveyedB
 type Sampled = (([usize; 2], Sampler), u64);
 
 /// Samples the film; returns the size of its frames, the samples and the number of frames.
+///
+/// `announced` is the number of frames in the file's header, by which the samples are spread.
+///
+/// # Errors
+///
+/// When the film cannot be read, has no frame, or its frames differ in size.
 fn sample_frames(film: &FilmFiles, announced: u64, bar: &ProgressBar, stop: &Stop) -> Result<Sampled, Failure> {
     let mut sampled: Option<([usize; 2], Sampler)> = None;
     let (mut image, mut count) = (Image::default(), 0);
@@ -185,7 +195,7 @@ fn identify_all(
     Ok(examinations.into_iter().map(crate::survey::Examination::finish).collect())
 }
 
-/// Follows every ball through all frames.
+/// Follows every ball through all frames. One that is followed in fewer frames than it was found in becomes unknown.
 fn follow_all(
     film: &FilmFiles,
     bodies: &mut [SurveyedBody],

@@ -44,7 +44,8 @@ pub(super) struct Film {
 }
 
 impl Film {
-    /// Restricts the film to an interval.
+    /// Restricts the film to the frames from the start of an interval on and before its end, in s after its first
+    /// frame.
     pub(super) fn within(mut self, span: TimeRange) -> Self {
         if span == TimeRange::ALL {
             return self;
@@ -64,8 +65,12 @@ impl Film {
 
     /// Opens a recording, the parts of one, another file, or the images of a sequence in the order given.
     ///
-    /// `camera` selects one of several cameras by name. `config` replaces the attached rig file, `fps` the file's
-    /// frame rate, and `order` the order of images.
+    /// `camera` selects one of several cameras by name. `config` replaces the attached rig file, `fps` the file's frame
+    /// rate, Hz, and `order` the order of images. The metadata hold the rate and the order that were given.
+    ///
+    /// # Errors
+    ///
+    /// When a file cannot be opened, an option does not apply to it, or the rig file or the frame rate is missing.
     pub(super) fn open(
         inputs: &[PathBuf],
         camera: Option<&str>,
@@ -83,12 +88,12 @@ impl Film {
                         UsageError(format!("--camera {camera}: {} has only one camera", first.display())).into()
                     );
                 }
-                None => Self::footage(inputs, config, fps, order)?,
+                None => Self::open_footage(inputs, config, fps, order)?,
             },
             _ if order == Order::Reversed => {
                 return Err(UsageError("--reverse: only the images of a sequence can be reversed".into()).into());
             }
-            _ => Self::recordings(inputs, camera, config, fps)?,
+            _ => Self::open_recordings(inputs, camera, config, fps)?,
         };
         film.metadata.remove(GIVEN_RATE);
         film.metadata.remove(GIVEN_ORDER);
@@ -97,8 +102,10 @@ impl Film {
         Ok(film)
     }
 
-    /// Opens one recording, or the recorded parts of one stream.
-    fn recordings(
+    /// Opens one recording, or the recorded parts of one stream, in the order of their first stamps.
+    ///
+    /// With `fps`, Hz, stamps are recomputed from the sequence numbers.
+    fn open_recordings(
         paths: &[PathBuf],
         camera: Option<&str>,
         config: Option<&Path>,
@@ -137,13 +144,22 @@ impl Film {
             config,
             frames: Box::new(parts.into_iter().flat_map(|part| part.frames).map(move |frame| {
                 let (next, bytes) = frame?;
-                Ok((fps.map_or(next, |fps| restamped(next, &meta, fps)), bytes))
+                Ok((fps.map_or(next, |fps| restamp(next, &meta, fps)), bytes))
             })),
         })
     }
 
-    /// Opens footage of another program, which needs a rig file.
-    fn footage(inputs: &[PathBuf], config: Option<&Path>, fps: Option<f64>, order: Order) -> Result<Self, Failure> {
+    /// Opens footage of another program, and prints what it states about itself.
+    ///
+    /// # Errors
+    ///
+    /// When it has no rig file `config`, or a file cannot be opened.
+    fn open_footage(
+        inputs: &[PathBuf],
+        config: Option<&Path>,
+        fps: Option<f64>,
+        order: Order,
+    ) -> Result<Self, Failure> {
         let Some(config) = config else {
             let first = inputs.first().map_or_else(String::new, |path| path.display().to_string());
             return Err(
@@ -215,7 +231,11 @@ struct Part {
 }
 
 impl Part {
-    /// Opens a recording at its first frame, which has to be readable.
+    /// Opens a recording at its first frame.
+    ///
+    /// # Errors
+    ///
+    /// When that frame cannot be read, or there is none.
     fn open(recording: Recording) -> Result<Self, Failure> {
         let mut frames = recording.frames()?.peekable();
         let first = match frames.peek() {
@@ -229,7 +249,14 @@ impl Part {
         Ok(Self { recording, first, frames })
     }
 
-    /// Checks that this part continues the same stream.
+    /// Checks that this part continues the same stream: same kind of frames, later numbers and stamps, and same
+    /// attached rig file.
+    ///
+    /// The rig file `config`, if it is given, replaces the attached ones, which then may differ.
+    ///
+    /// # Errors
+    ///
+    /// [`UsageError`] with both files and the reason.
     fn check_follows(&self, before: &Self, config: Option<&Path>) -> Result<(), Failure> {
         let [name, name_before] = [self, before].map(|part| part.recording.path().display().to_string());
         let shape = |meta: &FrameMeta| (meta.width_px, meta.height_px, meta.format);
@@ -247,7 +274,7 @@ impl Part {
     }
 }
 
-/// Returns the interval between `--from` and `--to`.
+/// Checks `--from` and `--to` and returns the interval between them, from the first frame and to the last by default.
 ///
 /// # Errors
 ///
@@ -265,7 +292,7 @@ pub(super) fn span(from_s: Option<f64>, to_s: Option<f64>) -> Result<TimeRange, 
 }
 
 /// Returns a frame with its time stamp recomputed from the number of frames since the first and a rate in Hz.
-pub(super) fn restamped(meta: FrameMeta, first: &FrameMeta, fps: f64) -> FrameMeta {
+pub(super) fn restamp(meta: FrameMeta, first: &FrameMeta, fps: f64) -> FrameMeta {
     let since_ns = meta.sequence.saturating_sub(first.sequence) as f64 * 1e9 / fps;
     FrameMeta { stamp_ns: first.stamp_ns.saturating_add(since_ns.round() as u64), ..meta }
 }

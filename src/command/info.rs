@@ -152,7 +152,7 @@ pub fn run(options: &InfoOptions) -> Result<Info, RecordingError> {
     Ok(info)
 }
 
-/// Reads the whole recording and checks every CRC.
+/// Reads the whole recording, checks every CRC, and returns the contents with the damage that was found.
 ///
 /// # Errors
 ///
@@ -182,6 +182,8 @@ pub fn inspect(recording: &Recording) -> Result<Info, RecordingError> {
 }
 
 /// Reads the frames of a further camera, and matches their times with those of the first camera, `firsts`, ns.
+///
+/// Frames match if they are at most `half_period_ns` apart, half the period of the first camera.
 fn inspect_camera(
     recording: &Recording,
     name: String,
@@ -218,6 +220,10 @@ struct FramesRead {
 }
 
 /// Reads all frames of a camera. Frames that cannot be read are left out, with the first reason.
+///
+/// # Errors
+///
+/// [`RecordingError::Io`] when the file itself cannot be read.
 fn read_frames(recording: &Recording) -> Result<FramesRead, RecordingError> {
     let frames = match recording.frames() {
         Ok(frames) => frames,
@@ -272,7 +278,7 @@ fn read_frames(recording: &Recording) -> Result<FramesRead, RecordingError> {
 }
 
 impl FramesInfo {
-    /// Counts the frames that are missing before this sequence number.
+    /// Counts the frames that are missing before this sequence number. Files whose frames have no numbers have no gaps.
     fn count_gap(&mut self, sequence: u64) {
         let after = self.sequence[1];
         let missing = sequence.saturating_sub(after).saturating_sub(1);
@@ -305,7 +311,7 @@ fn info_text(info: &Info) -> String {
         line("damage", damage.clone());
     }
     match (&info.frames, &info.frames_error) {
-        (Some(frames), _) => frame_lines(frames, &mut line),
+        (Some(frames), _) => write_frame_lines(frames, &mut line),
         (None, reason) => line("frames", format!("none: {}", reason.clone().unwrap_or_default())),
     }
     if let (Some(_), Some(problem)) = (&info.frames, &info.frames_error) {
@@ -314,7 +320,7 @@ fn info_text(info: &Info) -> String {
     for camera in &info.cameras {
         line("camera", camera.name.clone());
         match (&camera.frames, &camera.frames_error) {
-            (Some(frames), _) => frame_lines(frames, &mut line),
+            (Some(frames), _) => write_frame_lines(frames, &mut line),
             (None, reason) => line("frames", format!("none: {}", reason.clone().unwrap_or_default())),
         }
         line("matching", camera.matching.words.clone());
@@ -340,7 +346,7 @@ fn info_text(info: &Info) -> String {
 }
 
 /// Writes size, rate, numbers, times and losses of the frames, one line each.
-fn frame_lines(frames: &FramesInfo, line: &mut impl FnMut(&str, String)) {
+fn write_frame_lines(frames: &FramesInfo, line: &mut impl FnMut(&str, String)) {
     let rate = frames.frame_rate_hz.map_or("rate unknown".into(), |rate| format!("{rate:.3} frames/s"));
     let (width, height) = (frames.width_px, frames.height_px);
     line("frames", format!("{} of {width}x{height} {}, {rate}", frames.count, frames.pixel_format));

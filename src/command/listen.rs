@@ -62,7 +62,11 @@ pub fn run(options: &ListenOptions, stop: &Stop) -> Result<Outcome, Failure> {
     }
 }
 
-/// Waits up to `wait_s` until the rig has its topics.
+/// Waits up to `wait_s` until the rig has its topics, or a stop is requested.
+///
+/// # Errors
+///
+/// [`BusError::NoRig`] when there is still no such rig.
 fn wait_for_rig(bus: &Bus, options: &ListenOptions, stop: &Stop) -> Result<(), BusError> {
     let mut tries = (options.wait_s.max(0.0) * 1000.0 / 20.0) as u64;
     loop {
@@ -94,12 +98,12 @@ impl<'a> Watch<'a> {
         Ok(Self { bus, events: bus.listen()?, calls_left: Self::CALLS })
     }
 
-    /// Whether the stream has ended.
+    /// Takes all events that have arrived and returns whether the stream has ended.
     ///
     /// # Errors
     ///
     /// [`BusError::Died`] when no process is left that could announce the end.
-    fn is_over(&mut self) -> Result<bool, BusError> {
+    fn detect_end(&mut self) -> Result<bool, BusError> {
         self.calls_left -= 1;
         let is_check = self.calls_left == 0;
         self.calls_left = if is_check { Self::CALLS } else { self.calls_left };
@@ -122,7 +126,9 @@ impl<'a> Watch<'a> {
 /// The rows of one message.
 type Rows = Vec<Map<String, Value>>;
 
-/// Returns a function that takes the next message of a topic. One with an unknown number in place of a name has no row.
+/// Returns a function that takes the next message of a topic and returns its rows; `None` while there is none.
+///
+/// A message with an unknown number in place of a name has no row.
 fn rows_of<T: Topic>(
     topic: Subscriber<T>,
     row: fn(&T) -> Option<Map<String, Value>>,
@@ -140,7 +146,7 @@ fn follow(
     let mut watch = Watch::new(bus)?;
     while !stop.requested() {
         // Checked before the topic is read for the last time, so that no message before the end is missed.
-        let over = watch.is_over()?;
+        let over = watch.detect_end()?;
         while let Some(rows) = take()? {
             if !rows.iter().all(|row| printer.print(row)) {
                 return Ok(Outcome::Clean);

@@ -23,7 +23,7 @@ pub struct MergeOptions {
     pub overwrite: Overwrite,
 }
 
-/// Merges the tables of the recordings, in the order of their names. Unfinished recordings count as lost.
+/// Merges the tables of the recordings in the order given, those of a folder by name. Unfinished ones count as lost.
 ///
 /// # Errors
 ///
@@ -60,7 +60,7 @@ pub fn run(options: &MergeOptions) -> Result<Outcome, Failure> {
     Ok(Outcome::from_losses(unfinished.len() as u64))
 }
 
-/// Adds the recordings of a folder by name, and those that are unfinished.
+/// Adds the recordings of a folder (`.mcap`), and those that are unfinished (`.part`), each by name.
 fn list_recordings(folder: &Path, recordings: &mut Vec<PathBuf>, unfinished: &mut Vec<PathBuf>) -> Result<(), Failure> {
     let mut paths = std::fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>()?;
     paths.sort();

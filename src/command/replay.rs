@@ -88,7 +88,8 @@ impl ReplayOptions {
         if self.step { Tempo::Step } else { Tempo::Rate(self.rate) }
     }
 
-    /// Whether this is the last pass.
+    /// Whether this pass, counted from 1, is the last. Without `--loop` there is one; `--loop` without a number has no
+    /// last.
     fn is_last(&self, pass: u32) -> bool {
         self.passes.unwrap_or(Some(1)).is_some_and(|passes| pass >= passes)
     }
@@ -150,6 +151,10 @@ fn play_alone(played: &Played, stop: &Stop) -> Result<Summary, Failure> {
 }
 
 /// Returns a rig per stream, with distinct names and the time stamps shifted as the options request.
+///
+/// # Errors
+///
+/// When a rig file is missing or refused, or the shift exceeds 64 bits.
 fn plan_rigs(options: &ReplayOptions, streams: &[Streamed]) -> Result<Vec<Played>, Failure> {
     let is_led = streams.len() > 1 || options.step;
     let first_ns = stream::first_ns(streams)?;

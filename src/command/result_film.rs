@@ -1,6 +1,6 @@
 //! The frames that results were measured in: in the same recording, or in a film apart from it.
 
-use super::frame_source::{GIVEN_ORDER, GIVEN_RATE, REVERSED, restamped};
+use super::frame_source::{GIVEN_ORDER, GIVEN_RATE, REVERSED, restamp};
 use crate::console::UsageError;
 use crate::failure::Failure;
 use crate::image::FrameMeta;
@@ -18,7 +18,7 @@ pub(super) type Frames = Box<dyn Iterator<Item = Result<(FrameMeta, Vec<u8>), Re
 /// # Errors
 ///
 /// When a file cannot be opened, or when there are no frames and no film.
-pub(super) fn frames(results: &Recording, film: &[PathBuf], camera: Option<&str>) -> Result<Frames, Failure> {
+pub(super) fn open_frames(results: &Recording, film: &[PathBuf], camera: Option<&str>) -> Result<Frames, Failure> {
     if film.is_empty() {
         if results.frame_count() == 0 {
             let path = results.path().display();
@@ -78,7 +78,7 @@ pub(super) fn open(
     let rate_source = if fps.is_some() { "by --fps" } else { "recorded in the file" }.to_owned();
     let frames = Box::new(frames.map(move |frame| {
         let (meta, bytes) = frame?;
-        Ok((fps.map_or(meta, |fps| restamped(meta, &first, fps)), bytes))
+        Ok((fps.map_or(meta, |fps| restamp(meta, &first, fps)), bytes))
     }));
     Ok(OpenedFilm { frames, count, frame_rate_hz, rate_source, warnings: Vec::new() })
 }

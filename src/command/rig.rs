@@ -40,7 +40,7 @@ pub struct SupervisedOptions {
 }
 
 impl SupervisedOptions {
-    /// Returns how the process was started. From now on it ends with its supervisor, if it has one.
+    /// Returns the circumstances of the start of this process. From now on it ends with its supervisor, if it has one.
     pub(super) fn launch(&self, stop: &Stop) -> Launch {
         Launch {
             domain: self.domain.as_deref().map(Domain::in_folder),
@@ -119,7 +119,9 @@ fn outcome(summary: &Summary) -> Outcome {
     Outcome::from_rig(summary)
 }
 
-/// Loads the rig file of a rig that runs, and checks that its cameras have sources; `-` is standard input.
+/// Loads the rig file of a rig that runs, and checks that its cameras have sources.
+///
+/// The file `-` is standard input, which errors call `origin`. The supervisor that writes it has checked its sources.
 pub(super) fn load(path: &Path, origin: Option<&str>) -> Result<Config, Failure> {
     if path != Path::new("-") {
         let config = Config::load(path)?;

@@ -79,7 +79,9 @@ fn render_frames(world: &SimulatedFilm, format: &StreamFormat, writer: &mut Reco
     Ok(())
 }
 
-/// Returns the configuration attached to the recording, which is the default for measuring it.
+/// Returns the configuration attached to the recording of the scenario `name`, which is the default for measuring it.
+///
+/// That of a built-in experiment has its own. Any other gets one with the scale and the bodies of the scenario.
 fn default_config(world: &SimulatedFilm, name: &str) -> Result<Config, Failure> {
     let scenario = world.scenario();
     let built_in = format!("{name}.toml");

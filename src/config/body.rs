@@ -139,6 +139,8 @@ fn check_body(table: &Table<'_>, raw: RawBody, image_px: Option<(u32, u32)>) -> 
 }
 
 /// Checks the polygon, the holes and the reported point of a patch, and its area without the holes.
+///
+/// Corners lie in the image, or in one of 65535 px if its size is unknown.
 fn check_patch(table: &Table<'_>, raw: &RawBody, image_px: Option<(u32, u32)>) -> Result<Patch, ConfigError> {
     let (right, bottom) = image_px.map_or((65_535.0, 65_535.0), |(w, h)| (f64::from(w) - 1.0, f64::from(h) - 1.0));
     let polygon = |corners: &[Vec<f64>]| -> Option<Vec<[f64; 2]>> {

@@ -30,7 +30,7 @@ const MODELS: [(&str, Model); 5] = [
 
 /// Replaces the calibration files that a rig file names by their numbers, so that its text needs no other file.
 ///
-/// `read` returns the text of a file. `None` when the rig file names none.
+/// `read` returns the text of a file. `None` when the rig file names none, or is not TOML.
 ///
 /// # Errors
 ///
@@ -60,7 +60,9 @@ pub(super) fn embed_files(
     is_changed.then(|| Ok(document.to_string()))
 }
 
-/// Inserts the numbers of the file that a table names; `None` when it names none.
+/// Replaces the key `file` of a table by the numbers of that file; `None` when it names none.
+///
+/// Other keys that the table has are kept, except the image size.
 fn embed_file(table: &mut dyn TableLike, read: &impl Fn(&str) -> Result<String, String>) -> Option<Result<(), String>> {
     let name = table.get("file")?.as_str()?.to_owned();
     let numbers = match read(&name).and_then(|content| file::parse_numbers(&content)) {
@@ -92,6 +94,7 @@ fn embed_file(table: &mut dyn TableLike, read: &impl Fn(&str) -> Result<String, 
 }
 
 /// Checks a calibration; `offset_px` is the corner of the camera's window, the default for the key of that name.
+/// Without both it is [0, 0].
 pub(super) fn check_calibration(
     table: &Table<'_>,
     raw: &RawCalibration,

@@ -236,7 +236,9 @@ fn check_pulse(
     let frames = table.integer("pulse_frames", frames, 1..=1_000_000, "frames")?;
     match period_s {
         None if frames.is_some() => Err(table.refuse("pulse_period_s", "given with pulse_frames: 0.001 to 3600 s")),
-        Some(_) if paced == Some(false) => Err(table.foreign("pulse_period_s", "paced = false", "paced = true")),
+        Some(_) if paced == Some(false) => {
+            Err(table.foreign_key_error("pulse_period_s", "paced = false", "paced = true"))
+        }
         period_s => Ok(period_s.map(|period_s| Pulse { period_s, burst_frames: frames.unwrap_or(1) })),
     }
 }
@@ -246,7 +248,8 @@ pub(super) fn source_names() -> String {
     quoted(Source::ALL.map(Source::as_str).into_iter())
 }
 
-/// Refuses keys that the chosen source does not use, instead of ignoring them.
+/// Refuses keys that the chosen source does not use, instead of ignoring them. Without a source it refuses those that
+/// describe how frames are taken.
 fn refuse_foreign_keys(table: &Table<'_>, source: Option<Source>, raw: &RawCamera) -> Result<(), ConfigError> {
     use Source::{Genicam, Recording, Simulated, V4l2};
     let keys: [OwnedKey<'_, Source>; 22] = [

@@ -62,14 +62,15 @@ impl<'t> Table<'t> {
         format!("{}.{key}", self.path)
     }
 
-    /// Refuses the value of a key; `allowed` completes the sentence "must be ...".
+    /// Returns the error that refuses the value of a key, or its absence; `allowed` completes the sentence "must be
+    /// ...".
     pub fn refuse(&self, key: &str, allowed: impl Into<String>) -> ConfigError {
         self.text.refuse(&self.key(key), allowed)
     }
 
-    /// Refuses a key that belongs to the settings `owners`, not to the chosen one.
-    pub fn foreign(&self, key: &str, chosen: impl Into<String>, owners: impl Into<String>) -> ConfigError {
-        self.text.foreign(&self.key(key), chosen, owners)
+    /// Returns the error for a key that belongs to the settings `owners`, not to the chosen one.
+    pub fn foreign_key_error(&self, key: &str, chosen: impl Into<String>, owners: impl Into<String>) -> ConfigError {
+        self.text.foreign_key_error(&self.key(key), chosen, owners)
     }
 
     /// Refuses the first given key that does not belong to the chosen value of `setting`.
@@ -81,11 +82,13 @@ impl<'t> Table<'t> {
     ) -> Result<(), ConfigError> {
         match keys.iter().find(|(_, is_given, owners)| *is_given && !owners.contains(&chosen)) {
             None => Ok(()),
-            Some((key, _, owners)) => Err(self.foreign(key, setting.assignment(&[chosen]), setting.assignment(owners))),
+            Some((key, _, owners)) => {
+                Err(self.foreign_key_error(key, setting.assignment(&[chosen]), setting.assignment(owners)))
+            }
         }
     }
 
-    /// Checks that a number is within the bounds.
+    /// Returns a number that is within the bounds, `None` without one, else the error that refuses it.
     pub fn number(&self, key: &str, value: Option<f64>, bounds: Bounds) -> Result<Option<f64>, ConfigError> {
         match value {
             Some(value) if !bounds.contains(value) => Err(self.refuse(key, bounds.allowed())),
@@ -93,7 +96,7 @@ impl<'t> Table<'t> {
         }
     }
 
-    /// Checks that a whole number is within the range, and converts it.
+    /// Returns a whole number that is within the range, converted, `None` without one, else the error that refuses it.
     pub fn integer<T: TryFrom<i64>>(
         &self,
         key: &str,
@@ -108,7 +111,7 @@ impl<'t> Table<'t> {
         }
     }
 
-    /// Parses the name of an enum's value; `None` without a name.
+    /// Parses the name of an enum's value; `None` without a name. An unknown one is refused with all names.
     pub fn named<T: FromStr<Err = UnknownName>>(
         &self,
         key: &str,
@@ -118,7 +121,7 @@ impl<'t> Table<'t> {
         value.map_err(|error: UnknownName| self.refuse(key, quoted(error.known.iter().copied())))
     }
 
-    /// Looks up the value of a word; `None` without a word.
+    /// Looks up the value of a word; `None` without a word. An unknown one is refused with all words.
     pub fn choice<T: Copy>(
         &self,
         key: &str,
@@ -148,7 +151,8 @@ impl<'t> Table<'t> {
         Err(self.refuse(key, format!("1 to {length_max} of the characters a-z 0-9 _ -")))
     }
 
-    /// Checks a region as x, y, width, height; inside the image if its size is known.
+    /// Checks a region as x, y, width, height, px, which must lie inside the image, of at most 65535 px where its size
+    /// is unknown.
     pub fn region(
         &self,
         key: &str,

@@ -11,22 +11,27 @@ const FRAME_KEYS: [&str; 4] = ["exposure_us", "gamma", "row_time_us", "defective
 pub type Change<'a> = (&'a str, Value);
 
 impl Config {
-    /// Returns the same rig with these values set. Everything else stays as it is, including comments.
+    /// Returns the same rig with these values set, in order. Missing tables are added. Everything else stays as it is,
+    /// including comments.
     ///
     /// # Errors
     ///
     /// [`ConfigError`] when the changed file is not a valid rig file.
     pub fn with(&self, changes: &[Change<'_>]) -> Result<Self, ConfigError> {
-        self.edited(|document| set_all(document, changes))
+        self.with_edit(|document| set_all(document, changes))
     }
 
-    /// Returns the same rig with a recording as its camera, without views, trigger and recorder.
+    /// Returns the same rig with a recording as its camera, without views, trigger and recorder, and then sets these
+    /// values.
+    ///
+    /// Exposure, tone curve, row time and defective pixels of the camera are kept. The corner of its window goes to the
+    /// calibration, unless that has one.
     ///
     /// # Errors
     ///
     /// [`ConfigError`] when the changed file is not a valid rig file.
     pub fn with_recording(&self, recording: &Path, changes: &[Change<'_>]) -> Result<Self, ConfigError> {
-        self.edited(|document| {
+        self.with_edit(|document| {
             let camera = document.insert("camera", Item::Table(Table::new())).unwrap_or_default();
             let corner = ["offset_x_px", "offset_y_px"].map(|key| camera.get(key).and_then(Item::as_integer));
             // A recording does not contain which window of the sensor it shows.
@@ -50,7 +55,7 @@ impl Config {
     }
 
     /// Returns the rig of this file after an edit of its text.
-    fn edited(&self, edit: impl FnOnce(&mut DocumentMut)) -> Result<Self, ConfigError> {
+    fn with_edit(&self, edit: impl FnOnce(&mut DocumentMut)) -> Result<Self, ConfigError> {
         // The text was parsed before, so it parses again.
         let mut document = self.text.parse::<DocumentMut>().unwrap_or_default();
         edit(&mut document);
@@ -65,7 +70,7 @@ fn set_all(document: &mut DocumentMut, changes: &[Change<'_>]) {
     }
 }
 
-/// Sets the value at `table.key`, and adds the table if it is missing.
+/// Sets the value at `table.key`, and adds the table if it is missing. A path without a dot is a key of `[rig]`.
 fn set(document: &mut DocumentMut, path: &str, new: Value) {
     let (table, key) = path.split_once('.').unwrap_or(("rig", path));
     let entry = document.entry(table).or_insert_with(|| Item::Table(Table::new()));

@@ -104,7 +104,8 @@ pub(super) fn check_edge(
     Err(file.refuse("surface.edge", "two points within the range of the calibration"))
 }
 
-/// Checks the method for motion and spin.
+/// Checks the method for motion and spin, and that the limits of a ring, px, are given for a ring only and far enough
+/// apart.
 pub(super) fn check_rotation(table: &Table<'_>, raw: &RawRotation) -> Result<Rotation, ConfigError> {
     let ring = RingLimits {
         inner_px: table.number("ring_inner_px", raw.ring_inner_px, RING)?,
@@ -121,7 +122,7 @@ pub(super) fn check_rotation(table: &Table<'_>, raw: &RawRotation) -> Result<Rot
     let is_ring = matches!(method, Rotation::Ring(_));
     if !is_ring && let Some((key, _)) = given.iter().find(|(_, px)| px.is_some()) {
         let chosen = words.iter().find(|(_, other)| *other == method).map_or("", |(word, _)| word);
-        return Err(table.foreign(key, format!("method = {chosen:?}"), "method = \"ring\""));
+        return Err(table.foreign_key_error(key, format!("method = {chosen:?}"), "method = \"ring\""));
     }
     match ring.inner_px.zip(ring.outer_px) {
         Some((inner_px, outer_px)) if outer_px - inner_px < MIN_RING_PX => {

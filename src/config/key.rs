@@ -74,7 +74,8 @@ impl Key {
         })
     }
 
-    /// Returns the lowest and the highest allowed number; `None` for keys of another type.
+    /// Returns the lowest and the highest allowed number; `None` for keys of another type, and for numbers without
+    /// limits.
     pub fn range(&self) -> Option<NumberRange> {
         if !matches!(self.value, "number" | "whole number") {
             return None;
@@ -92,7 +93,7 @@ impl Key {
         }
     }
 
-    /// Returns the allowed words; empty if any text is allowed.
+    /// Returns the allowed words; empty if the key is not limited to certain words.
     pub fn words(&self) -> Vec<&'static str> {
         let words: Option<Vec<&str>> =
             self.allowed.split(", ").map(|word| word.strip_prefix('"')?.strip_suffix('"')).collect();

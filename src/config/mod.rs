@@ -135,6 +135,10 @@ impl Config {
     }
 
     /// Replaces calibration files by their numbers, then [parses](Self::parse).
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError`] when a calibration file cannot be used, or as [`parse`](Self::parse).
     fn parse_with_files(text: &str, origin: &str) -> Result<Self, ConfigError> {
         match calibration::embed_files(text, |name| read_small(Path::new(name))) {
             None => Self::parse(text, origin),
@@ -155,7 +159,7 @@ impl Config {
         let file = Text::new(text, origin)?;
         let raw = file.raw()?;
         if raw.bridge.is_some() {
-            return Err(file.unsupported("bridge"));
+            return Err(file.unsupported_error("bridge"));
         }
         let record =
             raw.record.map(|record| capture::check_record(&Table::new(&file, "record"), record)).transpose()?;
@@ -242,20 +246,24 @@ impl Picture {
         let has = |kind: BodyKind| self.bodies.iter().any(|body| body.kind == kind);
         if let (true, Some(Scale::BallDiameterMm(_))) = (has(BodyKind::Patch), self.scale) {
             let (chosen, owner) = (BodyKind::Patch.assignment(), BodyKind::Ball.assignment());
-            return Err(file.foreign("scale.ball_diameter_mm", chosen, owner));
+            return Err(file.foreign_key_error("scale.ball_diameter_mm", chosen, owner));
         }
         if let (false, Rotation::Ring(_) | Rotation::Center) = (has(BodyKind::Ball), self.rotation) {
             return Err(file.refuse("rotation.method", "\"rigid\" or \"field\", since no body is a ball"));
         }
         let only_rods = !has(BodyKind::Ball) && !has(BodyKind::Patch);
         if only_rods && method.is_some_and(|method| method != "field") {
-            return Err(file.foreign("rotation.method", BodyKind::Rod.assignment(), BodyKind::Ball.assignment()));
+            return Err(file.foreign_key_error(
+                "rotation.method",
+                BodyKind::Rod.assignment(),
+                BodyKind::Ball.assignment(),
+            ));
         }
         Ok(())
     }
 }
 
-/// Reads a small file, or returns the reason why it cannot.
+/// Reads a file of at most [`FILE_BYTES_MAX`], or returns the reason why it cannot.
 fn read_small(path: &Path) -> Result<String, String> {
     let mut text = String::new();
     let read = std::fs::File::open(path).and_then(|file| file.take(FILE_BYTES_MAX + 1).read_to_string(&mut text));

@@ -81,7 +81,8 @@ impl Config {
         }
     }
 
-    /// Returns the radius that scale and diameter predict, px; `None` without a fixed scale or a diameter.
+    /// Returns the radius, or half the width of a rod, that scale and diameter predict, px; `None` without a fixed
+    /// scale or a diameter.
     fn predicted_radius_px(&self, body: &Body) -> Option<f64> {
         match (self.scale, body.diameter_mm) {
             (Some(Scale::MmPerPx(mm_per_px)), Some(diameter_mm)) => Some(diameter_mm / 2.0 / mm_per_px),
@@ -161,7 +162,7 @@ impl Config {
 
     /// Returns the number of frames from before a trigger that the ring must hold, at this rate in Hz.
     ///
-    /// It is 0 without a trigger or without a recorder.
+    /// It is 0 without a recorder, without a trigger, and in mode `hardware`.
     pub fn pre_trigger_frames(&self, frame_rate_hz: f64) -> u64 {
         if self.record.is_none() || matches!(self.trigger.mode, TriggerMode::Off | TriggerMode::Hardware) {
             return 0;

@@ -30,6 +30,10 @@ pub(super) struct Text<'t> {
 
 impl<'t> Text<'t> {
     /// Parses the text as TOML with any content; `origin` names it in errors.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError`] with the line of the first error of syntax.
     pub fn new(text: &'t str, origin: &'t str) -> Result<Self, ConfigError> {
         let table = DeTable::parse(text).map_err(|error| {
             let line = Some(line_at(text, error.span().map_or(text.len(), |span| span.start)));
@@ -40,17 +44,22 @@ impl<'t> Text<'t> {
         Ok(Self { text, origin, places, prefix: String::new() })
     }
 
-    /// Returns the same file with paths that start from a table.
+    /// Returns the same file with paths that start from a table; `prefix` is its path with a dot at the end.
     pub fn within(&self, prefix: &str) -> Self {
         Self { places: self.places.clone(), prefix: prefix.to_owned(), ..*self }
     }
 
-    /// Reads names and types of the whole file.
+    /// Reads names and types of the whole file, without any check of the values.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError`] with the key that is unknown or has the wrong type.
     pub fn raw(&self) -> Result<RawConfig, ConfigError> {
         toml::from_str(self.text).map_err(|error| self.explain(&error))
     }
 
-    /// Refuses the value at `path`, or its absence; `allowed` completes the sentence "must be ...".
+    /// Returns the error that refuses the value at `path`, or its absence; `allowed` completes the sentence "must be
+    /// ...".
     pub fn refuse(&self, path: &str, allowed: impl Into<String>) -> ConfigError {
         let (key, allowed) = (self.full_path(path), allowed.into());
         let problem = match self.find_place(&key) {
@@ -60,15 +69,15 @@ impl<'t> Text<'t> {
         self.key_error(&key, problem)
     }
 
-    /// Refuses a key that belongs to the settings `owners`, not to the chosen one.
-    pub fn foreign(&self, path: &str, chosen: impl Into<String>, owners: impl Into<String>) -> ConfigError {
+    /// Returns the error for a key that belongs to the settings `owners`, not to the chosen one.
+    pub fn foreign_key_error(&self, path: &str, chosen: impl Into<String>, owners: impl Into<String>) -> ConfigError {
         let key = self.full_path(path);
         let value = self.find_place(&key).map_or_else(String::new, |place| self.shown_value(&place.value));
         self.key_error(&key, Problem::Foreign { key: key.clone(), value, chosen: chosen.into(), owners: owners.into() })
     }
 
-    /// Refuses a table that this version does not support.
-    pub fn unsupported(&self, path: &str) -> ConfigError {
+    /// Returns the error for a table that this version does not support.
+    pub fn unsupported_error(&self, path: &str) -> ConfigError {
         self.key_error(&self.full_path(path), Problem::Unsupported(self.full_path(path)))
     }
 
@@ -102,7 +111,7 @@ impl<'t> Text<'t> {
         ConfigError { origin: self.origin.into(), line: Some(line_at(self.text, span.start)), problem: problem.into() }
     }
 
-    /// Finds the key or value that an error refers to: the smallest one around its span.
+    /// Finds the key or value that an error refers to: the smallest one around its span of bytes. `None` if there is none.
     fn place_at(&self, span: &Range<usize>) -> Option<&Place> {
         let around = |range: &Range<usize>| range.start <= span.start && span.end <= range.end;
         let size = |place: &Place| {
@@ -169,7 +178,7 @@ fn known_words(message: &str) -> impl Iterator<Item = &str> {
     expected.split('`').skip(1).step_by(2)
 }
 
-/// Returns the known word with the most similar spelling.
+/// Returns the known word with the most similar spelling; empty if none is known.
 pub(super) fn nearest<'w>(name: &str, known: impl Iterator<Item = &'w str>) -> &'w str {
     known.min_by_key(|word| edit_distance(name, word)).unwrap_or_default()
 }
@@ -190,7 +199,7 @@ fn edit_distance(from: &str, to: &str) -> usize {
     row[to.len()]
 }
 
-/// Returns the name of a type as a user of TOML knows it.
+/// Returns the name of a type, by serde's name, as a user of TOML knows it. An unknown one stays as it is.
 fn plain_type(expected: &str) -> String {
     match expected {
         "i64" => "a whole number".into(),

@@ -141,7 +141,7 @@ pub(super) fn check_trigger(
     Ok(trigger)
 }
 
-/// Refuses keys of another mode, instead of ignoring them.
+/// Refuses keys of another mode, instead of ignoring them. Mode `off` accepts all of them.
 fn check_owners(table: &Table<'_>, mode: TriggerMode, raw: &RawTrigger) -> Result<(), ConfigError> {
     use TriggerMode::{Enter, Gap, Hardware, PredictedContact, Speed};
     let keys: [OwnedKey<'_, TriggerMode>; 7] = [
@@ -156,7 +156,7 @@ fn check_owners(table: &Table<'_>, mode: TriggerMode, raw: &RawTrigger) -> Resul
     if mode == TriggerMode::Off { Ok(()) } else { table.check_owners(TriggerMode::SETTING, mode, &keys) }
 }
 
-/// Refuses a mode without the settings that it requires.
+/// Refuses an unknown body, and a mode without the settings of the file that it requires.
 fn check_required(table: &Table<'_>, trigger: &Trigger, context: &TriggerContext<'_>) -> Result<(), ConfigError> {
     use TriggerMode::{Gap, Hardware, PredictedContact, Speed};
     let mode = trigger.mode;
@@ -187,7 +187,7 @@ fn check_required(table: &Table<'_>, trigger: &Trigger, context: &TriggerContext
     }
     // The extent of the body around a patch is unknown.
     if context.bodies.iter().filter(watched).all(|body| body.kind == BodyKind::Patch) {
-        return Err(table.foreign("mode", BodyKind::Patch.assignment(), BodyKind::Ball.assignment()));
+        return Err(table.foreign_key_error("mode", BodyKind::Patch.assignment(), BodyKind::Ball.assignment()));
     }
     let mut rods = (0..).zip(context.bodies).filter(|(_, body)| watched(body) && body.kind == BodyKind::Rod);
     match rods.next() {
@@ -203,7 +203,8 @@ fn check_required(table: &Table<'_>, trigger: &Trigger, context: &TriggerContext
     }
 }
 
-/// Checks the program and its arguments.
+/// Checks the program and its arguments: 1 to [`COMMAND_TEXTS_MAX`] texts without NUL, the first not blank; empty
+/// without any.
 fn check_command(table: &Table<'_>, texts: Option<Vec<String>>) -> Result<Vec<String>, ConfigError> {
     let Some(texts) = texts else { return Ok(Vec::new()) };
     let is_valid = (1..=COMMAND_TEXTS_MAX).contains(&texts.len())

@@ -29,7 +29,7 @@ const NAME_MAX: usize = 16;
 pub(super) const TABLES: [&str; 8] =
     ["camera", "scale", "surface", "calibration", "body", "correlation", "rotation", "velocity"];
 
-/// Checks the views and derives a rig from each.
+/// Checks the views and derives a rig from each. `whole` is the checked rig of the first camera.
 pub(super) fn check_views(
     file: &Text<'_>,
     raw: BTreeMap<String, RawView>,
@@ -58,7 +58,10 @@ pub(super) fn check_views(
     Ok(views)
 }
 
-/// Returns the rig file of a view, with `worker_count` workers instead of the whole rig's if it is given.
+/// Returns the rig file of the view `name`, whose rig is called `rig`.
+///
+/// It has the view's own tables, and the recorder and the workers of the whole rig, with `worker_count` workers if that
+/// is given. Shots are those of the whole rig: its hardware line, or requests with its times around them.
 fn view_rig_text(whole: &Config, name: &str, rig: &str, worker_count: Option<i64>) -> String {
     // The text was parsed before, so it parses again.
     let document = whole.text.parse::<DocumentMut>().unwrap_or_default();

@@ -75,7 +75,7 @@ pub struct OutputFile {
 }
 
 impl OutputFile {
-    /// Creates the new file.
+    /// Creates the new file. A device or a pipe is opened itself.
     ///
     /// # Errors
     ///
@@ -95,7 +95,7 @@ impl OutputFile {
         &self.part
     }
 
-    /// Renames the complete file to its final name.
+    /// Renames the complete file to its final name. A device or a pipe has it already.
     ///
     /// # Errors
     ///
@@ -130,6 +130,10 @@ impl Drop for OutputFile {
 }
 
 /// Returns the name of the new file next to `path`; the same for all outputs of this name in this process.
+///
+/// # Errors
+///
+/// When the path ends in no file name.
 fn part_path(path: &Path) -> io::Result<PathBuf> {
     let name = path.file_name().ok_or_else(|| io::Error::other("the path names no file"))?;
     let mut part = OsString::from(".");
@@ -149,7 +153,7 @@ pub fn write_file(path: &Path, bytes: impl AsRef<[u8]>, overwrite: Overwrite) ->
     output.finish()
 }
 
-/// Creates the directory of an option if it is missing.
+/// Creates the directory of an option, and those above it, where they are missing. `option` names it in errors.
 ///
 /// # Errors
 ///

@@ -42,7 +42,8 @@ impl Outcome {
         }
     }
 
-    /// Returns the line about lost data; `None` if nothing was lost.
+    /// Returns the line about lost data, or about a process that died without losing any; `None` if there is nothing to
+    /// report.
     pub fn losses(&self) -> Option<String> {
         match self {
             Self::Lost { count: 0, cause: Some(cause) } => Some(format!("finished, but {cause}")),
@@ -63,7 +64,7 @@ impl Outcome {
         }
     }
 
-    /// Returns `Clean` if `lost` is 0.
+    /// Returns `Clean` if `lost` is 0, else the loss of this many frames, rows or messages, without a cause.
     pub fn from_losses(lost: u64) -> Self {
         if lost == 0 { Self::Clean } else { Self::Lost { count: lost, cause: None } }
     }
@@ -110,7 +111,8 @@ pub fn print_line(line: &str) {
 /// The width of running text, characters.
 const TEXT_COLUMNS: usize = 80;
 
-/// Breaks text at blanks into lines of at most 80 characters, including `indent` blanks before each.
+/// Breaks text at blanks into lines of at most 80 characters, including `indent` blanks before each. A longer word has
+/// a line of its own.
 pub fn wrapped(text: &str, indent: usize) -> String {
     let mut lines = vec![String::new()];
     for word in text.split_whitespace() {
@@ -126,7 +128,7 @@ pub fn wrapped(text: &str, indent: usize) -> String {
     lines.iter().map(|line| format!("{:indent$}{line}", "")).collect::<Vec<_>>().join("\n")
 }
 
-/// Formats rows as columns, each as wide as its widest cell; all but the first are right-aligned.
+/// Formats rows as columns, two blanks apart and each as wide as its widest cell; all but the first are right-aligned.
 pub fn table(rows: &[Vec<String>]) -> String {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
     let width = |column: usize| {

@@ -1,8 +1,8 @@
 //! Digital image correlation (DIC): measures the displacement of image subsets.
 //!
 //! A [`Correlator`] is planned once for an image size and a set of [`CorrelationParams`]. It prepares frames
-//! ([`PreparedFrame`]) and measures the displacement of subsets on a grid ([`grid`]) between two of them. [`rigid_fit()`]
-//! fits the motion of a rigid body to a displacement field.
+//! ([`PreparedFrame`]) and measures the displacement of subsets on a grid ([`grid`]) between two of them.
+//! [`rigid_fit()`] fits the motion of a rigid body to a displacement field.
 
 mod body;
 mod correlate;
@@ -25,7 +25,7 @@ pub use body::{
     BallDisc, BodyMotion, CenteredFrame, OcclusionMap, PolarCorrelator, Radii, RigidBody, RingRotation, STALE_DEG,
     find_at_any_angle, find_occluded_within_angle, has_texture,
 };
-pub use correlate::{Correlator, KeptReference, KernelBenchmark, Series, Start, arithmetic};
+pub use correlate::{Correlator, KeptReference, KernelBenchmark, Series, Start, run_arithmetic};
 pub use error::CorrelationError;
 pub use field::{CenterVector, Dilatation, RigidMotion, Sphere, center_fit, fit_dilatation, rigid_fit, rigid_fit_near};
 pub use geometry::{GridPoint, Patch, PlanarMotion, Point, Region, Shape, WindowShape, grid};

@@ -15,11 +15,12 @@ pub struct Correction {
 impl Correction {
     /// Unpacks a part of a frame and corrects it.
     ///
-    /// The grey levels inside the part do not depend on its size. Pixels around it change as well.
+    /// The grey levels inside the part do not depend on its size. With defective pixels, a border of 2 px around it is
+    /// unpacked and linearized too. `image` gets the size of the frame.
     ///
     /// # Errors
     ///
-    /// [`ShapeError`] when the frame has fewer bytes than its header requires.
+    /// [`ShapeError`] as from [`Frame::check`].
     pub fn unpack(&self, frame: &Frame<'_>, part: PixelRect, image: &mut Image) -> Result<(), ShapeError> {
         let reach_px = if self.defects.is_some() { REACH_PX } else { 0 };
         let read = part.grown(reach_px).clipped(PixelRect::whole(frame.meta.width_px, frame.meta.height_px));
@@ -28,7 +29,7 @@ impl Correction {
         Ok(())
     }
 
-    /// Corrects a complete image.
+    /// Linearizes all grey levels of an image in place and fills in its defective pixels.
     pub fn correct(&self, image: &mut Image) {
         let all = PixelRect::whole(image.view().width() as u32, image.view().height() as u32);
         self.apply(image, all, all);

@@ -87,7 +87,9 @@ impl Defects {
         Ok((!pixels.is_empty()).then_some(Self { pixels }))
     }
 
-    /// Fills in the pixels within a part, clamped to the range of their neighbours. Reads a few pixels around it.
+    /// Fills in the defective pixels within a part, clamped to the range of their neighbours.
+    ///
+    /// Reads up to 2 px around the part. `image` must have the size that the pixels were planned for.
     pub fn fill(&self, image: &mut Image, part: PixelRect) {
         let width = image.view().width();
         let levels = image.data_mut();
@@ -111,9 +113,10 @@ impl Defects {
     }
 }
 
-/// Returns the taps of the first of [`FILLINGS`] whose neighbours are all sound, or the mean of the sound neighbours.
+/// Returns the taps of the first of [`FILLINGS`] whose neighbours are all sound, or equal taps on the sound neighbours.
 ///
-/// `None` without a sound neighbour.
+/// Equal taps use the neighbours within 1 px, or within 2 px if all of these are defective. `is_sound` receives the
+/// offset of a neighbour: columns to the right, rows down. `None` without a sound neighbour within 2 px.
 fn interpolation_taps(is_sound: impl Fn(i8, i8) -> bool) -> Option<Vec<Tap>> {
     let sound = |&(dx, dy, _): &Tap| is_sound(dx, dy);
     let symmetric_taps = |interpolation_taps: &[Tap]| -> Vec<Tap> {

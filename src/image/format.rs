@@ -5,8 +5,8 @@ use crate::results::named_enum;
 named_enum! {
     /// The pixel layout of a raw frame.
     ///
-    /// The numbers are the codes of the GenICam Pixel Format Naming Convention, so that a header can be read without this
-    /// library. The names are GenICam's.
+    /// The numbers are the codes of the GenICam Pixel Format Naming Convention, so that a header can be read without
+    /// this library. The names are GenICam's.
     #[derive(Default)]
     PixelFormat: "pixel format" {
         /// One byte per pixel.
@@ -24,7 +24,9 @@ named_enum! {
 /// The grey levels at which common sensors saturate, DN.
 const SATURATED_LEVELS: [f32; 5] = [255.0, 1023.0, 4095.0, 16383.0, 65535.0];
 
-/// Whether the highest grey level of an image is the full scale of a camera, so that brighter pixels look the same.
+/// Whether `highest`, the highest grey level of an image (DN), is the full scale of 8, 10, 12, 14 or 16 bit.
+///
+/// Brighter pixels would look the same. The level may differ from full scale by less than 0.5 DN.
 pub fn is_saturated(highest: f32) -> bool {
     SATURATED_LEVELS.iter().any(|level| (level - highest).abs() < 0.5)
 }

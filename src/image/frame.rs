@@ -47,18 +47,19 @@ impl Frame<'_> {
     ///
     /// # Errors
     ///
-    /// [`ShapeError`] when there are fewer bytes than the header requires.
+    /// See [`Self::check`].
     pub fn unpack(&self, image: &mut Image) -> Result<(), ShapeError> {
         self.unpack_part(PixelRect::whole(self.meta.width_px, self.meta.height_px), image)
     }
 
     /// Unpacks a part of the frame like [`Self::unpack`], clipped to the frame.
     ///
-    /// `image` has the size of the frame. Outside the part it keeps its content.
+    /// Outside the part, an `image` of the frame's size keeps its content. Another one is resized first, which leaves
+    /// the pixels outside the part unspecified.
     ///
     /// # Errors
     ///
-    /// See [`Self::unpack`].
+    /// See [`Self::check`].
     pub fn unpack_part(&self, part: PixelRect, image: &mut Image) -> Result<(), ShapeError> {
         self.check()?;
         let (width, height) = (self.meta.width_px as usize, self.meta.height_px as usize);
@@ -78,11 +79,11 @@ impl Frame<'_> {
         Ok(())
     }
 
-    /// Checks that there are as many bytes as the header requires.
+    /// Checks that there are at least as many bytes as the header requires, and that rows do not overlap.
     ///
     /// # Errors
     ///
-    /// [`ShapeError`] when there are fewer.
+    /// [`ShapeError`] with numbers of bytes if there are too few, or if `stride_bytes` is shorter than a row of pixels.
     pub fn check(&self) -> Result<(), ShapeError> {
         let (width, height) = (self.meta.width_px as usize, self.meta.height_px as usize);
         let row_bytes = width * self.meta.format.bytes_per_pixel();

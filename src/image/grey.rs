@@ -3,9 +3,11 @@
 use super::PixelFormat;
 use image::DynamicImage;
 
-/// Returns the layout and the packed little-endian pixels of a grey image of 8 or 16 bit; `None` for one in colour.
+/// Returns the layout and the packed little-endian pixels of a grey image of 8 or 16 bit.
 ///
-/// Three equal channels count as grey, since bitmaps with a grey palette and the JPEG of many cameras decode to them.
+/// Three equal channels of 8 bit count as grey, since bitmaps with a grey palette and the JPEG of many cameras decode
+/// to them. `None` for any other image: in colour, with transparency, with several channels of 16 bit or with
+/// floating-point numbers.
 pub fn grey_pixels(picture: DynamicImage) -> Option<(PixelFormat, Vec<u8>)> {
     match picture {
         DynamicImage::ImageLuma8(picture) => Some((PixelFormat::Mono8, picture.into_raw())),

@@ -39,13 +39,13 @@ impl PixelRect {
         }
     }
 
-    /// Returns the common part of both rectangles.
+    /// Returns the common part of both rectangles, an empty rectangle if they have none.
     pub fn clipped(self, other: Self) -> Self {
         let (right, bottom) = (self.right.min(other.right), self.bottom.min(other.bottom));
         Self { left: self.left.max(other.left).min(right), top: self.top.max(other.top).min(bottom), right, bottom }
     }
 
-    /// Returns the smallest rectangle around both.
+    /// Returns the smallest rectangle around both. An empty one counts with its edges.
     pub fn union(self, other: Self) -> Self {
         Self {
             left: self.left.min(other.left),

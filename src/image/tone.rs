@@ -5,15 +5,15 @@ use std::sync::Arc;
 
 /// The light behind each grey level of a camera with a power-law tone curve.
 ///
-/// `grey / full = (light / full)^gamma`, so that black and full scale stay as they are. Cameras made for viewing imitate
-/// the curve of displays (IEC 61966-2-1).
+/// `grey / full = (light / full)^gamma`, so that black and full scale stay as they are. Cameras made for viewing
+/// imitate the curve of displays (IEC 61966-2-1).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tone {
     light: Arc<[f32]>,
 }
 
 impl Tone {
-    /// Tabulates the inverse curve of a camera with this exponent (no unit).
+    /// Tabulates the inverse curve of a camera with this exponent (no unit, positive) for every grey level of `format`.
     ///
     /// `None` for an exponent of 1, where grey levels are proportional to the light.
     pub fn new(gamma: f64, format: PixelFormat) -> Option<Self> {
@@ -23,7 +23,7 @@ impl Tone {
         (gamma.total_cmp(&1.0).is_ne()).then(|| Self { light: (0..levels).map(light).collect() })
     }
 
-    /// Replaces the grey levels of a part by the light behind them.
+    /// Replaces the grey levels of a part, clipped to the image, by the light behind them, DN.
     pub fn linearize(&self, image: &mut Image, part: PixelRect) {
         for row in image.rows_mut().take(part.bottom as usize).skip(part.top as usize) {
             let right = (part.right as usize).min(row.len());
@@ -32,6 +32,8 @@ impl Tone {
     }
 
     /// Returns the linear level behind a grey level, DN; beyond full scale, that of full scale.
+    ///
+    /// Grey levels are truncated to integers.
     fn light(&self, grey: f32) -> f32 {
         // A 16-bit word can exceed the significant bits; such a level is beyond full scale.
         self.light.get(grey as usize).or(self.light.last()).copied().unwrap_or(grey)

@@ -67,7 +67,8 @@ impl Findings {
 }
 
 impl Footage {
-    /// Collects `count` frames and their times. Properties, warnings and the rest of the provenance are added later.
+    /// Returns footage of `count` frames with their times. Properties, warnings and the rest of the provenance are
+    /// added later.
     pub(super) fn new(
         shape: Shape,
         timeline: Timeline,
@@ -78,7 +79,7 @@ impl Footage {
         Self::from_stored(shape, timeline, count, Box::new(stored))
     }
 
-    /// Collects frames of which some of the `count` stored ones may be left out.
+    /// Returns footage of frames of which some of the `count` stored ones may be left out, as [`new`](Self::new) does.
     pub(super) fn from_stored(shape: Shape, timeline: Timeline, count: u64, frames: Frames) -> Self {
         let Shape { width_px, height_px, format } = shape;
         let provenance = Provenance::new(timeline.source.clone(), timeline.gaps(), format);
@@ -112,7 +113,7 @@ impl Footage {
         Self { width_px, height_px, format, frames, ..self }
     }
 
-    /// Turns and mirrors every frame from the stored to the displayed image.
+    /// Turns and mirrors every frame from the stored to the displayed image, and records the orientation.
     pub(super) fn oriented(mut self, orientation: Orientation) -> Self {
         self.provenance.orientation = orientation;
         let stored = self.shape();
@@ -124,7 +125,13 @@ impl Footage {
 
     /// Moves grey levels in the upper bits of 16-bit words to the lower end, so that the highest one is full scale.
     ///
-    /// The first frame decides how many bits are in use. `path` is named when a later one uses more.
+    /// The first frame decides how many bits are in use. Frames of other formats, or of fewer significant bits, stay as
+    /// they are.
+    ///
+    /// # Errors
+    ///
+    /// The error of the first frame. A later frame that uses more bits is an error with the name of `path` in its
+    /// place.
     pub(super) fn with_bits_of_first(mut self, path: &Path) -> Result<Self, ImportError> {
         if self.format != PixelFormat::Mono16 || self.provenance.bits != 16 {
             return Ok(self);
@@ -152,7 +159,8 @@ impl Footage {
         Ok(self)
     }
 
-    /// Resamples frames whose pixels are `aspect` times as wide as high.
+    /// Resamples frames whose pixels are `aspect` times as wide as high to square pixels. An aspect that no pixel has
+    /// gives a warning, and the frames stay as they are.
     pub(super) fn with_square_pixels(mut self, aspect: f64) -> Self {
         let stored = self.shape();
         let Some(shape) = square::square_shape(stored, aspect) else {

@@ -21,7 +21,7 @@ pub(super) fn luma(format: PixelFormat, colors: &[u8]) -> Vec<u8> {
     }
 }
 
-/// Computes the luma of a red image, a green one and a blue one that follow each other, as [`luma`] does.
+/// Computes the luma of three packed images that follow each other, red, green and blue, as [`luma`] does.
 pub(super) fn luma_of_planes(format: PixelFormat, planes: &[u8]) -> Vec<u8> {
     let (bytes, plane_bytes) = (format.bytes_per_pixel(), planes.len() / 3);
     let mut colors = Vec::with_capacity(planes.len());
@@ -58,11 +58,12 @@ pub(super) fn mosaic_brightness(shape: Shape, pixels: &[u8]) -> Vec<u8> {
     grey
 }
 
-/// Returns the pixels before and after `at`, mirrored at the ends of a row of `length` pixels.
-fn neighbours(at: usize, length: usize) -> (usize, usize) {
+/// Returns the indices before and after that of a pixel, mirrored at the ends of a row or column of `length` pixels, at
+/// least 1.
+fn neighbours(pixel: usize, length: usize) -> (usize, usize) {
     let last = length - 1;
-    let before = at.checked_sub(1).unwrap_or(1.min(last));
-    let after = if at < last { at + 1 } else { last.saturating_sub(1) };
+    let before = pixel.checked_sub(1).unwrap_or(1.min(last));
+    let after = if pixel < last { pixel + 1 } else { last.saturating_sub(1) };
     (before, after)
 }
 

@@ -7,7 +7,8 @@ const LEVELS_MIN: usize = 32;
 /// Minimum number of bits that a camera uses.
 const BITS_MIN: u32 = 8;
 
-/// Counts the bits at the lower end of 16-bit words that no pixel uses; 0 for an image of too few levels to know.
+/// Counts the bits at the lower end of little-endian 16-bit words that no pixel uses. Returns 0 for an image of fewer
+/// than [`LEVELS_MIN`] levels, or if fewer than [`BITS_MIN`] bits would be left.
 pub(super) fn unused_low_bits(pixels: &[u8]) -> u32 {
     let words = || pixels.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]]));
     let unused_bits = words().fold(0, |used, word| used | word).trailing_zeros();
@@ -17,7 +18,7 @@ pub(super) fn unused_low_bits(pixels: &[u8]) -> u32 {
     if unused_bits <= 16 - BITS_MIN && levels.len() >= LEVELS_MIN { unused_bits } else { 0 }
 }
 
-/// Returns the pixel format of 16-bit words with this number of significant bits.
+/// Returns the pixel format of 16-bit words with this number of significant bits: `Mono16` for all but 10 and 12.
 pub(super) fn format_of_bits(bits: u32) -> PixelFormat {
     match bits {
         10 => PixelFormat::Mono10,
@@ -26,7 +27,7 @@ pub(super) fn format_of_bits(bits: u32) -> PixelFormat {
     }
 }
 
-/// Moves levels of 16-bit words down by empty bits; `None` when a pixel uses them.
+/// Moves levels of little-endian 16-bit words down by this number of bits; `None` when a pixel uses one of these bits.
 pub(super) fn shifted_down(pixels: Vec<u8>, unused_bits: u32) -> Option<Vec<u8>> {
     let words = || pixels.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]]));
     let is_empty = words().all(|word| word >> unused_bits << unused_bits == word);

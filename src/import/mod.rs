@@ -114,14 +114,16 @@ fn open_file(path: &Path) -> Result<(File, u64), ImportError> {
     Ok((file, bytes))
 }
 
-/// Returns the memory that decoding a frame of a file of this size may take, bytes.
+/// Returns the memory that decoding a frame of a file of this size may take, bytes: twice the size and
+/// [`SPARE_BYTES`], at most [`FRAME_BYTES`].
 ///
 /// A file that decodes to more is no film of an impact.
 fn memory_limit_bytes(file_bytes: u64) -> u64 {
     file_bytes.saturating_mul(2).saturating_add(SPARE_BYTES).min(FRAME_BYTES)
 }
 
-/// Unpacks pixels of `bits` (9 to 16) bits, stored without gaps and high bits first, to little-endian words.
+/// Unpacks pixels of `bits` (9 to 16) bits, stored without gaps and high bits first, to little-endian words. Bits at
+/// the end that fill no pixel are dropped.
 fn unpack_high_first(packed: &[u8], bits: u32) -> Vec<u8> {
     let mut words = Vec::with_capacity(packed.len() * 16 / bits as usize);
     let (mut held, mut held_bits) = (0_u32, 0);

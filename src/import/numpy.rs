@@ -70,14 +70,19 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
     footage.with_bits_of_first(&name)
 }
 
-/// Reads bytes at an offset of the file.
+/// Reads this number of bytes from byte `at` of the file on.
 fn read_bytes(file: &File, path: &Path, at: u64, bytes: u64) -> Result<Vec<u8>, ImportError> {
     let mut pixels = vec![0; bytes as usize];
     let read = file.read_exact_at(&mut pixels, at);
     read.map(|()| pixels).map_err(|error| ImportError::io("read", path, error))
 }
 
-/// Returns the text of the header and the offset of the pixels.
+/// Returns the text of the header and the offset of the pixels, bytes.
+///
+/// # Errors
+///
+/// [`ImportError::Invalid`] for a file that is no array, has another version, ends within its header, or has one longer
+/// than [`HEADER_BYTES`].
 fn read_header(file: &File, path: &Path, file_bytes: u64) -> Result<(String, u64), ImportError> {
     let read = |at: u64, count: u64| {
         if at + count > file_bytes {
@@ -174,7 +179,8 @@ impl Array {
 }
 
 impl FrameSizes {
-    /// Collects a frame of an array in Fortran order, as [`AxisOrder::FirstSlowest`] has it.
+    /// Collects frame `number`, from 0, of an array in Fortran order, as [`AxisOrder::FirstSlowest`] has it. `columns`
+    /// is the whole array, `bytes` the size of a sample.
     fn frame_from_fortran(self, columns: &[u8], number: usize, bytes: usize) -> Vec<u8> {
         let [frames, height, width] = [self.frames, self.height_px, self.width_px].map(|size| size as usize);
         let mut pixels = Vec::with_capacity(height * width * self.channels as usize * bytes);
@@ -201,19 +207,23 @@ fn conversion_advice(kind: &str) -> &'static str {
     }
 }
 
-/// Returns the text after a key of the dictionary, to the end of the header.
+/// Returns the text after a key of the dictionary and its colon, to the end of the header.
+///
+/// # Errors
+///
+/// The reason when the key is missing.
 fn entry_after<'a>(header: &'a str, key: &str) -> Result<&'a str, String> {
     let missing = || format!("the header has no {key:?}");
     let (_, rest) = header.split_once(&format!("'{key}'")).ok_or_else(missing)?;
     Ok(rest.trim_start().strip_prefix(':').ok_or_else(missing)?.trim_start())
 }
 
-/// Returns the content of the quotes that a value begins with.
+/// Returns the content of the single quotes that a value begins with; `None` without them.
 fn quoted(value: &str) -> Option<&str> {
     Some(value.strip_prefix('\'')?.split_once('\'')?.0)
 }
 
-/// Returns the first 30 characters of a value in one line.
+/// Returns the first 30 characters of a value, without control characters such as line ends.
 fn brief(value: &str) -> String {
     value.chars().filter(|letter| !letter.is_control()).take(30).collect()
 }

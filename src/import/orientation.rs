@@ -64,7 +64,7 @@ impl Orientation {
 
     /// Returns the orientation that displays the rows of a stored image along `right` and its columns along `down`.
     ///
-    /// Both are (x, y) with y down; `None` if these are not axes of the display.
+    /// Both are (x, y) with y down, of any length; `None` if they are not along two different axes of the display.
     pub(super) fn from_axes(right: [i64; 2], down: [i64; 2]) -> Option<Self> {
         match [right[0] != 0, right[1] != 0, down[0] != 0, down[1] != 0] {
             [true, false, false, true] => {

@@ -40,7 +40,7 @@ pub(super) struct Rate {
 }
 
 impl Rate {
-    /// Returns the rate that a field of the file states; `None` when it cannot be a rate.
+    /// Returns the rate that a field of the file states; `None` when it lies outside [`RATES_HZ`].
     pub(super) fn from_header(hz: f64, field: &str) -> Option<Self> {
         RATES_HZ.contains(&hz).then(|| Self { hz, source: RateSource::Header(field.to_owned()) })
     }

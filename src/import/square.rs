@@ -12,8 +12,8 @@ const ROUNDING: f64 = 5e-3;
 
 /// Returns the shape of an image with square pixels, from pixels `aspect` times as wide as high.
 ///
-/// The longer side of a pixel becomes several, so that nothing is lost. `None` when the image has that shape already, or
-/// the aspect cannot be meant.
+/// The image grows along the longer side of a pixel, so that nothing is lost. `None` when the aspect is 1 up to
+/// [`ROUNDING`] or outside [`RANGE`], or the image would have the same shape or exceed [`FRAME_BYTES`].
 pub(super) fn square_shape(stored: Shape, aspect: f64) -> Option<Shape> {
     let longer = |side: u32, factor: f64| (f64::from(side) * factor).round().min(f64::from(u32::MAX)) as u32;
     let shape = match aspect > 1.0 {
@@ -24,8 +24,8 @@ pub(super) fn square_shape(stored: Shape, aspect: f64) -> Option<Shape> {
     (is_meant && shape != stored && shape.bytes() <= FRAME_BYTES).then_some(shape)
 }
 
-/// Resamples packed pixels by cubic interpolation (R. Keys 1981, doi:10.1109/TASSP.1981.1163711), limited to full
-/// scale.
+/// Resamples packed pixels from the shape `stored` to `shape` by cubic interpolation (R. Keys 1981,
+/// doi:10.1109/TASSP.1981.1163711), limited to full scale.
 pub(super) fn resample(stored: Shape, shape: Shape, pixels: Vec<u8>) -> Vec<u8> {
     match stored.format.bytes_per_pixel() {
         1 => resample_levels(stored, shape, pixels),
@@ -38,7 +38,7 @@ pub(super) fn resample(stored: Shape, shape: Shape, pixels: Vec<u8>) -> Vec<u8> 
     }
 }
 
-/// Resamples levels of 8 or 16 bits.
+/// Resamples levels of 8 or 16 bits, row by row, from the shape `stored` to `shape`; empty if there are too few.
 fn resample_levels<Level: Primitive + 'static>(stored: Shape, shape: Shape, levels: Vec<Level>) -> Vec<Level> {
     let image = ImageBuffer::<Luma<Level>, _>::from_raw(stored.width_px, stored.height_px, levels);
     let resized = image.map(|image| resize(&image, shape.width_px, shape.height_px, FilterType::CatmullRom));

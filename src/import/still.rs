@@ -37,6 +37,10 @@ impl Default for Look {
 
 impl Still {
     /// Turns a stored image of the file `path` to the displayed one, with square pixels.
+    ///
+    /// # Errors
+    ///
+    /// [`ImportError::Invalid`] when the bytes do not fill the shape.
     pub(super) fn new(path: &Path, stored: Shape, bytes: Vec<u8>, look: Look) -> Result<Self, ImportError> {
         if bytes.len() as u64 != stored.bytes() {
             let reason = format!("{} bytes are decoded, expected {}", bytes.len(), stored.bytes());
@@ -56,7 +60,7 @@ impl Still {
     ///
     /// # Errors
     ///
-    /// [`ImportError::Invalid`] for an image of floating-point numbers.
+    /// [`ImportError::Invalid`] for an image of floating-point numbers, without pixels or too large.
     pub(super) fn from_picture(path: &Path, picture: DynamicImage, look: Look) -> Result<Self, ImportError> {
         let (width_px, height_px) = (u64::from(picture.width()), u64::from(picture.height()));
         let (format, bytes, grey_rule) = grey_levels(picture).ok_or_else(|| {

@@ -1,7 +1,7 @@
 //! The number and the time of each stored frame.
 //!
-//! If a file stores the time of each frame, these times decide: a gap between them is a number of missing frames, and
-//! a rate of the header that they contradict is named in a warning and not used. Where it stores none, frames follow each
+//! If a file stores the time of each frame, these times decide: a gap between them is a number of missing frames, and a
+//! rate of the header that they contradict is named in a warning and not used. Where it stores none, frames follow each
 //! other at the rate of the header or of the user.
 
 use super::rate::{Rate, RateSource};
@@ -70,12 +70,13 @@ impl Timeline {
         Self { slots: Slots::Numbered(numbers), ..Self::consecutive(rate) }
     }
 
-    /// Returns the same frames with frame 0 at a known time, ns since the Unix epoch.
+    /// Returns the same frames with frame 0 at a known time, ns since the Unix epoch; a negative time counts as 0.
     pub(super) fn starting_at(self, first_ns: i64) -> Self {
         Self { first_ns: first_ns.max(0) as u64, ..self }
     }
 
-    /// Returns the number and the time of the stored frame `index`. Frames beyond the last known one follow it.
+    /// Returns the number and the time of the stored frame `index`, from 0. Frames beyond the last known one follow it
+    /// at the nominal rate.
     pub(super) fn moment(&self, index: u64) -> Moment {
         let period_ns = 1e9 / self.rate_hz;
         let beyond = |length: usize| index.saturating_sub(length as u64 - 1);
@@ -94,7 +95,7 @@ impl Timeline {
         Moment { number, stamp_ns: self.first_ns.saturating_add(since_ns.round() as u64) }
     }
 
-    /// Counts the missing frames.
+    /// Counts the missing frames between the stored ones, and the places where they are missing.
     pub(super) fn gaps(&self) -> Gaps {
         let numbers: Vec<u64> = match &self.slots {
             Slots::Consecutive => return Gaps::default(),
@@ -135,7 +136,7 @@ impl Grid {
 }
 
 impl FrameTimes {
-    /// Returns the times in another order of the frames.
+    /// Returns the times in another order of the frames, given by their present indices.
     pub(super) fn reordered(&self, order: &[usize]) -> Self {
         Self { times_ns: order.iter().map(|index| self.times_ns[*index]).collect(), ..self.clone() }
     }
@@ -150,9 +151,9 @@ impl FrameTimes {
 
     /// Numbers the frames by their times, with missing ones counted.
     ///
-    /// `header` is the rate that the file states elsewhere, `fps` that of the user, which stretches the times: a film in
-    /// slow motion stores the times of playback. Returns the timeline and warnings; `None` where the times do not rise,
-    /// or are too coarse to separate frames.
+    /// `header` is the rate that the file states elsewhere, `fps` that of the user, which stretches the times: a film
+    /// in slow motion stores the times of playback. Returns the timeline and warnings; `None` where the times do not
+    /// rise, or are too coarse to separate frames.
     pub(super) fn timeline(&self, header: Option<Rate>, fps: Option<f64>) -> Option<(Timeline, Vec<String>)> {
         let grid = self.fit_grid()?;
         let mut warnings = Vec::new();
@@ -196,7 +197,8 @@ impl FrameTimes {
         (is_rising && median_ns >= 2.0 * self.resolution_ns).then_some(median_ns)
     }
 
-    /// Fits the grid of a constant rate, from the median interval and by least squares without outliers.
+    /// Fits the grid of a constant rate, from the median interval and by least squares without outliers. `None` where
+    /// the times do not rise, or are too coarse.
     fn fit_grid(&self) -> Option<Grid> {
         let (median_ns, steps) = (self.median_ns()?, self.steps());
         let mut numbers = vec![0];
@@ -225,7 +227,8 @@ impl FrameTimes {
         self.times_ns.iter().map(|time| time.saturating_sub(first) as f64).collect()
     }
 
-    /// Whether a stated rate agrees with the times. A contradiction with a header is added to the warnings.
+    /// Returns whether a stated rate agrees with that of the grid within [`CONTRADICTION`]. A contradiction with a
+    /// header is added to the warnings.
     fn agrees_with(&self, grid: &Grid, header: &Rate, warnings: &mut Vec<String>) -> bool {
         let hz = 1e9 / grid.period_ns;
         let agrees = (header.hz / hz - 1.0).abs() < CONTRADICTION;
@@ -240,7 +243,7 @@ impl FrameTimes {
         agrees
     }
 
-    /// Whether a rate places every frame of the grid within the resolution of the times.
+    /// Whether a rate, Hz, places every frame of the grid within the resolution of the times, or within 1 ns.
     fn fits(&self, grid: &Grid, hz: f64) -> bool {
         let last = grid.numbers.last().copied().unwrap_or_default() as f64;
         (last * (1e9 / hz - grid.period_ns)).abs() <= self.resolution_ns.max(1.0)
@@ -281,7 +284,7 @@ impl FrameTimes {
 
 /// Fits a line through times (ns) over numbers by least squares; returns its slope and its value at 0.
 ///
-/// `None` when the slope is not positive.
+/// The slope is in ns per number, the value in ns. `None` when the slope is not positive and finite.
 fn fit_line(numbers: &[u64], times: &[f64]) -> Option<(f64, f64)> {
     let count = numbers.len() as f64;
     let mean_number = numbers.iter().map(|number| *number as f64).sum::<f64>() / count;

@@ -20,7 +20,7 @@ pub(super) struct BlockState {
     pub(super) motion: Option<RigidStep>,
     /// The motion of its centre, if that differs.
     pub(super) center_motion: Option<RigidStep>,
-    /// The surface of a ball, judged in the first frame of the block in which it was found.
+    /// The surface of a ball, classified again in each frame of the block until it shows marks.
     pub(super) surface: Option<Surface>,
     /// The number of contradictions between its motion and its outlines since the last confirmed motion.
     pub(super) doubts: u32,
@@ -73,7 +73,7 @@ impl BlockStates {
 
     /// Returns the box around the predicted bodies of a block.
     ///
-    /// `None` unless all of them have a measured motion and a rigid match.
+    /// `None` without bodies, or unless all of them have a measured motion and a reference for rigid matches.
     pub(super) fn predicted_box(
         &self,
         block: u64,

@@ -16,7 +16,7 @@ const MIN_POINTS: u32 = 3;
 /// The number of subsets that are searched if the motion of a ball is not known.
 const INITIAL_POINTS: usize = 9;
 
-/// Returns about nine subsets spread over all; `None` if that saves little.
+/// Returns every n-th subset, so that 9 to 13 remain, spread over all; `None` for fewer than 18.
 fn sparse_points(points: &[GridPoint]) -> Option<Vec<GridPoint>> {
     (points.len() >= 2 * INITIAL_POINTS)
         .then(|| points.iter().copied().step_by(points.len() / INITIAL_POINTS).collect())
@@ -44,7 +44,7 @@ pub(super) fn fit_rigid_step(
 /// Fits the dilatation of the body per frame and writes it into `step`, which holds the rigid motion of the field.
 ///
 /// Returns the motion of the centre in x and y, px, and the rotation, deg, per frame, of a ball that may rotate about
-/// any axis.
+/// any axis. `None` for other bodies, or if the subsets do not determine it.
 pub(super) fn write_dilatation(
     field: &PairField,
     step: &mut BodyStep,
@@ -78,7 +78,8 @@ pub(super) fn set_drift(step: &mut BodyStep, motion: Option<[Estimate; 3]>) {
 
 /// Estimates the unknown motion of a ball per frame from a few subsets, which suffices to match the whole ball.
 ///
-/// `None` for other bodies, for few subsets, or if they do not determine it.
+/// `None` for other bodies, unless the rotation method is rigid, for fewer than 18 subsets, or if they do not determine
+/// it.
 pub(super) fn search_motion(
     correlator: &mut Correlator,
     params: &MeasureParams,
@@ -96,7 +97,8 @@ pub(super) fn search_motion(
     fit_rigid_step(&mut field, outline, (target_frame - frame) as f64, subset_px, Start::Search)
 }
 
-/// Fits the motion per frame to the displacement at the centre and the rotations of the subsets about it.
+/// Fits the motion per frame to the displacement at the centre and the rotations of the subsets about it; `None` if
+/// they do not determine it.
 pub(super) fn fit_center_step(
     field: &PairField,
     outline: &Outline,
@@ -122,7 +124,7 @@ fn per_frame(motion: &RigidMotion, frames: f64) -> RigidStep {
     }
 }
 
-/// Returns the displacement of the body predicted over `frames` frames by a motion per frame.
+/// Returns the start of a correlation: the displacement predicted over `frames` frames by the motion `step` per frame.
 pub(super) fn predicted_start(step: &RigidStep, outline: &Outline, frames: f64) -> Start {
     let (x_px, y_px) = outline.center_px();
     Start::Motion {

@@ -32,7 +32,7 @@ impl BoundingBox {
         self.bounds.is_none()
     }
 
-    /// Whether another box lies within this one.
+    /// Whether another box lies within this one; an empty box lies within every box.
     pub(super) fn contains(&self, other: &Self) -> bool {
         match (self.rectangle(), other.rectangle()) {
             (_, [_, _, 0, 0]) => true,
@@ -40,7 +40,9 @@ impl BoundingBox {
         }
     }
 
-    /// Returns x, y, width and height in whole pixels; may exceed the right and lower edges of the frame.
+    /// Returns x, y, width and height in whole pixels, all 0 for an empty box.
+    ///
+    /// It is cut at the left and upper edges of the frame, and may exceed the others.
     pub(super) fn rectangle(&self) -> [u32; 4] {
         let Some([left, top, right, bottom]) = self.bounds else { return [0; 4] };
         // The conversion to integers saturates, so nothing wraps around, whatever the circle is.

@@ -37,8 +37,9 @@ pub(super) struct OutlinePair<'a> {
 
 /// Whether the body found in both frames can have moved this way.
 ///
-/// Subsets follow whatever is in front of most of them. If both outlines were detected, they must
-/// have moved equally far. Otherwise the body must have been matched as a whole, or continue its motion `before`.
+/// Subsets follow whatever is in front of most of them. If both outlines of a ball were detected, they must have moved
+/// as measured. Otherwise the ball must have been matched as a whole, or continue its motion `before`. Other bodies,
+/// and balls without a motion or without both outlines, are consistent.
 pub(super) fn is_consistent(
     Measured { step: measured, is_matched, .. }: &Measured,
     before: Option<&RigidStep>,
@@ -79,7 +80,7 @@ pub(super) fn agrees_with_subsets(rigid: &RigidStep, field: &RigidStep, drift: O
     apart.iter().zip(sigma).zip(tolerances).all(|((apart, sigma), tolerance)| apart.abs() <= tolerance.max(8.0 * sigma))
 }
 
-/// Returns the status of a step after its subsets were matched.
+/// Returns the status of a step after its subsets were matched: valid with a motion, else the reason why it has none.
 pub(super) fn matched_status(step: &BodyStep, field: &PairField) -> PointStatus {
     match (step.motion, step.status) {
         (Some(_), _) => PointStatus::Valid,
@@ -89,7 +90,7 @@ pub(super) fn matched_status(step: &BodyStep, field: &PairField) -> PointStatus 
     }
 }
 
-/// Returns the most frequent reason why the subsets of a field have no displacement.
+/// Returns the most frequent reason why subsets of a field have no displacement; `OutOfFrame` if none is without one.
 pub(super) fn failure_status(field: &PairField) -> PointStatus {
     let count = |status: PointStatus| field.points.iter().filter(|point| point.status == status).count();
     let invalid = PointStatus::ALL.into_iter().filter(|status| *status != PointStatus::Valid);

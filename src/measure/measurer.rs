@@ -86,7 +86,7 @@ impl Measurer {
         })
     }
 
-    /// Whether the patches need the image that they were drawn in.
+    /// Whether there are patches, which need the image that they were drawn in.
     pub fn needs_reference(&self) -> bool {
         self.finders.iter().any(|finder| matches!(finder, Finder::Patch(_)))
     }
@@ -161,7 +161,7 @@ impl Measurer {
         Ok(())
     }
 
-    /// Measures the motions to the current frame; returns the frame as prepared for `block` and the prepared box.
+    /// Measures the motions to `frame`. Returns it as prepared for `block`, if that has pending frames, and its box.
     ///
     /// The frame is prepared separately for each block, around the bodies of that block. The
     /// results of a block therefore do not depend on any other block.

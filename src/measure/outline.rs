@@ -52,6 +52,10 @@ pub(super) enum Finder {
 
 impl Finder {
     /// Creates the finder of a body for frames of this size.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if a parameter of the ball or the rod is out of its range.
     pub(super) fn new(body: &BodyParams, width_px: usize, height_px: usize) -> Result<Self, MeasureError> {
         Ok(match body {
             BodyParams::Ball(ball) => Self::Ball(Box::new(BallFinder::new(ball, width_px, height_px)?)),
@@ -60,7 +64,11 @@ impl Finder {
         })
     }
 
-    /// Finds the body from scratch.
+    /// Finds a ball or a rod from scratch.
+    ///
+    /// # Errors
+    ///
+    /// The reason why it was not found; always [`PointStatus::Lost`] for a patch.
     pub(super) fn find(&mut self, image: ImageView<'_>) -> Result<Outline, PointStatus> {
         match self {
             Self::Ball(finder) => finder.find(image).map(Outline::Ball).ok_or(PointStatus::Lost),
@@ -110,7 +118,11 @@ impl Finder {
         }
     }
 
-    /// Searches the body near its predicted position.
+    /// Searches a ball or a rod near its predicted position, or from scratch if `near` is that of another kind.
+    ///
+    /// # Errors
+    ///
+    /// The reason why it was not found; always [`PointStatus::Lost`] for a patch.
     pub(super) fn follow(&mut self, image: ImageView<'_>, near: &Outline) -> Result<Outline, PointStatus> {
         match (self, near) {
             (Self::Ball(finder), Outline::Ball(near)) => {
@@ -176,7 +188,9 @@ impl Outline {
         (moved, true)
     }
 
-    /// Returns a predicted ball that may have struck something since it was detected; `None` if that is too long ago.
+    /// Widens a predicted ball, which may have struck something in the `unseen_frames` since it was detected.
+    ///
+    /// `step` is its motion per frame. `None` after more than eight frames, and for other bodies.
     pub(super) fn coasted(&self, step: &RigidStep, unseen_frames: u64) -> Option<Self> {
         let Self::Ball(circle) = self else { return None };
         let sigma_px = STRUCK_FRACTION * unseen_frames as f64 * step.dx_px.hypot(step.dy_px);
@@ -234,7 +248,7 @@ impl Outline {
         }
     }
 
-    /// Returns the centres of the subsets on the body.
+    /// Returns the centres of the subsets on a ball or a rod; none for a patch, whose polygon its finder has.
     fn grid_points(&self, params: &CorrelationParams, size: ImageSize) -> Vec<GridPoint> {
         match self {
             Self::Ball(circle) => {
@@ -326,7 +340,8 @@ fn rod_circle(rod: &Rod) -> Circle {
     }
 }
 
-/// Returns the position and size of the body of a step, if it was detected.
+/// Returns the circle of a ball or a patch, or the one that touches the sides of a rod, measured or predicted; `None`
+/// without an outline.
 pub(crate) fn body_circle(step: &BodyStep) -> Option<Circle> {
     step.circle().or_else(|| step.rod().as_ref().map(rod_circle))
 }

@@ -29,7 +29,9 @@ impl Measurer {
         self.states.state_mut(key).surface == Some(Surface::Plain)
     }
 
-    /// Measures the motion of balls to the current frame by their outlines, where no texture was matched.
+    /// Measures the motion of balls and patches to the current frame by their outlines, where no texture was matched.
+    ///
+    /// Only steps over the shortest interval are measured so.
     pub(super) fn complete_by_outlines(&mut self, frame: &Frame<'_>) {
         let (sequence, intervals) = (frame.meta.sequence, self.params.intervals_frames.len());
         let due = sequence.checked_sub(u64::from(self.params.intervals_frames[0]));
@@ -58,7 +60,7 @@ impl Measurer {
         self.pending = pending;
     }
 
-    /// Measures the motion of one ball by its outlines in a reference and in its target.
+    /// Measures the motion of one ball by its outlines in a reference and in its target, or of one patch by its poses.
     fn move_by_outlines(&mut self, reference: &mut PendingFrame, body: usize, found: FoundOutline) {
         let FoundOutline { outline: target, origin } = found;
         let key = BodyKey { body, block: reference.block };

@@ -12,7 +12,11 @@ use crate::results::{OutlineOrigin, PointStatus};
 pub const OUTLINE_INTERVAL_FRAMES: u64 = 4;
 
 impl Measurer {
-    /// Returns the outline of one body in the current frame, searched near its predicted position or from scratch.
+    /// Returns the outline of one body in the current frame, and its origin.
+    ///
+    /// It is propagated where that is certain enough, else searched near its predicted position. If it is not there, a
+    /// matched motion predicts it. Otherwise it is searched from scratch, and a ball may coast. A body whose results
+    /// contradicted each other is ambiguous for the rest of its block.
     pub(super) fn find_outline(
         &mut self,
         body: usize,
@@ -95,6 +99,11 @@ impl Measurer {
     }
 
     /// Returns the pose of a patch in the current frame, from the motion to it or searched from scratch.
+    ///
+    /// # Errors
+    ///
+    /// [`PointStatus::Occluded`] or [`PointStatus::Lost`] if it is not found, [`PointStatus::Ambiguous`] if it matches
+    /// its own image at several places.
     fn find_patch(&mut self, body: usize, frame: &Frame<'_>, block: u64) -> Result<Outline, PointStatus> {
         let key = FrameKey { block, frame: frame.meta.sequence };
         let Finder::Patch(finder) = &mut self.finders[body] else { return Err(PointStatus::Lost) };

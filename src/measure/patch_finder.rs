@@ -164,7 +164,7 @@ impl PatchFinder {
         }
     }
 
-    /// Sets the image that the polygon was drawn in.
+    /// Sets the image that the polygon was drawn in. A patch that repeats itself in it stays ambiguous.
     pub(super) fn set_reference(&mut self, reference: &PreparedFrame) {
         let body = RigidBody::new(reference, &self.patch.region());
         self.reference = body.map(|body| (reference.clone(), Box::new(body)));
@@ -217,7 +217,7 @@ impl PatchFinder {
         self.found.retain(|(key, _)| key.block >= block);
     }
 
-    /// Returns the pose found in a frame of a block, if it was searched.
+    /// Returns the stored pose in a frame of a block, or the reason why there is none; `None` if it was not searched.
     pub(super) fn cached(&self, key: FrameKey) -> Option<Result<PatchPose, PointStatus>> {
         self.found.iter().rev().find(|(searched, _)| *searched == key).map(|(_, found)| *found)
     }

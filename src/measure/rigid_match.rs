@@ -104,7 +104,9 @@ pub(super) struct RigidMatch {
 }
 
 impl RigidMatch {
-    /// Replaces the motion of the subsets in a step, corrected for the dilatation, and the visible fraction.
+    /// Replaces the motion of the subsets in a step by that of the match, corrected for the dilatation.
+    ///
+    /// Writes the effect of light as well, and the visible fraction if it is known; that of the rim is kept apart.
     pub(super) fn write_to(&self, step: &mut BodyStep) {
         let [x, y, angle] = match (self.lever, step.growth_fraction) {
             (Some(lever), Some(grown)) => lever.map(|lever| lever * grown.value),
@@ -147,7 +149,7 @@ impl RigidMatcher {
         self.spare.extend(self.tracks.extract_if(.., |track| !is_kept(track)).map(|track| track.reference));
     }
 
-    /// Discards one body in one block, since its reference is wrong.
+    /// Discards reference and poses of one body in one block, since another object or pattern was matched.
     pub(super) fn forget(&mut self, key: BodyKey) {
         self.retain(|track| track.key != key);
     }
@@ -162,12 +164,13 @@ impl RigidMatcher {
         self.find_track(key).is_some()
     }
 
-    /// Whether a body was matched in a frame.
+    /// Whether a body was matched in a frame, or the frame is its reference.
     pub(super) fn has_match(&self, key: BodyKey, frame: u64) -> bool {
         self.find_track(key).is_some_and(|track| track.pose_in(frame).is_some())
     }
 
-    /// Whether a body was matched in a frame without any occlusion beyond that of its reference.
+    /// Whether a body was matched in a frame with at least 97 % of the pixels of its reference visible; false in the
+    /// frame of the reference itself.
     pub(super) fn is_fully_visible(&self, key: BodyKey, frame: u64) -> bool {
         let fraction = self.find_track(key).and_then(|track| track.pose_in(frame)?.visible_fraction);
         fraction.is_some_and(|fraction| fraction >= UNOCCLUDED_FRACTION)
@@ -262,7 +265,7 @@ impl RigidMatcher {
 }
 
 impl RigidTrack {
-    /// Returns the pose in a frame, if the body was matched there.
+    /// Returns the pose in a frame, if the body was matched there or the frame is its reference.
     fn pose_in(&self, frame: u64) -> Option<Pose> {
         self.poses.iter().rev().find(|pose| pose.frame == frame).copied()
     }
@@ -373,15 +376,16 @@ impl Pose {
         }
     }
 
-    /// Returns the fraction by which light may have held back the rotation to a later pose; `None` for small
-    /// rotations.
+    /// Returns the fraction by which light may have held back the rotation to a later pose: twice its effect on the
+    /// match. `None` for rotations up to 0.05 deg and without an effect.
     fn light_fraction(&self, later: &Self) -> Option<f64> {
         let turned_deg = (later.angle_deg - self.angle_deg).abs();
         let light_deg = (later.light_deg - if later.is_renewed_at(self) { 0.0 } else { self.light_deg }).abs();
         (light_deg > 0.0 && turned_deg > MIN_TURN_DEG).then(|| LIGHT_ERROR * light_deg / turned_deg)
     }
 
-    /// Whether the reference of this pose was renewed in the frame of another.
+    /// Whether the body rotated by more than 3 deg since an earlier pose, so that the reference counts as renewed in
+    /// the frame of that pose.
     fn is_renewed_at(&self, earlier: &Self) -> bool {
         (earlier.angle_deg - self.angle_deg).abs() > crate::dic::STALE_DEG
     }

@@ -73,7 +73,7 @@ impl RingCorrelator {
     }
 }
 
-/// Returns the radii of the ring on a ball.
+/// Returns the radii of the ring on a ball, px: by default from 0.35 radii to the margin at the rim, the maximum.
 fn ring_radii(circle: &Circle, limits: RingLimits) -> Radii {
     let max_px = circle.radius_px * (1.0 - RIM_CLEARANCE);
     Radii {

@@ -80,7 +80,7 @@ described! {
 }
 
 impl Event {
-    /// Creates an event. A text that is too long is cut at a character.
+    /// Creates an event. A text longer than [`EVENT_TEXT_BYTES`] is cut between two characters.
     pub fn new(kind: EventKind, run_id: u64, sequence: u64, stamp_ns: u64, text: &str) -> Self {
         let mut length = text.len().min(EVENT_TEXT_BYTES);
         while !text.is_char_boundary(length) {
@@ -97,7 +97,7 @@ impl Event {
         EventKind::from_number(self.kind)
     }
 
-    /// Returns the text.
+    /// Returns the text; bytes that are not UTF-8 are replaced by U+FFFD.
     pub fn text(&self) -> String {
         let length = (self.text_bytes as usize).min(EVENT_TEXT_BYTES);
         String::from_utf8_lossy(&self.text[..length]).into_owned()

@@ -97,7 +97,9 @@ described! {
 }
 
 impl FieldHeader {
-    /// Creates the header of a measured step and its field.
+    /// Creates the header of a measured step and its field, `None` if it has none.
+    ///
+    /// `run_id` is the start of the acquire process, `worker` the index of the worker, from 0.
     pub fn new(step: &BodyStep, field: Option<&PairField>, run_id: u64, worker: u32) -> Self {
         let mut header = Self {
             run_id,
@@ -149,7 +151,7 @@ impl FieldHeader {
         header
     }
 
-    /// Returns the step; `None` when the number of a status, origin or method is unknown.
+    /// Returns the step; `None` when the number of one of its statuses, of the origin or of the method is unknown.
     pub fn step(&self) -> Option<BodyStep> {
         let outline = match self.outline.checked_sub(1) {
             Some(kind) => Some(Outline {
@@ -220,7 +222,9 @@ impl FieldHeader {
         ])
     }
 
-    /// Returns the field with these points; `None` when the header has a step without a field.
+    /// Returns the field of this header with these points, the payload of the message.
+    ///
+    /// `None` when the step has no field.
     pub fn field(&self, points: &[FieldPointMessage]) -> Option<PairField> {
         (self.target_sequence != self.sequence).then(|| PairField {
             frame: self.sequence,
@@ -235,9 +239,9 @@ impl FieldHeader {
 /// The value of a number that is missing.
 const MISSING: f32 = -2.0;
 
-/// Returns the number; `None` when it is [`MISSING`].
-fn known(number: f32) -> Option<f32> {
-    (number > MISSING).then_some(number)
+/// Returns a number as stored in a message; `None` when it is [`MISSING`], below it or NaN.
+fn stored_number(stored: f32) -> Option<f32> {
+    (stored > MISSING).then_some(stored)
 }
 
 /// Derives the message of a subset from the columns of the row.
@@ -265,6 +269,7 @@ macro_rules! field_message {
         }
 
         impl From<&FieldPoint> for FieldPointMessage {
+            /// Returns the message of a subset. Without a displacement, it holds 0 with uncertainties that are missing.
             fn from(point: &FieldPoint) -> Self {
                 Self {
                     $($position: point.$position,)*
@@ -277,17 +282,18 @@ macro_rules! field_message {
         }
 
         impl From<&FieldPointMessage> for FieldPoint {
+            /// Returns the subset of a message: lost if the number of its status is unknown.
             fn from(message: &FieldPointMessage) -> Self {
                 let displacement = || {
                     Some(Displacement {
                         $($part: message.$part,)*
-                        $($sigma: known(message.$sigma)?,)*
+                        $($sigma: stored_number(message.$sigma)?,)*
                     })
                 };
                 Self {
                     $($position: message.$position,)*
                     displacement: displacement(),
-                    $($score: known(message.$score),)*
+                    $($score: stored_number(message.$score),)*
                     status: PointStatus::from_number(message.status).unwrap_or(PointStatus::Lost),
                 }
             }

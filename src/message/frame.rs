@@ -42,7 +42,9 @@ described! {
 const _: () = assert!(size_of::<FrameHeader>() == 64 && align_of::<FrameHeader>() == 64);
 
 impl FrameHeader {
-    /// Creates the header of a frame of this run with this exposure time, us (0 if it is unknown).
+    /// Creates the header of a frame of this run, of no shot (0).
+    ///
+    /// `exposure_us` is the exposure time, us; 0 if it is unknown.
     pub fn new(meta: &FrameMeta, run_id: u64, exposure_us: f64) -> Self {
         Self {
             sequence: meta.sequence,

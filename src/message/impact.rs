@@ -61,7 +61,7 @@ macro_rules! impact_message {
         }
 
         impl ImpactMessage {
-            /// Creates the message of a collision of this run.
+            /// Creates the message of a collision of this run; `run_id` is the start of the acquire process.
             pub fn new(impact: &Impact, run_id: u64) -> Self {
                 Self {
                     run_id,

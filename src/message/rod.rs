@@ -42,6 +42,7 @@ described! {
 }
 
 impl From<Option<Rod>> for RodMessage {
+    /// Returns the message of a rod, all zeros without one. The tracked edges come first.
     fn from(rod: Option<Rod>) -> Self {
         let Some(rod) = rod else { return Self::default() };
         let edge_px = |index: usize| rod.edges[index].and_then(|edge| edge.y_px);
@@ -65,6 +66,7 @@ impl From<Option<Rod>> for RodMessage {
 }
 
 impl From<RodMessage> for Option<Rod> {
+    /// Returns the rod of a message; an edge is lost if the number of its status is unknown.
     fn from(message: RodMessage) -> Self {
         let estimate = |value, sigma| Estimate { value, sigma };
         let edge = |index: usize| RodEdge {

@@ -58,7 +58,7 @@ macro_rules! sample_message {
         }
 
         impl $Message {
-            /// Creates the message of a sample of this run.
+            /// Creates the message of a sample of this run; `run_id` is the start of the acquire process.
             pub fn new(sample: &$Row, run_id: u64) -> Self {
                 Self {
                     run_id,
@@ -76,7 +76,9 @@ macro_rules! sample_message {
                 }
             }
 
-            /// Returns the sample; `None` when the number of a name is unknown.
+            /// Returns the sample; `None` when the number of a name, status or reason is unknown.
+            ///
+            /// A group is `None` when a number is missing that it cannot be without.
             pub fn sample(&self) -> Option<$Row> {
                 $(
                     let $group = || {

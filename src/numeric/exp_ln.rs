@@ -14,7 +14,9 @@ const MANTISSA_BITS: u32 = 52;
 /// The limit beyond which the exponential of a double underflows or overflows.
 const MAX_EXPONENT: f64 = 700.0;
 
-/// Returns the exponential of a number, clamped to 700 in size.
+/// Returns e to the power of `x`, within a relative error of 5e-16. NaN for NaN.
+///
+/// `x` is clamped to -700 to 700. The result is a Taylor series within half of ln 2 times a power of 2.
 #[inline(always)]
 pub fn exp(x: f64) -> f64 {
     let x = if x > MAX_EXPONENT { MAX_EXPONENT } else { x };
@@ -37,7 +39,9 @@ pub fn exp(x: f64) -> f64 {
     series * scale
 }
 
-/// Returns the natural logarithm of a positive number that is not subnormal.
+/// Returns the natural logarithm of a positive, finite number that is not subnormal, within a few units of 2^-53.
+///
+/// The result is unspecified for zero, negative, infinite and subnormal numbers.
 #[inline(always)]
 pub fn ln(x: f64) -> f64 {
     let bits = x.to_bits();

@@ -37,7 +37,7 @@ impl Fft2d {
         self.size
     }
 
-    /// Allocates zeros for one transform.
+    /// Allocates the data of one transform: `size` x `size` zeros.
     pub fn memory(&self) -> Vec<Complex32> {
         vec![Complex32::default(); self.size * self.size]
     }
@@ -49,7 +49,7 @@ impl Fft2d {
     /// If `data` does not have the size of the plan.
     pub fn forward(&mut self, data: &mut Vec<Complex32>) {
         let forward = Arc::clone(&self.forward);
-        self.run(forward.as_ref(), data);
+        self.transform(forward.as_ref(), data);
     }
 
     /// Inverts [`Self::forward`], including the transpose, without the factor 1 / `size` squared.
@@ -59,11 +59,11 @@ impl Fft2d {
     /// If `data` does not have the size of the plan.
     pub fn inverse(&mut self, data: &mut Vec<Complex32>) {
         let inverse = Arc::clone(&self.inverse);
-        self.run(inverse.as_ref(), data);
+        self.transform(inverse.as_ref(), data);
     }
 
-    /// Transforms the rows, transposes, and transforms the rows again.
-    fn run(&mut self, line: &dyn Fft<f32>, data: &mut Vec<Complex32>) {
+    /// Transforms the rows of `data` by `line`, transposes them, and transforms the rows again.
+    fn transform(&mut self, line: &dyn Fft<f32>, data: &mut Vec<Complex32>) {
         assert_eq!(data.len(), self.transposed.len(), "the size of the data differs from the plan");
         line.process_with_scratch(data, &mut self.scratch);
         transpose(data, &mut self.transposed, self.size);
@@ -99,7 +99,7 @@ fn transpose(from: &[Complex32], to: &mut [Complex32], size: usize) {
     }
 }
 
-/// Returns the next size that is fast to transform: no prime factor above 5, at least 8.
+/// Returns the smallest size that is fast to transform: at least `min` and 8, without a prime factor above 5.
 pub fn fast_size(min: usize) -> usize {
     let smooth = |size: usize| {
         let mut rest = size;
@@ -113,8 +113,10 @@ pub fn fast_size(min: usize) -> usize {
     (min.max(8)..).find(|size| smooth(*size)).unwrap_or(min)
 }
 
-/// Returns a fast multiple of eight for the circular correlation of a window: at most two pixels less than the window,
-/// or more than it.
+/// Returns the size of the transform for the circular correlation of a window `window` pixels wide.
+///
+/// It is the smallest multiple of eight without a prime factor above 5 that is at least `window` - 2 and 8. If it is
+/// smaller than the window, the outermost pixels are left out.
 pub fn circular_size(window: usize) -> usize {
     let is_fast = |size: &usize| size.is_multiple_of(8) && fast_size(*size) == *size;
     (window.saturating_sub(2).max(8)..).find(is_fast).unwrap_or(window)

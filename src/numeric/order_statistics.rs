@@ -6,16 +6,16 @@ const LANES: usize = 16;
 /// The low bits of a value that are ignored: the result is exact to one part in four thousand.
 const IGNORED_BITS: u32 = 11;
 
-/// Returns the value that `rank` others are smaller than, rounded down, of non-negative values.
+/// Returns the value at `rank` (0 for the smallest) in ascending order, rounded down by at most one part in 4096.
 ///
-/// Pads `values` with infinities.
+/// The values are not negative. Pads `values` with infinities.
 pub fn nth_smallest(values: &mut Vec<f32>, rank: usize) -> f32 {
     values.resize(values.len().next_multiple_of(LANES), f32::INFINITY);
     // Non-negative floats sort like their bits.
     f32::from_bits(bits_of_rank(values, rank as u32))
 }
 
-/// Returns the bits of the value that `rank` others are smaller than, without the [`IGNORED_BITS`], by bisection.
+/// Returns the bits of the value at `rank` (from 0) in ascending order, the [`IGNORED_BITS`] set to 0, by bisection.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
 fn bits_of_rank(values: &[f32], rank: u32) -> u32 {
     let mut bits = 0;
@@ -31,7 +31,9 @@ fn bits_of_rank(values: &[f32], rank: u32) -> u32 {
 /// The maximum number of values of a neighbourhood.
 pub const MAX_COUNT: usize = 3 * LANES;
 
-/// Returns the `rank`th highest of at most 48 values, from 1. Unused values must be minus infinity.
+/// Returns the `rank`th highest of at most 48 values, exactly; `rank` is 1 for the highest.
+///
+/// Unused values must be minus infinity. Infinity for a rank of 0.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
 pub fn nth_highest(values: &[f32; MAX_COUNT], rank: u32) -> f32 {
     let mut higher = [0_u32; MAX_COUNT];

@@ -65,8 +65,14 @@ pub struct Polynomial {
 impl Polynomial {
     /// Fits a polynomial of `order` (1 to [`MAX_ORDER`]) about `at_frames` with a known `acceleration` (per frame^2).
     ///
+    /// Each sample is weighted with `sigma`^-2. `acceleration` is kept as it is; the fitted coefficients come on top.
+    ///
     /// Returns `None` where the samples do not determine it: fewer than `order` differences within components, or
     /// coinciding times.
+    ///
+    /// # Panics
+    ///
+    /// If `order` is out of range.
     pub fn fit(samples: &[Sample], at_frames: f64, order: usize, acceleration: f64) -> Option<Self> {
         assert!((1..=MAX_ORDER).contains(&order), "order {order} is not within 1 to {MAX_ORDER}");
         let far = |s: &Sample| (s.time_frames - at_frames).abs();
@@ -91,8 +97,10 @@ impl Polynomial {
         Some(fit)
     }
 
-    /// Returns a constant curve about `at_frames` with the standard uncertainty `sigma_rate` of its rate, per frame: a
-    /// curve of which nothing else is known.
+    /// Returns a curve about `at_frames` of which only a bound on its rate is known.
+    ///
+    /// Its rate is 0 with the standard uncertainty `sigma_rate`, per frame. It has no component, so
+    /// [`Self::predict`] returns `None`.
     pub fn unknown(at_frames: f64, sigma_rate: f64) -> Self {
         let mut covariance = Matrix::zeros();
         covariance[(0, 0)] = sigma_rate.powi(2);
@@ -118,7 +126,7 @@ impl Polynomial {
         })
     }
 
-    /// Returns the displacement by the known acceleration since the centre of the fit.
+    /// Returns the displacement by the known acceleration since the centre of the fit, in the unit of the values.
     fn known_part(&self, time_frames: f64) -> f64 {
         0.5 * self.acceleration * (time_frames - self.at_frames).powi(2)
     }
@@ -146,7 +154,7 @@ impl Polynomial {
         }
     }
 
-    /// Solves the normal equations of a given order. `None` if they are singular.
+    /// Solves the normal equations of a given order like [`Self::solve_order`]. `None` if they are singular.
     fn solve(&mut self, samples: &[Sample], order: usize) -> Option<()> {
         match order {
             1 => self.solve_order::<1>(samples),
@@ -157,7 +165,8 @@ impl Polynomial {
         }
     }
 
-    /// Solves the normal equations and computes the covariance of the coefficients, including the random walk.
+    /// Solves the normal equations and computes the covariance of the coefficients, including the random walk. `None`
+    /// if they are singular.
     fn solve_order<const ORDER: usize>(&mut self, samples: &[Sample]) -> Option<()> {
         let rows: Vec<Row<ORDER>> = samples.iter().map(|s| self.normal_row(s)).collect::<Option<_>>()?;
         let (mut normal, mut right) = (SMatrix::<f64, ORDER, ORDER>::zeros(), SVector::<f64, ORDER>::zeros());
@@ -211,12 +220,12 @@ impl Polynomial {
         added
     }
 
-    /// Returns the means of a component of the fit.
+    /// Returns the means of the component with this `id`; `None` if the fit had no sample of it.
     fn component(&self, id: u32) -> Option<&Component> {
         self.components.iter().find(|c| c.id == id)
     }
 
-    /// Returns the first derivative at `time_frames`, per frame.
+    /// Returns the first derivative at `time_frames`, per frame, including the known acceleration.
     pub fn rate(&self, time_frames: f64) -> Estimate {
         let u = (time_frames - self.at_frames) / self.unit_frames;
         let mut power = 1.0 / self.unit_frames;
@@ -230,6 +239,8 @@ impl Polynomial {
     }
 
     /// Returns the second derivative at the centre of the fit, per frame^2, including the known part.
+    ///
+    /// A fit of order 1 has the known part alone, with a standard uncertainty of 0.
     pub fn curvature(&self) -> Estimate {
         let unit = 2.0 / self.unit_frames.powi(2);
         Estimate {
@@ -239,6 +250,8 @@ impl Polynomial {
     }
 
     /// Returns the curve at `time_frames` for a component of the fit; `None` for another one.
+    ///
+    /// The standard uncertainty includes that of the component's mean, but not the noise of a new sample.
     pub fn predict(&self, time_frames: f64, component: u32) -> Option<Estimate> {
         let c = self.component(component)?;
         let (value, lever) = self.curve(time_frames, c);
@@ -258,7 +271,7 @@ impl Polynomial {
         Estimate { value: self.coefficients.dot(&lever) + known, sigma: self.sigma_of(&lever) }
     }
 
-    /// Returns sample minus curve, with the sample's own sigma, for a component of the fit.
+    /// Returns sample minus curve, and the sample's own standard uncertainty; `None` for a component outside the fit.
     pub fn residual(&self, sample: &Sample) -> Option<(f64, f64)> {
         let (value, _) = self.curve(sample.time_frames, self.component(sample.component)?);
         Some((sample.value - value, sample.sigma))
@@ -269,13 +282,16 @@ impl Polynomial {
         self.chi2
     }
 
-    /// Returns the degrees of freedom.
+    /// Returns the degrees of freedom: the number of samples less components and order.
     pub fn freedom(&self) -> usize {
         self.freedom
     }
 
     /// Returns the ratio of the scatter about the curve to the samples' own sigmas; 1 unless it is significantly
     /// larger.
+    ///
+    /// It is significant if chi^2 exceeds its expectation, the degrees of freedom, by more than three of its standard
+    /// deviations.
     pub fn excess(&self) -> f64 {
         let freedom = self.freedom as f64;
         let limit = freedom + 3.0 * (2.0 * freedom).sqrt();

@@ -56,7 +56,7 @@ pub fn quantile<T: Float>(values: &mut [T], fraction: f64) -> Option<T> {
     Some(*values.select_nth_unstable_by(rank, T::order).1)
 }
 
-/// Returns the index of the first bin of a histogram that counts as bright.
+/// Returns the index of the first bin of a histogram that counts as bright; 1 if at most one bin is filled.
 ///
 /// Maximises the variance between both sides (N. Otsu, IEEE Trans. Syst. Man Cybern. 9 (1979) 62,
 /// <https://doi.org/10.1109/TSMC.1979.4310076>). Thresholds in an empty range between the sides are equivalent, so the

@@ -11,9 +11,11 @@ pub fn scramble(value: u64) -> u64 {
 /// The increment of the counter: the bits of the golden ratio.
 pub const COUNT: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// Returns the key of a stream: different `purpose`s and `number`s give independent streams.
-pub fn key(seed: u64, purpose: u64, number: u64) -> u64 {
-    scramble(scramble(scramble(seed.wrapping_add(COUNT)) ^ purpose.wrapping_mul(COUNT)) ^ number.wrapping_mul(COUNT))
+/// Returns the key of a stream. Different seeds, purposes and items give independent streams.
+///
+/// `purpose` is a constant of the caller. `item` counts the streams of one purpose, such as the frames of a film.
+pub fn key(seed: u64, purpose: u64, item: u64) -> u64 {
+    scramble(scramble(scramble(seed.wrapping_add(COUNT)) ^ purpose.wrapping_mul(COUNT)) ^ item.wrapping_mul(COUNT))
 }
 
 /// A stream of random numbers.

@@ -3,9 +3,10 @@
 /// The minimum ratio of a pivot to its diagonal element. Below, a matrix is singular to working precision.
 const MIN_PIVOT: f64 = 1e-7;
 
-/// Returns the inverse of the leading `n` x `n` part of a positive definite matrix.
+/// Returns the inverse of the leading `n` x `n` part of a symmetric positive definite matrix, 0 outside that part.
 ///
-/// The lower half is not read. Returns `None` if the matrix is singular to working precision, independent of units.
+/// The half of `matrix` below the diagonal is not read. Returns `None` if the matrix is singular to working precision,
+/// independent of units.
 pub fn invert<const M: usize>(matrix: &[[f64; M]; M], n: usize) -> Option<[[f64; M]; M]> {
     // Loops of constant length are several times faster.
     if n == M { invert_leading(matrix, M) } else { invert_leading(matrix, n) }
@@ -13,6 +14,8 @@ pub fn invert<const M: usize>(matrix: &[[f64; M]; M], n: usize) -> Option<[[f64;
 
 /// Inverts like [`invert`] by sweeping one pivot after the other (J. H. Goodnight, Am. Stat. 33 (1979) 149,
 /// <https://doi.org/10.1080/00031305.1979.10482685>).
+///
+/// `n` is at most `M`.
 #[inline(always)]
 fn invert_leading<const M: usize>(matrix: &[[f64; M]; M], n: usize) -> Option<[[f64; M]; M]> {
     let mut work = *matrix;

@@ -10,14 +10,22 @@ pub trait Vector: Copy {
     /// Fills all lanes with one value.
     fn splat(value: f32) -> Self;
     /// Loads the first eight values of a slice.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer.
     fn load(values: &[f32]) -> Self;
     /// Stores into the first eight places of a slice.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer.
     fn store(self, values: &mut [f32]);
     /// Loads eight lanes.
     fn from_lanes(lanes: &Lanes) -> Self;
-    /// Transposes eight vectors.
+    /// Transposes eight vectors: lane i of vector k becomes lane k of vector i.
     fn transpose(rows: [Self; LANES]) -> [Self; LANES];
-    /// Returns the sum of each of eight vectors: that of its halves, each of which is the sum of its pairs.
+    /// Returns the sum of the lanes of each of eight vectors, added as ((a + b) + (c + d)) + ((e + f) + (g + h)).
     fn sums(rows: &[Self; LANES]) -> Lanes;
     /// Converts to lanes.
     fn to_lanes(self) -> Lanes;
@@ -42,9 +50,9 @@ pub trait Vector: Copy {
 pub struct Portable([f32; LANES]);
 
 impl Portable {
-    /// Applies an operation lane by lane.
+    /// Applies an operation to the lanes of `self` and `other`, pair by pair.
     #[inline(always)]
-    fn each(self, other: Self, operation: impl Fn(f32, f32) -> f32) -> Self {
+    fn map_pairs(self, other: Self, operation: impl Fn(f32, f32) -> f32) -> Self {
         let mut out = self.0;
         for (out, other) in out.iter_mut().zip(other.0) {
             *out = operation(*out, other);
@@ -99,17 +107,17 @@ impl Vector for Portable {
 
     #[inline(always)]
     fn add(self, other: Self) -> Self {
-        self.each(other, |a, b| a + b)
+        self.map_pairs(other, |a, b| a + b)
     }
 
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
-        self.each(other, |a, b| a - b)
+        self.map_pairs(other, |a, b| a - b)
     }
 
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
-        self.each(other, |a, b| a * b)
+        self.map_pairs(other, |a, b| a * b)
     }
 
     // Without an instruction for it this is long: inlined at every tap it would take minutes to compile.
@@ -125,12 +133,12 @@ impl Vector for Portable {
 
     #[inline(always)]
     fn at_least(self, other: Self) -> Self {
-        self.each(other, |a, b| f32::from_bits(if a >= b { u32::MAX } else { 0 }))
+        self.map_pairs(other, |a, b| f32::from_bits(if a >= b { u32::MAX } else { 0 }))
     }
 
     #[inline(always)]
     fn and(self, mask: Self) -> Self {
-        self.each(mask, |a, m| f32::from_bits(a.to_bits() & m.to_bits()))
+        self.map_pairs(mask, |a, m| f32::from_bits(a.to_bits() & m.to_bits()))
     }
 
     #[inline(always)]
@@ -176,7 +184,7 @@ pub fn has_avx2() -> bool {
     std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma")
 }
 
-/// Whether this machine has the AVX-512 forms of AVX2's instructions, with twice as many registers.
+/// Whether this machine has AVX2 and the AVX-512 forms of its instructions, with twice as many registers.
 ///
 /// The vectors stay eight wide, and every result is the same to the last bit. The passes are bound by registers:
 /// sixteen do not hold the weights of the taps.
@@ -188,7 +196,7 @@ pub fn has_avx512() -> bool {
         && has_avx2()
 }
 
-/// Returns the instruction set that the hot passes use on this machine.
+/// Returns the name of the instruction set that the hot passes use on this machine, as shown to users.
 pub fn instruction_set() -> &'static str {
     #[cfg(target_arch = "x86_64")]
     {
@@ -259,7 +267,10 @@ mod avx2 {
     #[derive(Clone, Copy)]
     pub struct Avx2(__m256);
 
-    /// Returns the sums of both halves of four rows: of the first halves, then of the second.
+    /// Returns the sums of both halves of four rows.
+    ///
+    /// The first four lanes are the sums over lanes 0 to 3 of `a`, `b`, `c` and `d`, the last four those over lanes 4
+    /// to 7.
     #[inline(always)]
     fn sums_of_halves(a: __m256, b: __m256, c: __m256, d: __m256) -> __m256 {
         // SAFETY: as of every block below.

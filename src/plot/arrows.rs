@@ -4,7 +4,7 @@ use super::canvas::Canvas;
 use crate::image::ImageView;
 use crate::results::FieldPoint;
 
-/// Converts grey levels in DN to 8 bits, with 0 black and the maximum white.
+/// Converts grey levels in DN to 8 bits: 0 is black, and the maximum (at least 1 DN) white.
 pub(super) fn grey_picture(image: ImageView<'_>) -> image::RgbImage {
     let high = image.data().iter().fold(1.0_f32, |high, level| high.max(*level));
     image::RgbImage::from_fn(image.width() as u32, image.height() as u32, |x, y| {
@@ -46,7 +46,7 @@ impl ArrowScale {
 
 /// Draws the reference in grey with an arrow per vector, scaled so that the longest spans one step.
 ///
-/// A subset without a displacement is a blue dot.
+/// Lines are scaled so that the longest spans one grid step, `step_px`. A subset without a displacement is a blue dot.
 pub fn draw_vectors(image: ImageView<'_>, field: &[FieldPoint], step_px: u32) -> image::RgbImage {
     let mut canvas = Canvas::from_picture(grey_picture(image));
     let longest = field.iter().filter_map(|p| p.displacement).map(|d| d.u_px.hypot(d.v_px)).fold(0.0, f32::max);

@@ -11,7 +11,7 @@ const MAX_DOTS: f32 = 100_000.0;
 /// A colour: red, green and blue.
 pub type Color = [u8; 3];
 
-/// Stretches grey levels to the range from black to white.
+/// Stretches grey levels linearly, so that the lowest becomes 0 and the highest 255; equal levels become 0.
 pub fn stretched_levels(levels: &[u8]) -> Vec<u8> {
     let low = levels.iter().copied().min().unwrap_or(0);
     let range = u32::from((levels.iter().copied().max().unwrap_or(255) - low).max(1));
@@ -31,7 +31,9 @@ pub struct Canvas {
 }
 
 impl Canvas {
-    /// Shows grey levels from 0 to 255 of a frame of this width, row by row. A small frame is enlarged.
+    /// Shows grey levels from 0 to 255 of a frame of this width, row by row.
+    ///
+    /// A frame narrower than 640 px is enlarged by a whole factor, at most 4.
     pub fn from_levels(levels: &[u8], width_px: u32) -> Self {
         let height_px = levels.len() as u32 / width_px.max(1);
         let zoom = WIDTH_PX.div_ceil(width_px.max(1)).clamp(1, 4);
@@ -42,7 +44,7 @@ impl Canvas {
     ///
     /// # Panics
     ///
-    /// If the part reaches over the edge of the frame.
+    /// If the part reaches below the last row of the frame. It must not reach over the right edge either.
     pub fn from_part(levels: &[u8], width_px: u32, part_px: [u32; 4], zoom: u32) -> Self {
         let [left, top, width, height] = part_px;
         let picture = RgbImage::from_fn(width * zoom, height * zoom, |x, y| {
@@ -145,7 +147,7 @@ impl Canvas {
     /// Writes a short text in black on a box of this colour, with the lower left corner at a position in pixels of the
     /// frame.
     ///
-    /// The box is moved into the picture. The font has digits and the letters of lengths: m, p, x.
+    /// The box is moved into the picture. The font has digits, minus, point and the letters of lengths: m, p, x.
     pub fn label(&mut self, corner: [f32; 2], text: &str, color: Color) {
         const FONT_SCALE: u32 = 3;
         let (width, height) = (pixel_font::width(text, FONT_SCALE) + 6, pixel_font::height(FONT_SCALE) + 6);

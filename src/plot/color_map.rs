@@ -24,7 +24,7 @@ impl Quantity {
     /// Names on the command line.
     pub const WORDS: [(&str, Self); 4] = [("u", Self::U), ("v", Self::V), ("zncc", Self::Zncc), ("sigma", Self::Sigma)];
 
-    /// Returns the name and the unit.
+    /// Returns the name, and the unit after a blank; empty for a quantity without a unit.
     fn title(self) -> (&'static str, &'static str) {
         match self {
             Self::U => ("u", " px"),
@@ -34,7 +34,7 @@ impl Quantity {
         }
     }
 
-    /// Returns the value at a point; `None` where the displacement is not valid.
+    /// Returns the value at a point; `None` where the displacement is not valid or the coefficient is missing.
     fn value_at(self, point: &FieldPoint) -> Option<f32> {
         let found = point.displacement?;
         match self {
@@ -90,7 +90,7 @@ impl Range {
         if span > 0.0 { ((value - self.low) / span).clamp(0.0, 1.0) } else { 0.5 }
     }
 
-    /// Formats both ends with enough decimals to resolve a hundredth of the range, at most 8.
+    /// Formats both ends with enough decimals to resolve a hundredth of the range, at most 8; an empty range has 4.
     fn end_labels(self) -> [String; 2] {
         let span = f64::from(self.high - self.low);
         let decimals = if span > 0.0 { (2.0 - span.log10().floor()).clamp(0.0, 8.0) as usize } else { 4 };

@@ -21,7 +21,7 @@ impl Figure<'_> {
         HEADING + LINE * self.caption.len() as f64
     }
 
-    /// Draws a figure of `width` x `height` px with its content.
+    /// Returns the text of an SVG file of `width` x `height` px: heading, caption and `content`.
     pub fn draw(&self, width: f64, height: f64, content: &Markup) -> String {
         let heading = printable(self.heading);
         let figure = html! {
@@ -50,7 +50,7 @@ pub fn px(coordinate: f64) -> String {
     format!("{coordinate:.1}")
 }
 
-/// Returns the path through places, px; `None` leaves a gap.
+/// Returns the data of an SVG path through places (x, y), px; `None` leaves a gap.
 pub fn polyline(places: impl IntoIterator<Item = Option<(f64, f64)>>) -> String {
     let (mut path, mut is_joined) = (String::new(), false);
     for place in places {

@@ -22,7 +22,7 @@ pub struct LogAxis {
 
 impl LogAxis {
     /// Returns an axis of whole decades around all values, `height` px high. Values below `zero` get a strip below the
-    /// decades.
+    /// decades. Without any other positive value the decades are 0.001 to 1.
     pub fn around(values: impl IntoIterator<Item = f64>, height: f64, zero: f64) -> Self {
         let (mut low, mut high, mut strip) = (f64::INFINITY, f64::NEG_INFINITY, 0.0);
         for value in values {
@@ -139,7 +139,7 @@ pub struct LogCurve {
     pub style: CurveStyle,
     /// Its values; `None` leaves a gap.
     pub values: Vec<Option<LogValue>>,
-    /// The index of the ringed value.
+    /// The index of the ringed value; `None` for no ring.
     pub ring: Option<usize>,
 }
 

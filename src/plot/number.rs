@@ -66,7 +66,9 @@ pub fn format_estimate(estimate: Estimate, factor: f64) -> EstimateText {
     EstimateText { value: fixed(value, decimals), sigma, decimals }
 }
 
-/// Formats a number to three significant digits.
+/// Formats a number to three significant digits, at most nine decimals, and all digits before the decimal point.
+///
+/// Numbers below 1e-12 are written as 0.
 pub fn three_digits(value: f64) -> String {
     if value.abs() < 1e-12 {
         return "0".into();

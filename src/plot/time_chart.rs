@@ -177,7 +177,8 @@ fn draw_time_axis(scale: &Scale) -> Markup {
     }
 }
 
-/// Returns the points of a stretch. Of more than [`POINTS_MAX`], it returns the lowest and the highest of each column.
+/// Returns the points of a stretch. Of more than [`POINTS_MAX`], it returns the lowest and the highest of each column,
+/// which is as wide as the chart's own unit.
 fn thinned(stretch: &[TimePoint], scale: &Scale) -> Vec<TimePoint> {
     if stretch.len() <= POINTS_MAX {
         return stretch.to_vec();

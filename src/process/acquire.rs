@@ -176,7 +176,9 @@ impl Loop {
         self.resume = (self.source.pace() == Pace::Live).then_some((resume, since));
     }
 
-    /// Moves a film to the frame that is due by now, if the process replaces one that died.
+    /// Moves a film to the first block from the frame on that is due by now, if the process replaces one that died.
+    ///
+    /// A camera that cannot seek keeps the predecessor's state, for [`continue_count`](Self::continue_count).
     fn seek(&mut self, config: &Config) {
         let Some((resume, begin)) = self.resume else { return };
         let (rate_hz, speed) = (self.source.format().frame_rate_hz, config.camera.playback_rate);
@@ -188,6 +190,7 @@ impl Loop {
     }
 
     /// Sets the offset of a live camera, which counts from 0 again, by the time of its first frame after a restart.
+    /// Has no effect without the state of a predecessor.
     fn continue_count(&mut self, first: &FrameMeta) {
         let Some((resume, _)) = self.resume.take() else { return };
         // A pulsed camera has no frame rate to count missed frames by.
@@ -196,7 +199,8 @@ impl Loop {
         self.offset = number.saturating_sub(first.sequence);
     }
 
-    /// Touches the ring, announces it and waits until every reader has attached.
+    /// Touches the ring, announces it and waits until every reader has attached, [`READY_TIMEOUT`] has passed or a stop
+    /// is requested.
     fn prepare(&mut self, stop: &Stop) -> Result<(), Failure> {
         self.ring.touch()?;
         let run_id = self.reporter.run_id();
@@ -249,7 +253,7 @@ impl Loop {
         Ok(())
     }
 
-    /// Queues as many slots as the camera wants and the ring has.
+    /// Queues as many slots as the camera wants and the ring has, at most [`Limits::CAMERA_SLOTS`].
     fn lend_slots(&mut self) -> Result<(), BusError> {
         while self.queued < self.source.camera().slots().min(Limits::CAMERA_SLOTS) {
             let Some(slot) = self.ring.lend()? else { break };
@@ -259,17 +263,18 @@ impl Loop {
         Ok(())
     }
 
-    /// Returns the newest published frame.
+    /// Returns the newest published frame; number and stamp are 0 before the first.
     fn newest(&self) -> FrameStamp {
         FrameStamp { sequence: self.next.saturating_sub(1), stamp_ns: self.stamp_ns }
     }
 
-    /// Publishes an event at the frame after the newest one.
+    /// Publishes an event with the number of the frame after the newest one, and the stamp of the newest one, ns.
     fn publish_event(&self, kind: EventKind, text: &str) -> Result<(), BusError> {
         self.reporter.publish_event(kind, FrameStamp { sequence: self.next, stamp_ns: self.stamp_ns }, text)
     }
 
-    /// Publishes a frame, with the events of its shot, its trigger and the losses before it.
+    /// Publishes a frame, the events of its shot, its trigger and the losses before it, and the outcomes of actions
+    /// that have ended.
     fn publish(&mut self, mut slot: Slot, mut meta: FrameMeta) -> Result<(), BusError> {
         self.queued -= 1;
         self.continue_count(&meta);
@@ -318,7 +323,8 @@ impl Loop {
         self.standalone.as_mut().map_or(Ok(()), |standalone| standalone.publish(&self.reporter))
     }
 
-    /// Announces a shot of the hardware trigger before its first frame is published.
+    /// Announces a shot of the hardware trigger if `frame`, which is not published yet, begins one. Without a recorder
+    /// it also executes the trigger.
     fn begin_shot(&mut self, frame: FrameStamp) -> Result<(), BusError> {
         let Some(text) = self.hardware_trigger.as_mut().and_then(HardwareTrigger::on_frame) else { return Ok(()) };
         self.reporter.publish_event(EventKind::Decided, frame, &text)?;
@@ -334,7 +340,8 @@ impl Loop {
         self.publish_event(EventKind::Silent, "no frame for trigger.silence_s")
     }
 
-    /// Evaluates the motion trigger on a frame; if it fires, returns the time since the frame's delivery.
+    /// Evaluates the motion trigger on a frame; if it fires, returns the time since the frame's delivery. `None`
+    /// otherwise, and without such a trigger.
     fn detect_motion(&mut self, meta: &FrameMeta, slot: &mut Slot) -> Option<Duration> {
         let trigger = self.trigger.as_mut()?;
         let (begin, age) = (now(), self.source.camera().frame_age());
@@ -344,7 +351,7 @@ impl Loop {
         fires.then_some(latency)
     }
 
-    /// Takes back the slot of an incomplete frame.
+    /// Counts and logs an incomplete frame, and takes back its slot.
     fn discard(&mut self, slot: Slot, cause: &str) {
         // The gap in the camera's count shows the loss, unless no complete frame follows.
         self.incomplete += 1;
@@ -353,7 +360,11 @@ impl Loop {
         self.ring.take_back(slot);
     }
 
-    /// Reopens a live camera that was lost until it answers; frames continue under a new epoch.
+    /// Tries to reopen a lost camera until it answers or a stop is requested; frames continue under a new epoch.
+    ///
+    /// # Errors
+    ///
+    /// `error` itself, unless it is [`CameraError::Lost`].
     fn reopen(&mut self, config: &Config, stop: &Stop, error: CameraError) -> Result<(), Failure> {
         if !matches!(error, CameraError::Lost { .. }) {
             return Err(error.into());
@@ -363,7 +374,7 @@ impl Loop {
         let mut timer = PeriodicTimer::new(Duration::from_millis(500));
         while !stop.requested() {
             self.reporter.publish_status_if_due(&self.summary, self.newest())?;
-            if timer.due() && self.try_reopen(config)? {
+            if timer.restart_if_due() && self.try_reopen(config)? {
                 return Ok(self.publish_event(EventKind::Camera, "the camera is back")?);
             }
             std::thread::sleep(Duration::from_millis(10));
@@ -396,7 +407,8 @@ impl Loop {
         Ok(true)
     }
 
-    /// Announces the end of the stream and keeps the ring until its readers are done.
+    /// Closes the camera, waits for running actions, and announces the end of the stream. Keeps the ring until its
+    /// readers are done, at most [`LINGER_TIMEOUT`].
     fn end(&mut self, stop: &Stop) -> Result<(), BusError> {
         self.source.close();
         self.summary.lost += self.incomplete;

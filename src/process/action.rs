@@ -120,7 +120,7 @@ impl Actions {
 }
 
 impl Action {
-    /// Returns the key of the configuration and its value, for messages.
+    /// Returns the kind of the action and its target (the program, the address or the rig), for messages.
     fn name(&self) -> String {
         match self {
             Self::Run(command) => format!("command {}", command[0]),
@@ -129,7 +129,11 @@ impl Action {
         }
     }
 
-    /// Performs the action; both results describe it for the event.
+    /// Performs the action to its end and returns its outcome as text, for the event.
+    ///
+    /// # Errors
+    ///
+    /// The outcome as text, if the action failed.
     fn perform(&self, rig: &str, cause: &TriggerCause) -> Result<String, String> {
         match self {
             Self::Run(command) => run_program(command, rig, cause, PROGRAM_TIMEOUT),
@@ -173,7 +177,11 @@ fn run_program(command: &[String], rig: &str, cause: &TriggerCause, limit: Durat
     }
 }
 
-/// Posts the trigger to a web service as JSON; the response status must be 2xx.
+/// Posts the trigger to a web service as JSON and returns the status of the response as text.
+///
+/// # Errors
+///
+/// The reason as text, if there is no response within [`REPLY_TIMEOUT`] or its status is not 2xx.
 fn post_to_url(url: &str, rig: &str, cause: &TriggerCause) -> Result<String, String> {
     let body = serde_json::json!({
         "rig": rig, "frame": cause.frame.sequence, "stamp_ns": cause.frame.stamp_ns, "cause": cause.text,

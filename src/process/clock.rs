@@ -26,8 +26,8 @@ impl PeriodicTimer {
         Self { period, last: None }
     }
 
-    /// Returns whether the period has passed since it was last due; the first call is due at once.
-    pub(super) fn due(&mut self) -> bool {
+    /// Returns whether the period has passed, and then starts the next one; the first call always does.
+    pub(super) fn restart_if_due(&mut self) -> bool {
         let due = self.last.is_none_or(|last| last.elapsed() >= self.period);
         if due {
             self.last = Some(now());

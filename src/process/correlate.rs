@@ -77,7 +77,7 @@ pub fn run(config: &Config, index: u32, launch: &Launch, stop: &Stop) -> Result<
             break;
         }
         worker.publish_status_if_due()?;
-        recorder.is_done(stream.run_id)?;
+        recorder.check_done(stream.run_id)?;
         listener.wait(WAIT);
     }
     worker.publish_status()?;
@@ -127,7 +127,8 @@ struct Worker<'a> {
 }
 
 impl Worker<'_> {
-    /// Maps the ring of a newly announced run and publishes readiness.
+    /// Connects to the ring of a newly announced run, resets the measurement and publishes readiness. If the run
+    /// continues one whose camera process died, the frames of that one are measured first.
     fn attach(&mut self, stream: &StreamState, stop: &Stop) -> Result<(), Failure> {
         if stream.continues && self.reporter.run_id() != 0 {
             // What the camera's dead process left in the ring is measured completely.
@@ -148,7 +149,8 @@ impl Worker<'_> {
         Ok(self.reporter.publish_progress(reached)?)
     }
 
-    /// Measures all frames in the queue and publishes the results.
+    /// Measures all frames in the queue and publishes the results. A worker that joined late measures from the first
+    /// complete block on, and counts its earlier frames as lost.
     fn drain(&mut self, stop: &Stop) -> Result<(), Failure> {
         let mut published = now();
         while !stop.requested() {
@@ -205,7 +207,7 @@ impl Worker<'_> {
         if is_over { self.finish_shot() } else { Ok(()) }
     }
 
-    /// Completes the shot: no measurement crosses to the next one.
+    /// Measures and publishes the rest of the shot, unless that was done. No measurement crosses to the next one.
     fn finish_shot(&mut self) -> Result<(), BusError> {
         if std::mem::replace(&mut self.is_ended, true) {
             return Ok(());
@@ -215,7 +217,9 @@ impl Worker<'_> {
         self.publish()
     }
 
-    /// Sets the reference picture of patches, if it is available by now; `first` is the stream's first frame.
+    /// Sets the reference picture of patches, if it is available by now; else the next frame tries again.
+    ///
+    /// `first` is the stream's first frame, `None` for any other frame.
     fn set_reference(&mut self, first: Option<&Frame<'_>>) -> Result<(), Failure> {
         match reference_picture::obtain(self.config, self.bus, first) {
             Some(picture) => self.measurer.set_reference(&picture)?,
@@ -271,7 +275,7 @@ struct RecorderProgress {
 
 impl RecorderProgress {
     /// Reads new progress and returns whether the recorder has read everything of this run, or there is none.
-    fn is_done(&mut self, run_id: Option<u64>) -> Result<bool, BusError> {
+    fn check_done(&mut self, run_id: Option<u64>) -> Result<bool, BusError> {
         while let Some(progress) = self.progress.take()? {
             if progress.role == Role::Record as u32 && progress.done == 1 {
                 self.completed = Some(progress.run_id);
@@ -281,7 +285,8 @@ impl RecorderProgress {
     }
 }
 
-/// Waits until tracker and recorder have read everything, at most [`LINGER_TIMEOUT`].
+/// Waits until the tracker has published and the recorder has read everything, at most [`LINGER_TIMEOUT`], or for a
+/// stop.
 fn linger(
     recorder: &mut RecorderProgress,
     stream: &mut StreamState,
@@ -291,7 +296,7 @@ fn linger(
     let timeout = Timeout::new(LINGER_TIMEOUT);
     while !stop.requested() && !timeout.has_expired() {
         stream.update()?;
-        if recorder.is_done(stream.run_id)? && stream.tracked {
+        if recorder.check_done(stream.run_id)? && stream.tracked {
             break;
         }
         worker.publish_status_if_due()?;

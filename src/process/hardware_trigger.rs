@@ -39,7 +39,7 @@ impl HardwareTrigger {
         ends
     }
 
-    /// Returns the current shot, counted from 1.
+    /// Returns the number of the current shot, counted from 1; 0 before the first.
     pub(super) fn shot(&self) -> u32 {
         self.shot
     }

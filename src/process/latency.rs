@@ -30,8 +30,8 @@ impl LatencyHistogram {
         self.max = self.max.max(latency);
     }
 
-    /// Returns the quantile of this probability (0 to 1), in whole microseconds, rounded up; `None` if nothing was
-    /// added.
+    /// Returns the upper edge of the bin with the quantile of this probability (0 to 1), us; `None` if nothing was
+    /// added. Latencies above [`MAX_US`] count as [`MAX_US`].
     pub(super) fn quantile_us(&self, probability: f64) -> Option<u64> {
         let rank = (probability * self.total as f64).ceil() as u64;
         let mut count_so_far = 0;
@@ -47,8 +47,8 @@ impl LatencyHistogram {
         self.counts[1000..].iter().map(|count| u64::from(*count)).sum()
     }
 
-    /// Describes median, 99.9 % quantile, maximum and the count beyond a millisecond; `None` if nothing was
-    /// added.
+    /// Describes the latencies in words: their number, one per frame, median, 99.9 % quantile, maximum and the number
+    /// of 1 ms or longer. `None` if nothing was added.
     pub(super) fn description(&self) -> Option<String> {
         let (median, high) = (self.quantile_us(0.5)?, self.quantile_us(0.999)?);
         Some(format!(

@@ -1,8 +1,8 @@
 //! The pipe from a supervisor to a process that it starts, which is the process's standard input.
 //!
-//! It carries the rig file, then single bytes: a step of a stepped camera, the last step, the regular end. Its end shows the
-//! process that the supervisor is gone, however it ended and whenever that happened. So a process can neither miss the death
-//! of its supervisor nor mistake a signal from elsewhere for the regular end.
+//! It carries the rig file, then single bytes: a step of a stepped camera, the last step, the regular end. Its end
+//! shows the process that the supervisor is gone, however it ended and whenever that happened. So a process can neither
+//! miss the death of its supervisor nor mistake a signal from elsewhere for the regular end.
 
 use super::stop::Stop;
 use rustix::process::{Signal, getpid, kill_process};
@@ -27,7 +27,8 @@ const GRACE: Duration = Duration::from_secs(2);
 pub(super) struct Line(Sender<u8>);
 
 impl Line {
-    /// Sends the rig file. A process that has died already receives nothing, which its end shows.
+    /// Sends the rig file, and keeps the pipe open for single bytes. A process that has died already receives nothing,
+    /// which its end shows.
     ///
     /// A thread writes, so that a process that does not read cannot stop its supervisor.
     pub(super) fn open(mut stdin: ChildStdin, config: &str) -> Self {
@@ -43,7 +44,7 @@ impl Line {
         Self(sender)
     }
 
-    /// Ends the process regularly.
+    /// Asks the process to end regularly.
     pub(super) fn end(&self) {
         let _ = self.0.send(END);
     }
@@ -54,7 +55,7 @@ impl Line {
     }
 
     /// Ends the stream of a stepped camera.
-    pub(super) fn last_step(&self) {
+    pub(super) fn end_steps(&self) {
         let _ = self.0.send(LAST_STEP);
     }
 }
@@ -71,7 +72,8 @@ pub fn read_config() -> std::io::Result<String> {
     String::from_utf8(bytes).map_err(std::io::Error::other)
 }
 
-/// Follows the supervisor on a thread of its own, and returns the steps of a stepped camera.
+/// Follows the supervisor on a thread of its own. Returns a channel with one message per step of a stepped camera,
+/// which closes after the last step.
 ///
 /// Once the supervisor is gone, a stop is requested, and a process that does not end soon is killed.
 pub fn follow(stop: &Stop) -> Receiver<()> {

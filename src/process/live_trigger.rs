@@ -43,7 +43,7 @@ impl StandaloneTrigger {
         Ok(())
     }
 
-    /// Waits for the actions that still run, and publishes their outcomes.
+    /// Waits a limited time for the actions that still run, and publishes the outcomes of those that have ended.
     pub(super) fn finish(&mut self, reporter: &StatusReporter) -> Result<(), BusError> {
         self.actions.wait_for_all().iter().try_for_each(|outcome| reporter.publish_outcome(outcome))
     }
@@ -84,19 +84,22 @@ impl LiveTrigger {
         }
     }
 
-    /// Restarts with a stream whose frame rate and exposure are known.
+    /// Restarts the trigger with a stream of this frame rate. `exposure_us` is the camera's exposure, 0 if unknown; one
+    /// in the rig file overrides it for the latencies.
     pub(super) fn begin_stream(&mut self, config: &Config, frame_rate_hz: f64, exposure_us: f64) {
         self.trigger = config.measured_trigger(frame_rate_hz, exposure_us);
         self.exposure_ns = (1.0e3 * config.camera.exposure_us.unwrap_or(exposure_us)).round() as u64;
     }
 
-    /// Adds the next step in frame order, which arrived at `arrival`.
+    /// Passes the next step in frame order, which arrived at `arrival`, to the trigger on measured motion.
+    ///
+    /// Its decision is published by the next [`Self::publish`]. Without such a trigger this has no effect.
     pub(super) fn observe(&mut self, step: &BodyStep, arrival: Instant) {
         let decision = self.trigger.as_mut().and_then(|trigger| trigger.push(step));
         self.decided.extend(decision.map(|decision| (decision, arrival)));
     }
 
-    /// Adds rows that became final.
+    /// Updates the rig's state by rows that became final.
     pub(super) fn add_rows(&mut self, rows: &[VelocitySample]) {
         rows.iter().for_each(|row| self.states.add_velocity(row));
     }
@@ -123,14 +126,16 @@ impl LiveTrigger {
         Ok(())
     }
 
-    /// Ends the stream and publishes its last decisions, once all its rows are published.
+    /// Ends the stream, once all its rows are published: publishes the last decisions and the state, and waits for
+    /// running actions. `newest` is the newest frame.
     pub(super) fn end_stream(&mut self, newest: FrameStamp, reporter: &StatusReporter) -> Result<(), BusError> {
         self.states.note_ended();
         self.publish(newest, reporter)?;
         self.standalone.as_mut().map_or(Ok(()), |standalone| standalone.finish(reporter))
     }
 
-    /// Publishes new decisions, and the rig's state if it changed.
+    /// Publishes new decisions, and executes them if the rig has no recorder. Also publishes the outcomes of actions,
+    /// and at frame `newest` the rig's state if it changed.
     pub(super) fn publish(&mut self, newest: FrameStamp, reporter: &StatusReporter) -> Result<(), BusError> {
         for (decision, arrival) in std::mem::take(&mut self.decided) {
             let took_us = now().duration_since(arrival).as_micros();
@@ -155,7 +160,7 @@ impl LiveTrigger {
         self.publish_state(newest, reporter)
     }
 
-    /// Publishes the rig's state if it has changed.
+    /// Publishes the rig's state, as an event at this frame, if it has changed.
     fn publish_state(&mut self, frame: FrameStamp, reporter: &StatusReporter) -> Result<(), BusError> {
         match self.states.take_change() {
             Some(state) => reporter.publish_event(EventKind::State, frame, state.as_str()),

@@ -55,7 +55,7 @@ impl Readers {
         Ok(news)
     }
 
-    /// Whether every reader has attached to this run.
+    /// Reads new progress and returns whether every reader has attached to this run.
     pub(super) fn all_attached(&mut self, run_id: u64) -> Result<bool, BusError> {
         self.update()?;
         Ok(self.expected.iter().all(|reader| self.latest.get(reader).is_some_and(|progress| progress.run_id == run_id)))
@@ -71,14 +71,15 @@ impl Readers {
         names.collect::<Vec<_>>().join(", ")
     }
 
-    /// Whether every reader is done with this run.
+    /// Reads new progress and returns whether every reader is done with this run.
     pub(super) fn all_done(&mut self, run_id: u64) -> Result<bool, BusError> {
         self.update()?;
         let is_done = |progress: &Progress| progress.run_id == run_id && progress.done == 1;
         Ok(self.expected.iter().all(|reader| self.latest.get(reader).is_some_and(is_done)))
     }
 
-    /// Waits until the slowest reader has room for one more frame than `published`, or for a stop.
+    /// Waits until the slowest reader has room for one more frame, or for a stop. `published` are the sequence numbers
+    /// of the published frames.
     ///
     /// A reader without progress for [`STALL_TIMEOUT`] is dead or hangs, and the stream continues without it.
     pub(super) fn wait_for_room(&mut self, run_id: u64, published: Range<u64>, stop: &Stop) -> Result<(), BusError> {

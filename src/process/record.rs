@@ -137,7 +137,7 @@ impl Recorder<'_> {
                 self.handle_events(camera, &events)?;
             }
             let busy = self.advance()?;
-            if self.is_over()? {
+            if self.handle_stream_ends()? {
                 break;
             }
             self.check_storage()?;
@@ -172,7 +172,10 @@ impl Recorder<'_> {
         Ok(())
     }
 
-    /// Attaches to newly announced runs. The cameras of a rig start together, once all are prepared.
+    /// Attaches to newly announced runs, and publishes readiness once all cameras are prepared, so that they start
+    /// together.
+    ///
+    /// A run that does not continue the previous one ends the open shot (main camera) or its part (further cameras).
     fn attach(&mut self) -> Result<(), Failure> {
         for camera in 0..self.feeds.len() {
             let feed = &mut self.feeds[camera];
@@ -207,13 +210,13 @@ impl Recorder<'_> {
         self.publish_event(kind, &format!("{}{during}", kind.as_str()))
     }
 
-    /// Publishes an event of the whole rig at the newest frame.
+    /// Publishes an event of the whole rig at the main camera's newest written frame.
     fn publish_event(&self, kind: EventKind, text: &str) -> Result<(), Failure> {
         let feed = &self.feeds[0];
         Ok(feed.reporter.publish_event(kind, feed.newest, text)?)
     }
 
-    /// Executes triggers of other processes, and records a shot's events.
+    /// Executes triggers of other processes, and writes the events of a camera to the open shot.
     fn handle_events(&mut self, camera: usize, events: &[Event]) -> Result<(), Failure> {
         for event in events {
             self.feeds[camera].handle_event(event);
@@ -241,13 +244,13 @@ impl Recorder<'_> {
     fn advance(&mut self) -> Result<bool, Failure> {
         let streams = self.config.trigger.mode == TriggerMode::Off;
         if streams && self.shot.is_none() && self.feeds.iter().any(|feed| feed.stream.first.is_some()) {
-            if self.is_paused()? {
+            if self.update_pause()? {
                 return self.discard_frames();
             }
             self.begin_stream()?;
         }
         if self.shot.is_none() {
-            if self.connect_timer.due() {
+            if self.connect_timer.restart_if_due() {
                 for feed in &self.feeds {
                     feed.frames.update_connections();
                     feed.fields.update_connections();
@@ -273,7 +276,8 @@ impl Recorder<'_> {
         Ok(goes_on)
     }
 
-    /// Writes the oldest held frame of a camera if it belongs to the shot; returns whether a frame was taken.
+    /// Takes the oldest held frame of a camera, unless it lies after the shot, and writes it if it does not lie before
+    /// it. Returns whether a frame was taken.
     fn write_one(&mut self, camera: usize) -> Result<bool, Failure> {
         let Some(open) = &mut self.shot else { return Ok(false) };
         let feed = &mut self.feeds[camera];
@@ -347,7 +351,8 @@ impl Recorder<'_> {
         }
     }
 
-    /// Completes the file of a shot, publishes its losses and its path, and removes recordings beyond the limits.
+    /// Completes the file of a shot, publishes its matching, its losses and its path, and removes recordings beyond the
+    /// limits. A failure to write is reported and counted, not returned.
     fn close(&mut self, mut open: OpenShot) -> Result<(), Failure> {
         let shortened = (0..self.feeds.len()).try_for_each(|camera| open.shorten(camera));
         let ends = open.ends();
@@ -384,7 +389,7 @@ impl Recorder<'_> {
         self.publish_removed(removed)
     }
 
-    /// Returns the number of lost frames of each camera in words.
+    /// Returns the number of lost frames in words: of the main camera, and of each other camera that lost any.
     fn describe_lost(&self, lost: &[u64]) -> String {
         let description = |(feed, lost): (&CameraFeed<'_>, &u64)| match feed.name.as_str() {
             "" => format!("{lost} frames"),
@@ -398,13 +403,14 @@ impl Recorder<'_> {
             .join(", ")
     }
 
-    /// Publishes an event of the whole rig at this frame.
+    /// Publishes an event of the whole rig with this frame number, and the stamp of the main camera's newest written
+    /// frame.
     fn publish_event_at(&self, kind: EventKind, frame: u64, text: &str) -> Result<(), Failure> {
         let feed = &self.feeds[0];
         Ok(feed.reporter.publish_event(kind, FrameStamp { sequence: frame, ..feed.newest }, text)?)
     }
 
-    /// Publishes the status of every camera's recorder, if it is due.
+    /// Publishes the status of every camera's recorder, if it is due or more frames were lost.
     fn publish_status(&mut self) -> Result<(), Failure> {
         let has_problem = self.pause.is_some() || self.storage.has_problem();
         let summary = self.counts();
@@ -422,7 +428,7 @@ impl Recorder<'_> {
         Ok(())
     }
 
-    /// Returns the counts so far, with the losses of the open shot.
+    /// Returns the counts of frames and steps so far, with the losses of the open shot; without causes and recordings.
     fn counts(&self) -> Summary {
         let Summary { taken, given, lost, dropped, .. } = self.summary;
         let open = self.shot.iter().flat_map(|open| (0..self.feeds.len()).map(move |camera| open.lost(camera)));

@@ -58,7 +58,8 @@ pub(super) fn stored_png(config: &Config, bus: &Bus) -> Option<Vec<u8>> {
     if is_needed(config) { std::fs::read(bus.private_file(NAME)).ok() } else { None }
 }
 
-/// Returns the stored picture; without one, the stream's first frame, which is then stored. `None` without either.
+/// Returns the stored picture; without one, the stream's first frame, which is then stored. `None` without either, or
+/// if no patches are measured and `first` is `None`.
 pub(super) fn obtain(config: &Config, bus: &Bus, first: Option<&Frame<'_>>) -> Option<Image> {
     if let Some(picture) = stored_png(config, bus).and_then(|png| from_png(&png)) {
         return Some(picture);
@@ -79,7 +80,7 @@ pub(super) fn png_attachment(png: Vec<u8>) -> (String, String, Vec<u8>) {
     (NAME.to_owned(), "image/png".to_owned(), png)
 }
 
-/// Returns the picture from a film's first frame; `None` if no patches are measured.
+/// Returns the picture from a film's first frame; `None` if no patches are measured or its bytes are incomplete.
 pub fn from_first_frame(frame: &Frame<'_>, config: &Config) -> Option<Image> {
     if is_needed(config) { unpack(frame) } else { None }
 }
@@ -90,14 +91,15 @@ fn unpack(frame: &Frame<'_>) -> Option<Image> {
     frame.unpack(&mut picture).ok().map(|()| picture)
 }
 
-/// Returns the reference picture of a recording; `None` if `config` has no patches.
+/// Returns the reference picture of a recording; `None` if `config` has no patches, or the first frame is needed but
+/// missing or incomplete.
 ///
 /// It is the attached picture if the attached rig file has the same patches as `config`, and otherwise the first
 /// frame.
 ///
 /// # Errors
 ///
-/// If the recording cannot be read.
+/// If the recording cannot be read, or its attached picture is no grey-level PNG.
 pub fn from_recording(recording: &Recording, config: &Config) -> Result<Option<Image>, RecordingError> {
     if !is_needed(config) {
         return Ok(None);

@@ -18,7 +18,8 @@ pub struct Resume {
 }
 
 impl Resume {
-    /// Advances the state by some seconds of a stream of this rate.
+    /// Returns the state after this time in a stream of this rate. A part of a frame counts as a frame; at a rate of 0
+    /// the frame stays the same.
     #[must_use]
     pub fn after(self, seconds: f64, frame_rate_hz: f64) -> Self {
         // A conversion from a float saturates.
@@ -53,7 +54,8 @@ impl From<&Resume> for FrameStamp {
 pub(super) struct NewestFrameFile(File);
 
 impl NewestFrameFile {
-    /// Opens the file, or creates it. Also returns the state that a predecessor left in it, and its age, s.
+    /// Opens the file, or creates it. Also returns the state that a predecessor left in it, and the time since that was
+    /// saved, s; `None` if the file is new or was cleared.
     pub(super) fn open(path: &Path) -> std::io::Result<(Self, Option<(Resume, f64)>)> {
         let file = OpenOptions::new().read(true).write(true).create(true).truncate(false).mode(0o600).open(path)?;
         let mut bytes = [0; 32];
@@ -79,7 +81,7 @@ impl NewestFrameFile {
         let _ = self.0.write_all_at(&bytes, 0);
     }
 
-    /// Forgets the frames of a previous stream.
+    /// Empties the file, so that no frame of a previous stream is left.
     pub(super) fn clear(&self) {
         let _ = self.0.set_len(0);
     }

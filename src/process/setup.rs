@@ -172,7 +172,7 @@ pub fn truth_world(config: &Config) -> Result<Option<SimulatedFilm>, CameraError
     Ok(Some(world))
 }
 
-/// Returns the configured scenario with the camera settings of the rig.
+/// Returns the configured scenario, `lacrosse` by default, with the camera settings of the rig.
 ///
 /// # Errors
 ///
@@ -245,7 +245,8 @@ pub(super) fn expected_format(config: &Config) -> Result<StreamFormat, CameraErr
     Ok(open_camera(config)?.format())
 }
 
-/// Copies the exposure from the header of a frame if neither rig file nor camera gave it. Returns whether it did.
+/// Copies the exposure from the header of a frame, ns (0 if unknown), if neither rig file nor camera gave it. Returns
+/// whether it did.
 pub(super) fn update_exposure(config: &Config, format: &mut StreamFormat, exposure_ns: u32) -> bool {
     let is_new = config.camera.exposure_us.is_none() && format.exposure_us <= 0.0 && exposure_ns > 0;
     if is_new {

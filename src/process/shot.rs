@@ -72,7 +72,8 @@ impl Shot {
         }
     }
 
-    /// Writes the ground truth of a camera's frames from now on.
+    /// Writes the true impacts of a camera's film, and from now on the ground truth of each of its frames; `None`
+    /// writes none.
     ///
     /// # Errors
     ///
@@ -88,7 +89,8 @@ impl Shot {
         Ok(())
     }
 
-    /// Writes the next frame of a camera; sequence numbers rise.
+    /// Counts the next frame of a camera and writes it, unless raw frames are off, with its ground truth. Sequence
+    /// numbers rise. Frames before the camera's part has begun are ignored.
     ///
     /// # Errors
     ///
@@ -111,7 +113,7 @@ impl Shot {
         Ok(())
     }
 
-    /// Writes buffered frames to the system, when nothing else is to be written at once.
+    /// Hands buffered data to the system; to be called when nothing else is to be written at once.
     ///
     /// # Errors
     ///
@@ -167,7 +169,8 @@ impl Shot {
         due.saturating_sub(self.writer.safe_frames())
     }
 
-    /// Writes a measured step and its field, in any order; returns `false` if it lies outside the recording.
+    /// Writes a measured step, its field and the rows that become final; returns `false` if it lies outside the
+    /// recording. Steps may come in any order.
     ///
     /// # Errors
     ///
@@ -208,7 +211,8 @@ impl Shot {
 
     /// Ends each camera's part at its entry of `ends` (one past the last frame) and gives the file its name.
     ///
-    /// Returns the file, and the number of rows given up because their steps never came.
+    /// Returns the file, and the number of lost results: rows given up because their steps never came, and steps that
+    /// came too late or twice.
     ///
     /// # Errors
     ///
@@ -260,7 +264,8 @@ fn annotations(step: &BodyStep, field: Option<&PairField>) -> Annotations {
     }
 }
 
-/// Returns the description of a recording: its configuration, metadata and bodies.
+/// Returns the description of a recording: its configuration, metadata and bodies, without attachments and views.
+/// `trigger` is the cause of the recording in words.
 pub fn recording_info(config: &Config, format: &StreamFormat, camera: &CameraIdentity, trigger: &str) -> RecordingInfo {
     let scale = match config.scale {
         Some(Scale::MmPerPx(mm)) => format!("{mm} mm/px"),

@@ -73,13 +73,13 @@ impl StatusReporter {
         self.status_message.restarts = restarts;
     }
 
-    /// Sets the fill level of this process's queue.
+    /// Sets the fill level of this process's queue and its capacity, both in frames or steps.
     pub(super) fn set_queue(&mut self, waiting: u64, capacity: u64) {
         self.status_message.waiting = waiting;
         self.status_message.capacity = capacity;
     }
 
-    /// Publishes the next frame that this reader will take.
+    /// Publishes the next frame that this reader will take; `u64::MAX` if nobody must wait for it.
     pub(super) fn publish_progress(&mut self, next_sequence: u64) -> Result<(), BusError> {
         self.progress_message.next_sequence = next_sequence;
         self.progress_message.done = 0;
@@ -93,7 +93,7 @@ impl StatusReporter {
         self.progress.send(&self.progress_message)
     }
 
-    /// Publishes an event of the current run.
+    /// Logs and publishes an event of the current run.
     pub(super) fn publish_event(&self, kind: EventKind, frame: FrameStamp, text: &str) -> Result<(), BusError> {
         log::info!("{}: {text} (frame {})", kind.as_str(), frame.sequence);
         let milestone =
@@ -115,10 +115,11 @@ impl StatusReporter {
         self.milestones.update_connections();
         self.events.update_connections();
         self.progress.update_connections();
-        if self.timer.due() { self.publish_status(summary, newest) } else { Ok(()) }
+        if self.timer.restart_if_due() { self.publish_status(summary, newest) } else { Ok(()) }
     }
 
-    /// Publishes the status: the counts, the newest frame, the frame rate since the last status, and the latency.
+    /// Publishes the status: the counts, the newest frame, the frame rate since the last status, and the newest frame's
+    /// age as the latency, 0 unless the stamps are of the present.
     pub(super) fn publish_status(&mut self, summary: &Summary, newest: FrameStamp) -> Result<(), BusError> {
         let elapsed_s = self.rate.0.elapsed().as_secs_f64();
         if elapsed_s > 0.0 {

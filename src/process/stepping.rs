@@ -14,7 +14,7 @@ pub struct StepControl {
 
 impl StepControl {
     /// Waits until the rig is ready for its first frame; returns `false` if it has ended.
-    pub fn is_ready(&mut self) -> bool {
+    pub fn wait_until_ready(&mut self) -> bool {
         self.read_answer()
     }
 
@@ -32,7 +32,7 @@ impl StepControl {
 
 impl Drop for StepControl {
     fn drop(&mut self) {
-        self.line.last_step();
+        self.line.end_steps();
     }
 }
 
@@ -43,8 +43,8 @@ pub(super) fn print_answer(line: &str) {
     let _ = writeln!(out, "{line}").and_then(|()| out.flush());
 }
 
-/// Connects the control of a process to the program that requested it; without one, each line on standard input plays a
-/// frame.
+/// Sends the control of a process to `leader`, the program that requested it; without one, each line on standard input
+/// plays a frame.
 pub(super) fn connect(line: &Line, answers: Option<ChildStdout>, leader: Option<&Sender<StepControl>>) {
     let line = line.clone();
     match leader.zip(answers) {
@@ -56,7 +56,7 @@ pub(super) fn connect(line: &Line, answers: Option<ChildStdout>, leader: Option<
             std::thread::spawn(move || {
                 let mut lines = std::io::stdin().lines().map_while(Result::ok);
                 while lines.next().is_some_and(|_| line.step()) {}
-                line.last_step();
+                line.end_steps();
             });
         }
     }

@@ -93,7 +93,7 @@ impl Storage {
     ///
     /// `left_frames` is the number of frames that the open shot still has to write; a whole shot if `None`.
     pub(super) fn check(&mut self, left_frames: Option<u64>) -> Option<String> {
-        if !self.timer.due() {
+        if !self.timer.restart_if_due() {
             return None;
         }
         let needed_bytes = left_frames.unwrap_or(self.shot_frames).saturating_mul(self.frame_bytes);

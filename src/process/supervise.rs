@@ -228,7 +228,7 @@ impl<'a> Supervisor<'a> {
         while self.is_filming() {
             self.receive()?;
             watch(&self.statuses);
-            if self.clean_up.due() {
+            if self.clean_up.restart_if_due() {
                 self.bus().clean_up_dead();
             }
             if stop.requested() && self.draining.is_none() {
@@ -236,7 +236,7 @@ impl<'a> Supervisor<'a> {
                 self.draining = Some(Timeout::new(STOP_DRAIN_TIMEOUT));
                 self.manager.report_stopping();
             }
-            if self.draining.is_none() && self.ended_by_itself() {
+            if self.draining.is_none() && self.have_cameras_ended() {
                 self.draining = Some(Timeout::new(DRAIN_TIMEOUT));
             }
             self.reap()?;
@@ -281,7 +281,7 @@ impl<'a> Supervisor<'a> {
         self.summary.faults += 1;
     }
 
-    /// Kills processes that hang, so that they are restarted.
+    /// Kills processes that hang, so that they are restarted; during the end of the stream none.
     fn watch_heartbeats(&mut self) -> Result<(), Failure> {
         if self.draining.is_some() {
             return Ok(());
@@ -306,12 +306,12 @@ impl<'a> Supervisor<'a> {
     }
 
     /// Whether the processes of all cameras have ended.
-    fn ended_by_itself(&self) -> bool {
+    fn have_cameras_ended(&self) -> bool {
         let mut cameras = self.children.iter().filter(|(child, _)| child.role == Role::Acquire);
         cameras.all(|(_, running)| running.code.is_some())
     }
 
-    /// Reads new status messages, collisions and events.
+    /// Reads new status messages, collisions and events; prints the lines of events and collects recordings.
     fn receive(&mut self) -> Result<(), Failure> {
         for (camera, group) in (0..).zip(&self.groups) {
             while let Some(status) = group.status.take()? {
@@ -359,7 +359,7 @@ impl<'a> Supervisor<'a> {
         Ok(())
     }
 
-    /// Counts the losses of a process that has ended with this exit code.
+    /// Counts the losses of a process that has ended, at least one, if this exit code reports lost data.
     fn count_losses(&mut self, child: Child, code: i32) {
         let losses = self.statuses.get(&child).map_or(0, |status| status.lost + status.dropped).max(1);
         if ExitCode::from_number(code) == ExitCode::DataLost {
@@ -368,14 +368,18 @@ impl<'a> Supervisor<'a> {
         }
     }
 
-    /// Counts a death and restarts the process, unless a restart cannot help or it has died too often.
+    /// Counts a death and restarts the process. A dead camera process is not restarted during the end of the stream.
+    ///
+    /// # Errors
+    ///
+    /// [`ChildFailure`] if a restart cannot help or the process has died too often.
     fn handle_death(&mut self, child: Child, code: Option<i32>, status: ExitStatus) -> Result<(), Failure> {
         let role = child.role.as_str();
         // Its last words may have come since.
         self.receive()?;
         let last = self.statuses.remove(&child).unwrap_or_default();
         let Some(running) = self.children.get_mut(&child) else { return Ok(()) };
-        let is_memory = running.lacked_memory(status);
+        let is_memory = running.check_lack_of_memory(status);
         let memory_text = match is_memory {
             true => format!(" for want of shared memory ({} bytes are free in /dev/shm)", bus::free_bytes()),
             false => String::new(),
@@ -394,7 +398,7 @@ impl<'a> Supervisor<'a> {
             Some(ExitCode::Recording) => child.role == Role::Acquire,
             _ => false,
         };
-        if is_reported || !(is_memory || running.deaths.allow_another()) {
+        if is_reported || !(is_memory || running.deaths.count_death()) {
             return Err(ChildFailure { role, code: code.unwrap_or(1), is_reported }.into());
         }
         if self.draining.is_some() && child.role == Role::Acquire {

@@ -257,7 +257,8 @@ impl Loop<'_> {
         Ok(())
     }
 
-    /// Waits for the last workers, then publishes everything that was held back.
+    /// Tracks the steps up to frame `end` (one past the last), until none has come for [`SILENCE`]. Then publishes all
+    /// that was held back, and that the tracker is done.
     fn end(&mut self, stream: &StreamState, end: u64, stop: &Stop) -> Result<(), BusError> {
         let mut silence = Timeout::new(SILENCE);
         let first = stream.first.unwrap_or(end);

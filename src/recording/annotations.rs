@@ -48,7 +48,8 @@ impl Annotations {
     }
 }
 
-/// Converts a position to Foxglove's axes, which begin at the corner of the top-left pixel instead of at its centre.
+/// Converts a position, px, to Foxglove's axes, which begin at the corner of the top-left pixel instead of at its
+/// centre: adds half a pixel to both.
 fn corner_origin(x_px: f64, y_px: f64) -> Point2 {
     Point2 { x: x_px + 0.5, y: y_px + 0.5 }
 }

@@ -11,20 +11,20 @@ const CACHED_BYTES: u64 = 256 << 20;
 
 /// The sync that is running in the background, so that the writer does not wait for the disk.
 ///
-/// Only the end of a long recording stays in the system's cache, so that new data reuse the pages of old data. New pages
-/// can cost several times the write itself, and they evict the pages of other programs. At most one sync runs at a time,
-/// so the next one has only the data written meanwhile.
+/// Only the end of a long recording stays in the system's cache, so that new data reuse the pages of old data. New
+/// pages can cost several times the write itself, and they evict the pages of other programs. At most one sync runs at
+/// a time, so the next one has only the data written meanwhile.
 #[derive(Default)]
 pub(super) struct DiskSync {
     running: Option<JoinHandle<io::Result<()>>>,
 }
 
 impl DiskSync {
-    /// Starts a sync of everything written so far.
+    /// Waits for the previous sync, and starts one of everything written so far.
     ///
     /// # Errors
     ///
-    /// The error of the previous sync, which it waits for.
+    /// The error of the previous sync, or one of starting a thread.
     pub(super) fn start(&mut self, file: &File) -> io::Result<()> {
         self.wait()?;
         let file = file.try_clone()?;

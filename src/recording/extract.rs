@@ -60,7 +60,8 @@ pub fn copy_results(from: &Path, to: &Path) -> Result<u64, RecordingError> {
     }
 }
 
-/// Copies metadata, attachments and rows of every file; returns the number of messages.
+/// Copies metadata, attachments and rows of every file, without the entries about the split; returns the number of
+/// messages.
 fn copy_content(recording: &Recording, writer: &mut RecordingWriter) -> Result<u64, RecordingError> {
     for (name, entries) in recording.metadata_records().iter().filter(|(name, _)| name != CONTINUED_NAME) {
         let mut entries = entries.clone();
@@ -76,6 +77,10 @@ fn copy_content(recording: &Recording, writer: &mut RecordingWriter) -> Result<u
 }
 
 /// Copies the messages of one file except frames and their information; returns their number.
+///
+/// # Errors
+///
+/// [`RecordingError::Invalid`] at the first damage; errors of the writer and the system.
 fn copy_rows(recording: &Recording, writer: &mut RecordingWriter) -> Result<u64, RecordingError> {
     let mut copier = Copier::new(recording, writer);
     let is_of_frames = |channel: u16| {
@@ -115,7 +120,7 @@ pub fn copy_as_ros2(from: &Recording, to: &Path) -> Result<u64, RecordingError> 
     }
 }
 
-/// Removes the unfinished file of `to`, which can be made again, and returns the error.
+/// Removes the unfinished file of `to`, which can be made again, and returns `error` unchanged.
 fn discard_part(to: &Path, error: RecordingError) -> RecordingError {
     let _ = std::fs::remove_file(part_file::part_path(to));
     error
@@ -150,13 +155,14 @@ fn write_ros2(file: std::fs::File, part: &Path, frames: super::Frames) -> Result
     Ok(count)
 }
 
-/// Encodes a `sensor_msgs/msg/Image` up to its pixels in little-endian CDR (OMG DDS-XTypes 1.3, section 7.4.3).
+/// Encodes a `sensor_msgs/msg/Image` up to its pixels in little-endian CDR (OMG DDS-XTypes 1.3, section 7.4.3), and
+/// replaces the content of `message`.
 ///
 /// Numbers are aligned to their size. Alignment counts from after the first four bytes.
 ///
 /// # Errors
 ///
-/// The reason when the time or the number of bytes exceeds 32 bits.
+/// The reason when the seconds exceed 31 bits or the number of bytes exceeds 32 bits.
 fn encode_image_head(meta: &FrameMeta, pixels_bytes: usize, message: &mut Vec<u8>) -> Result<(), String> {
     let seconds = i32::try_from(meta.stamp_ns / 1_000_000_000)
         .map_err(|_| format!("frame {}: its time exceeds the 32-bit seconds of ROS", meta.sequence))?;
@@ -188,7 +194,7 @@ fn put_u32(value: u32, message: &mut Vec<u8>) {
     message.extend(value.to_le_bytes());
 }
 
-/// Appends a string: its length with the closing zero, the bytes, the zero.
+/// Appends a CDR string: its 32-bit length with the closing zero, bytes, then the bytes and the zero.
 fn put_text(value: &str, message: &mut Vec<u8>) {
     put_u32(value.len() as u32 + 1, message);
     message.extend(value.as_bytes());

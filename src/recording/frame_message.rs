@@ -10,7 +10,8 @@ use prost::encoding::{WireType, encode_key, encode_varint};
 /// Field number of `data` in `foxglove.RawImage`.
 const DATA_TAG: u32 = 6;
 
-/// Encodes the properties of a frame and the CRC-32 of its pixels.
+/// Encodes the frame information: the properties that the image message cannot hold, and the CRC-32 of the pixels.
+/// Replaces the content of `message`.
 pub(super) fn encode_info(frame: &Frame<'_>, pixels_crc32: u32, message: &mut Vec<u8>) {
     let meta = &frame.meta;
     message.clear();
@@ -27,7 +28,8 @@ pub(super) fn encode_info(frame: &Frame<'_>, pixels_crc32: u32, message: &mut Ve
     );
 }
 
-/// Encodes the image message up to its pixels. The pixels come last, so they need no copy.
+/// Encodes the image message up to its pixels, with their length. The pixels come last, so they need no copy. Replaces
+/// the content of `message`.
 pub(super) fn encode_image_head(frame: &Frame<'_>, message: &mut Vec<u8>) {
     let meta = &frame.meta;
     let encoding = match meta.format {
@@ -55,7 +57,7 @@ pub(super) fn timestamp(stamp_ns: u64) -> Timestamp {
     Timestamp::new(seconds, (stamp_ns % 1_000_000_000) as u32)
 }
 
-/// Returns an upper bound of a frame's size in a file, bytes.
+/// Returns an upper bound of the size of a frame's two messages in a file, bytes.
 pub(super) fn expected_bytes(frame: &Frame<'_>) -> u64 {
     /// Both messages without the pixels.
     const HEADERS_BYTES: u64 = 256;

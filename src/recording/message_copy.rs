@@ -30,12 +30,12 @@ impl<'a> Copier<'a> {
         self.messages
     }
 
-    /// Ends the chunk. One new chunk per old chunk keeps frames and rows separate.
+    /// Ends the chunk and writes it. One new chunk per old chunk keeps frames and rows separate.
     pub(super) fn end_chunk(&mut self) -> Result<(), RecordingError> {
         self.writer.flush()
     }
 
-    /// Copies a message.
+    /// Copies a message to its channel in the new file, and counts it; an image also as a frame.
     pub(super) fn write(&mut self, message: &Message) -> Result<(), RecordingError> {
         let channel = self.channel(message.header.channel)?;
         self.messages += 1;
@@ -45,7 +45,7 @@ impl<'a> Copier<'a> {
         self.writer.copy_message(&MessageHeader { channel, ..message.header }, &message.data)
     }
 
-    /// Returns the channel of the new file for one of the old file, written with its schema if it is new.
+    /// Returns the channel of the new file for channel `old` of the old file, written with its schema if it is new.
     fn channel(&mut self, old: u16) -> Result<u16, RecordingError> {
         if let Some(new) = self.channels.get(&old) {
             return Ok(*new);

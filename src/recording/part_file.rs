@@ -27,10 +27,10 @@ impl PartFile {
         Self { file, is_broken: false, length: 0, reserved: Some(0) }
     }
 
-    /// Reserves disk space for the coming writes without growing the file.
+    /// Reserves disk space for the next `bytes` and more, without growing the file.
     ///
-    /// A write into reserved space takes three quarters of the time, since it allocates no blocks. Without space, or on a
-    /// file system that cannot reserve, writes continue without a reservation.
+    /// A write into reserved space takes three quarters of the time, since it allocates no blocks. Without space, or on
+    /// a file system that cannot reserve, writes continue without a reservation.
     fn reserve(&mut self, bytes: usize) {
         let Some(reserved) = self.reserved else { return };
         let wanted = self.length + bytes as u64;
@@ -90,7 +90,8 @@ impl Drop for PartFile {
     }
 }
 
-/// Whether the name still refers to the open file. A removed file would take bytes that nobody can read.
+/// Whether the name `part` still refers to the open file `handle`. A removed file would take bytes that nobody can
+/// read.
 pub(super) fn is_in_place(part: &Path, handle: &File) -> bool {
     let same = |named: fs::Metadata, open: fs::Metadata| (named.dev(), named.ino()) == (open.dev(), open.ino());
     part.symlink_metadata().is_ok_and(|named| handle.metadata().is_ok_and(|open| same(named, open)))
@@ -113,7 +114,7 @@ fn with_ending(path: &Path, ending: &str) -> PathBuf {
     PathBuf::from(name)
 }
 
-/// Creates `part`, the unfinished form of `path`.
+/// Creates `part`, the unfinished form of `path`, and opens it for writing.
 ///
 /// # Errors
 ///
@@ -133,7 +134,7 @@ pub(super) fn create(path: &Path, part: &Path) -> Result<File, RecordingError> {
     })
 }
 
-/// Renames a complete, synced part file to its final name, without replacing another file.
+/// Renames a complete, synced part file to its final name, without replacing another file, and syncs the directory.
 ///
 /// # Errors
 ///
@@ -156,7 +157,7 @@ pub(super) fn publish(path: &Path, part: &Path) -> Result<(), RecordingError> {
     sync_directory(path)
 }
 
-/// Syncs the directory, so that the new name survives a power cut.
+/// Syncs the directory of the file `path`, so that the new name survives a power cut.
 fn sync_directory(path: &Path) -> Result<(), RecordingError> {
     let directory = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,

@@ -7,7 +7,7 @@ use std::io::Cursor;
 /// Maximum memory for decoding a picture, bytes.
 const PICTURE_BYTES: u64 = 1 << 30;
 
-/// Encodes a picture of whole grey levels from 0 to 65535 as PNG, in 8 bit where they fit.
+/// Encodes a picture of grey levels from 0 to 65535, rounded to whole ones, as PNG: in 8 bits if all fit, else in 16.
 ///
 /// Returns `None` when the picture has no pixels or is too large.
 pub fn to_png(picture: &Image) -> Option<Vec<u8>> {
@@ -16,7 +16,8 @@ pub fn to_png(picture: &Image) -> Option<Vec<u8>> {
     to_png_of_bits(picture, if is_small { 8 } else { 16 })
 }
 
-/// Encodes a picture of whole grey levels as PNG of 8 bits, or of 16 if `bits` is more than 8.
+/// Encodes a picture of grey levels, rounded and clamped to the range, as PNG of 8 bits, or of 16 if `bits` is more
+/// than 8.
 ///
 /// Returns `None` when the picture has no pixels or is too large.
 pub fn to_png_of_bits(picture: &Image, bits: u32) -> Option<Vec<u8>> {
@@ -31,7 +32,8 @@ pub fn to_png_of_bits(picture: &Image, bits: u32) -> Option<Vec<u8>> {
     }
 }
 
-/// Decodes the grey levels of a PNG; `None` for other data and for a picture in colour.
+/// Decodes the grey levels of a PNG, 0 to 255 or 0 to 65535; `None` for other data, a picture in colour, and one that
+/// needs more than 1 GiB.
 pub fn from_png(png: &[u8]) -> Option<Image> {
     let mut reader = image::ImageReader::with_format(Cursor::new(png), ImageFormat::Png);
     let mut limits = image::Limits::default();

@@ -85,7 +85,7 @@ struct MessageFilter<'a> {
 }
 
 impl MessageFilter<'_> {
-    /// Copies a message if it is intact; returns whether it was.
+    /// Copies a message if it is intact; returns whether it is copied or may still be.
     ///
     /// Without a CRC of the chunk, frame information waits for its image, whose pixels are checked against it.
     fn copy_intact(&mut self, message: Message) -> Result<bool, RecordingError> {

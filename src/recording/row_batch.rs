@@ -16,14 +16,14 @@ pub(super) struct Batch {
 }
 
 impl Batch {
-    /// Encodes a row and adds it. `camera` is 0 for the first camera.
+    /// Encodes a row and adds it. `camera` is 0 for the first camera; `log_time_ns` is in ns since the Unix epoch.
     pub(super) fn push<M: prost::Message>(&mut self, camera: usize, topic: Topic, log_time_ns: u64, message: &M) {
         self.first_ns.get_or_insert(log_time_ns);
         self.bytes.extend_from_slice(&message.encode_to_vec());
         self.messages.push((camera, topic, log_time_ns, self.bytes.len()));
     }
 
-    /// Whether the batch holds `limit_bytes`, or its first message is `limit_ns` older than `now_ns`.
+    /// Whether the batch holds at least `limit_bytes`, or its first message is at least `limit_ns` older than `now_ns`.
     pub(super) fn is_due(&self, now_ns: u64, limit_bytes: usize, limit_ns: u64) -> bool {
         self.bytes.len() >= limit_bytes || self.first_ns.is_some_and(|first| now_ns.saturating_sub(first) >= limit_ns)
     }

@@ -37,7 +37,11 @@ pub(super) trait Row: Sized {
     /// Returns the row as a message.
     fn to_message(&self) -> Self::Message;
 
-    /// Returns the row in a message, or the reason why there is none.
+    /// Returns the row in a message.
+    ///
+    /// # Errors
+    ///
+    /// The reason when the message has an unknown name or number, or parts that do not fit together.
     fn from_message(message: Self::Message) -> Result<Self, String>;
 }
 

@@ -62,8 +62,8 @@ pub struct FinishedRecording {
 
 /// Writes a recording as `<path>.part` and renames it when it is complete.
 ///
-/// Frames, fields and all other rows go into separate chunks. Every call may block on the disk. A writer that is dropped
-/// without [`finish`](Self::finish) leaves the part file, which is readable up to the last call.
+/// Frames, fields and all other rows go into separate chunks. Every call may block on the disk. A writer that is
+/// dropped without [`finish`](Self::finish) leaves the part file, which is readable up to the last call.
 pub struct RecordingWriter {
     path: PathBuf,
     part: PathBuf,
@@ -133,7 +133,7 @@ impl RecordingWriter {
         })
     }
 
-    /// Creates the next file after the current one is complete.
+    /// Creates the next file, without a description, after the current one is complete.
     pub(super) fn begin_file(
         &mut self,
         path: &Path,
@@ -147,7 +147,7 @@ impl RecordingWriter {
         Ok(())
     }
 
-    /// Writes the description at the beginning of the file.
+    /// Writes the description at the beginning of the file; removes the file if that fails.
     pub(super) fn describe(&mut self, info: &RecordingInfo) -> Result<(), RecordingError> {
         // Metadata after a channel would close a chunk without messages, which some readers refuse.
         let described = self.describe_all(info);
@@ -158,7 +158,7 @@ impl RecordingWriter {
         described
     }
 
-    /// Writes metadata, configurations and attachments of all cameras.
+    /// Writes metadata, configurations and attachments of all cameras, and ends the chunk.
     fn describe_all(&mut self, info: &RecordingInfo) -> Result<(), RecordingError> {
         let mut entries = info::with_bodies(&info.metadata, &info.bodies);
         for (index, view) in info.views.iter().enumerate() {
@@ -194,7 +194,7 @@ impl RecordingWriter {
         self.with_container(|container| container.attach(name, media_type, content))
     }
 
-    /// Writes a frame.
+    /// Writes a frame, its information first. Starts a sync once enough was written or enough time was recorded.
     ///
     /// # Errors
     ///
@@ -272,7 +272,7 @@ impl RecordingWriter {
         self.frames
     }
 
-    /// Returns the number of frames that stay readable in the part file if this process dies.
+    /// Returns the number of frames that stay readable if this process dies; of a removed part file none.
     pub fn safe_frames(&self) -> u64 {
         let finished = self.split.as_ref().map_or(0, |split| split.finished_frames);
         if part_file::is_in_place(&self.part, &self.handle) { self.safe_frames } else { finished }
@@ -318,7 +318,7 @@ impl RecordingWriter {
 }
 
 impl RecordingWriter {
-    /// Completes the current file and returns its size, bytes.
+    /// Completes the current file, gives it its final name and returns its size, bytes.
     pub(super) fn complete(&mut self) -> Result<u64, RecordingError> {
         if let Some(container) = self.container.take() {
             container.finish().map_err(|error| RecordingError::io("write", &self.part, error))?;
@@ -332,7 +332,7 @@ impl RecordingWriter {
         Ok(bytes)
     }
 
-    /// Starts a sync in the background; the next sync returns its error.
+    /// Writes everything that is held back and starts a sync in the background; the next sync returns its error.
     fn start_sync(&mut self) -> Result<(), RecordingError> {
         self.write_batches()?;
         self.flush()?;
@@ -341,7 +341,7 @@ impl RecordingWriter {
         self.disk_sync.start(&self.handle).map_err(|error| RecordingError::io("sync", &self.part, error))
     }
 
-    /// Writes the batches that are large or old enough.
+    /// Writes the rows and fields that are held back, if either are large or old enough.
     fn write_due_batches(&mut self, now_ns: u64) -> Result<(), RecordingError> {
         if self.rows.is_due(now_ns, ROWS_BYTES, BATCH_NS) || self.fields.is_due(now_ns, FIELDS_BYTES, BATCH_NS) {
             return self.write_batches();
@@ -369,14 +369,14 @@ impl RecordingWriter {
         Ok(())
     }
 
-    /// Ends the chunk and writes it.
+    /// Ends the chunk and writes it with everything buffered.
     pub(super) fn flush(&mut self) -> Result<(), RecordingError> {
         self.with_container(Container::flush)?;
         self.safe_frames = self.frames;
         Ok(())
     }
 
-    /// Updates the number of written frames after a frame of `bytes`.
+    /// Updates the number of frames that are completely in the file, after a frame of `bytes` or, with 0, a flush.
     fn count_safe(&mut self, bytes: usize) {
         let buffered = self.container.as_ref().map_or(0, Container::buffered_bytes);
         match buffered {
@@ -397,7 +397,7 @@ impl RecordingWriter {
         Err(RecordingError::io("write", &self.part, gone))
     }
 
-    /// Writes a message of the selected camera on a topic.
+    /// Writes a message of the selected camera on a topic, at a time in ns since the Unix epoch.
     fn write_message(
         &mut self,
         topic: Topic,
@@ -417,7 +417,7 @@ impl RecordingWriter {
         self.with_container(|container| container.write_message(&header, message))
     }
 
-    /// Returns the channel of a topic of the selected camera, which is written if it is new.
+    /// Returns the channel of a topic of the selected camera, written with its schema if it is new.
     fn register_topic(&mut self, topic: Topic) -> Result<u16, RecordingError> {
         let camera = self.camera;
         if let Some(id) = self.channels[camera][topic as usize] {

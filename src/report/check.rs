@@ -32,6 +32,12 @@ pub struct CheckPicture {
 }
 
 /// Returns the page of a check: facts about the rig, pictures, and findings with their advice.
+///
+/// A picture whose frame does not unpack is left out.
+///
+/// # Panics
+///
+/// If the part of a picture exceeds its frame.
 pub fn check_page(rig: &str, facts: &[String], rows: &[CheckRow], pictures: &[CheckPicture]) -> String {
     let bad: Vec<&str> = rows.iter().filter(|row| row.verdict == "bad").map(|row| row.name.as_str()).collect();
     let drawn = pictures.iter().filter_map(|picture| {

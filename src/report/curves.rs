@@ -98,7 +98,7 @@ impl<'a> Drawer<'a> {
     /// Draws one velocity component over time, with its typical uncertainty next to the title.
     fn velocity_chart(&self, velocity: &VelocityChart) -> Markup {
         let VelocityChart { title, heading, unit, number } = velocity;
-        let curves = self.measured_and_true(|row| row.velocity.as_ref().and_then(number));
+        let curves = self.measured_and_true_curves(|row| row.velocity.as_ref().and_then(number));
         let chart = TimeChart { title: (*title).into(), curves, height: 130.0, has_axis: false };
         let note = self.typical_sigma(|row| row.velocity.as_ref().and_then(number).map(|(_, sigma)| sigma));
         self.figure(&html! { (heading) ", " (unit) }, note.as_ref(), &chart)
@@ -143,8 +143,11 @@ impl<'a> Drawer<'a> {
         TimeCurve { class, label, stretches: self.stretches(&self.rows, |row| Some((number(row)?, 0.0))) }
     }
 
-    /// Returns the measured curve of a number with its uncertainty, and the true one.
-    pub(super) fn measured_and_true(&self, number: impl Fn(&VelocitySample) -> Option<(f64, f64)>) -> Vec<TimeCurve> {
+    /// Returns the measured curve of a number with its uncertainty, and the true one, which may be empty.
+    pub(super) fn measured_and_true_curves(
+        &self,
+        number: impl Fn(&VelocitySample) -> Option<(f64, f64)>,
+    ) -> Vec<TimeCurve> {
         let truth = self.stretches(&self.truth, |row| number(row).map(|(y, _)| (y, 0.0)));
         vec![
             TimeCurve { class: "a", label: "", stretches: self.stretches(&self.rows, &number) },
@@ -152,7 +155,7 @@ impl<'a> Drawer<'a> {
         ]
     }
 
-    /// Formats the median and the largest uncertainty of a number; `None` without any.
+    /// Formats the median and the largest standard uncertainty of a number over the rows; `None` without any.
     fn typical_sigma(&self, sigma: impl Fn(&VelocitySample) -> Option<f64>) -> Option<Markup> {
         let mut sigmas: Vec<f64> = self.rows.iter().filter_map(|row| sigma(row)).filter(|s| s.is_finite()).collect();
         let text = |sigma: f64| format_estimate(Estimate { value: 0.0, sigma }, 1.0).sigma;

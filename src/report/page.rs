@@ -140,7 +140,7 @@ const TILES: [(&str, &[&str], &str, f64); 6] = [
     ("Compression", &["compression_max_mm"], "mm", 1.0),
 ];
 
-/// Returns why the rotation of a body was not measured: the most frequent status of its rows; `None` where it was.
+/// Returns the most frequent rotation status of the rows of an impact's body; `None` if it is valid or without rows.
 fn spin_refusal(shot: &Shot, impact: &Impact) -> Option<PointStatus> {
     let rows = shot.velocities.iter().filter(|row| row.body == impact.body);
     let mut counts: BTreeMap<&str, (usize, PointStatus)> = BTreeMap::new();
@@ -152,6 +152,8 @@ fn spin_refusal(shot: &Shot, impact: &Impact) -> Option<PointStatus> {
 }
 
 /// Writes the headline numbers of a collision with their uncertainties.
+///
+/// `spin_refusal` is written in place of the uncertainties of a missing spin.
 fn headline_tiles(measured: &BTreeMap<&str, Estimate>, spin_refusal: Option<PointStatus>) -> Markup {
     let tile = |label: &str, columns: &[&str], unit: &str, factor: f64| {
         let is_missing = columns.iter().all(|column| !measured.contains_key(column));
@@ -218,7 +220,8 @@ fn quantity_table(
     }
 }
 
-/// Writes the table cell with measured minus true in standard uncertainties; more than three stand out.
+/// Writes the table cell with measured minus true in standard uncertainties of the measured number; more than three
+/// stand out. The cell is empty if either is missing.
 fn deviation_cell(measured: Option<&Estimate>, truth: Option<&Estimate>) -> Markup {
     let deviation = measured.zip(truth).map(|(measured, truth)| (measured.value - truth.value) / measured.sigma);
     let Some(deviation) = deviation.filter(|deviation| deviation.is_finite()) else { return html! { td {} } };
@@ -330,7 +333,7 @@ fn count_table(heading: &str, counts: &BTreeMap<&str, u64>) -> Markup {
     }
 }
 
-/// Formats a count or a rate with thin spaces between thousands, from five digits on.
+/// Formats a count or a rate with thin spaces between thousands, from five digits on; three digits if it is not whole.
 fn grouped(number: f64) -> String {
     let text = if (number - number.round()).abs() < 1e-6 * number.abs().max(1.0) {
         format!("{number:.0}")

@@ -61,8 +61,9 @@ type Panel = (&'static str, Vec<TimeCurve>);
 /// A number of a row with its uncertainty.
 type Number<'a> = &'a dyn Fn(&VelocitySample) -> Option<(f64, f64)>;
 
-/// Draws the figures of one of the paper's experiments; none of another.
+/// Draws the figures of one of the paper's experiments from the first body of a shot; none of another experiment.
 ///
+/// A figure with a panel without data, or without pictures of its moments, is left out.
 /// These are Figs. 10 and 11 of the rod, Figs. 13 to 16 of the tennis ball and Figs. 18 to 21 of the lacrosse ball.
 pub fn figures(shot: &Shot, experiment: &Experiment<'_>) -> Vec<Figure> {
     let names: [&'static str; 4] = match experiment.name {
@@ -144,7 +145,7 @@ impl SurfaceAxes {
 fn labelled_pair(drawer: &Drawer<'_>, number: Number<'_>) -> Vec<TimeCurve> {
     let named =
         |curve: TimeCurve| TimeCurve { label: if curve.class == "truth" { "truth" } else { "measured" }, ..curve };
-    drawer.measured_and_true(number).into_iter().map(named).collect()
+    drawer.measured_and_true_curves(number).into_iter().map(named).collect()
 }
 
 /// Returns the heights of the edges of a rod's tapes above the first position of the lowest, mm.

@@ -20,7 +20,9 @@ pub(super) struct Crop {
 }
 
 impl Crop {
-    /// Returns the square with half side `half_px` about a point, clipped to the frame; the whole frame without a point.
+    /// Returns the square with half side `half_px` about a point, clipped to the frame.
+    ///
+    /// It is the whole frame without a point, or for a half side below 1 px.
     pub(super) fn about(center: Option<[f64; 2]>, half_px: f64, meta: &FrameMeta) -> Self {
         let (width, height) = (meta.width_px as usize, meta.height_px as usize);
         let span = |at: f64, size: usize| {
@@ -41,6 +43,10 @@ impl Crop {
 /// Encodes a part of a frame as an 8-bit grey PNG, stretched from black to white, averaged down to [`SIDE_PX_MAX`].
 ///
 /// Returns `None` for a frame that does not unpack.
+///
+/// # Panics
+///
+/// If the part exceeds the frame.
 pub(super) fn encode_png(meta: FrameMeta, bytes: &[u8], crop: Crop) -> Option<Vec<u8>> {
     let mut image = Image::default();
     Frame { meta, bytes }.unpack(&mut image).ok()?;

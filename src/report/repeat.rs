@@ -116,7 +116,9 @@ impl<'a> SpreadRow<'a> {
     }
 }
 
-/// Draws the values of all shots on a line, with their mean and standard deviation.
+/// Draws the values of all shots on a line with bars of two stated sigmas, and their mean and standard deviation.
+///
+/// Outliers are labelled with the number of their shot.
 fn draw_dots(values: &[(usize, Estimate)], spread: &Spread) -> Markup {
     let ends = values.iter().flat_map(|(_, e)| [e.value - 2.0 * e.sigma, e.value + 2.0 * e.sigma]);
     let (low, high) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));

@@ -92,11 +92,12 @@ impl Shot {
         Self::read_with(recording, recording.path(), frames.into_iter().flatten())
     }
 
-    /// Reads results, with the frames of the film at `path` that they were measured in.
+    /// Reads results, with the frames of the `film` that they were measured in, in order. `path` names it in errors.
     ///
     /// # Errors
     ///
-    /// The errors of [`read`](Self::read), and [`RecordingError::Invalid`] when the film has other frames.
+    /// The errors of [`read`](Self::read), and [`RecordingError::Invalid`] when a pictured frame of the film has
+    /// another stamp than in the results.
     pub fn read_with(
         recording: &Recording,
         path: &Path,
@@ -140,7 +141,13 @@ impl Shot {
         Ok(shot)
     }
 
-    /// Counts the statuses of all points, with one field in memory at a time in addition to those of the snapshots.
+    /// Counts the statuses of all points, and keeps the fields of the snapshots.
+    ///
+    /// One more field at a time is in memory.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError`] when the system fails or a row does not decode.
     fn read_fields(&mut self, recording: &Recording) -> Result<(), RecordingError> {
         for field in recording.fields()? {
             let field = field?;
@@ -207,7 +214,7 @@ impl Shot {
         &self.velocities
     }
 
-    /// Whether the film lacks a frame; false for results without frames.
+    /// Whether the film lacks the frame `sequence`; false for results without frames.
     pub fn is_missing(&self, sequence: u64) -> bool {
         self.frames.count > 0 && !self.frames.runs.contains(sequence)
     }
@@ -218,6 +225,8 @@ impl Shot {
     }
 
     /// Returns the sequence number of the first frame, from which frames are counted.
+    ///
+    /// Without frames it is that of the metadata, or else of the first velocity row, or else 0.
     pub fn first_frame(&self) -> u64 {
         let first_row = || self.velocities.iter().map(|row| row.frame).min();
         let recorded = || self.entry("first_frame");
@@ -264,7 +273,7 @@ impl Shot {
     }
 }
 
-/// Returns the highest revision of each collision, whatever their order.
+/// Returns the highest revision of each collision, whatever their order, sorted by body and number.
 pub fn last_revisions(revisions: Vec<Impact>) -> Vec<Impact> {
     let mut last: BTreeMap<(u32, u32), Impact> = BTreeMap::new();
     for impact in revisions {
@@ -276,7 +285,9 @@ pub fn last_revisions(revisions: Vec<Impact>) -> Vec<Impact> {
     last.into_values().collect()
 }
 
-/// Selects the row nearest to each moment of the first impacts. Field and picture are still missing.
+/// Selects the velocity row nearest in time to each moment of the first [`MAX_PICTURED_IMPACTS`] impacts.
+///
+/// Field and picture are still missing.
 fn select_snapshots(impacts: &[Impact], rows: &[VelocitySample]) -> Vec<Snapshot> {
     let mut snapshots = Vec::new();
     for impact in impacts.iter().take(MAX_PICTURED_IMPACTS) {

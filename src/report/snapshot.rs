@@ -10,7 +10,7 @@ use std::fmt::Write as _;
 /// Maximum number of arrows in one picture. Of more, every n-th is drawn.
 const ARROWS_MAX: usize = 200;
 
-/// Draws the pictures of a collision, or states why there are none.
+/// Draws the pictures of a collision, or states that there are none; nothing for a collision without moments.
 pub(super) fn strip(shot: &Shot, impact: &Impact) -> Markup {
     let of_impact = |s: &&Snapshot| s.impact == (impact.body, impact.number);
     let shown: Vec<&Snapshot> = shot.snapshots.iter().filter(of_impact).collect();
@@ -59,8 +59,8 @@ fn moment_figure(shot: &Shot, snapshot: &Snapshot, gain: f64) -> Markup {
     }
 }
 
-/// Computes the common gain of the arrows, rounded down to one digit. The longest of all pictures spans at most 1.8
-/// grid steps.
+/// Computes the common gain of the arrows, rounded down to one digit from 1 to 5. The longest of all pictures spans at
+/// most 1.8 grid steps. The gain is 1 without displacements.
 pub(super) fn gain(shown: &[&Snapshot]) -> f64 {
     let mut scale = ArrowScale::default();
     shown.iter().filter_map(|snapshot| snapshot.field.as_ref()).for_each(|field| scale.add(&field.points));

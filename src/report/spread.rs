@@ -44,7 +44,8 @@ impl Spread {
     }
 }
 
-/// Marks values further from the median than 3.5 robust standard deviations.
+/// Returns whether each value is further from the median than 3.5 robust standard deviations; none of fewer than four
+/// is.
 ///
 /// The standard deviation is at least the median stated uncertainty and at least the value's own. Values that agree
 /// better than stated, and a value that states a large uncertainty, are therefore no outliers.

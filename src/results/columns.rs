@@ -34,7 +34,8 @@ pub enum Cell {
     Text(String),
 }
 
-/// Writes a number as the shortest text that reads back as the same number, and nothing for a missing one.
+/// Writes a number as the shortest text that reads back as the same number, and nothing for one that is missing or not
+/// finite.
 impl std::fmt::Display for Cell {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
@@ -84,10 +85,12 @@ impl<R> Column<R> {
 
 /// A number of a group, which may be missing on its own.
 pub trait Part: Copy {
-    /// Returns the number, if it was measured.
+    /// Returns the number; `None` if it was not measured.
     fn known(self) -> Option<f64>;
 
-    /// Creates the part of a measured group; `None` if the group cannot be without this number.
+    /// Creates the part of a measured group from its number, `None` for a missing one.
+    ///
+    /// Returns `None` if the number is missing and the group cannot be without it.
     fn from_number(number: Option<f64>) -> Option<Self>;
 }
 

@@ -10,8 +10,9 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// Adds `share * value` to the standard uncertainty in quadrature, for a number that may be wrong by this share (no
-    /// unit).
+    /// Adds `share * value` to the standard uncertainty in quadrature, for a number that may be wrong by this share.
+    ///
+    /// `share` (no unit) counts as one standard uncertainty relative to the value, which stays as it is.
     #[must_use]
     pub fn short_by(self, share: f64) -> Self {
         Self { sigma: self.sigma.hypot(share * self.value), ..self }

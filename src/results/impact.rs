@@ -120,7 +120,9 @@ macro_rules! impact_struct {
             const SIGMAS: [Column<Self>; IMPACT_NUMBERS] =
                 [$(Column::double(stringify!($sigma), |row| Cell::Double(row.$number.map(|e| e.sigma)))),+];
 
-            /// Returns a collision of which nothing is known yet, with the status [`PointStatus::Lost`].
+            /// Returns revision 0 of a collision of which nothing is known yet, with the status [`PointStatus::Lost`].
+            ///
+            /// `body` is the index of the body, `number` that of its collision, both from 0.
             pub fn unknown(body: u32, number: u32, origin_ns: u64) -> Self {
                 Self {
                     body,
@@ -134,7 +136,9 @@ macro_rules! impact_struct {
                 }
             }
 
-            /// Returns the impact with its moments counted from `shift_s` earlier; durations stay as they are.
+            /// Adds `shift_s` to every measured moment, to count it from that much earlier.
+            ///
+            /// Durations and `origin_ns` stay as they are.
             #[must_use]
             pub fn shifted(mut self, shift_s: f64) -> Self {
                 $(
@@ -145,12 +149,15 @@ macro_rules! impact_struct {
                 self
             }
 
-            /// Whether the number of this name is a moment, which counts from [`Impact::origin_ns`], and not a duration.
+            /// Whether the column of this name holds a moment, which counts from [`Impact::origin_ns`].
+            ///
+            /// `false` for every other number, columns of uncertainties, and unknown names.
             pub fn is_moment(name: &str) -> bool {
                 [$((stringify!($number), Meaning::$Meaning)),+].contains(&(name, Meaning::Moment))
             }
 
-            /// Returns every measured number with its column's name, in the order of the table.
+            /// Returns every number with the name of its column, in the order of `impact_row!`; `None` for one that was
+            /// not measured.
             pub fn numbers(&self) -> [(&'static str, Option<Estimate>); IMPACT_NUMBERS] {
                 [$((stringify!($number), self.$number)),+]
             }
@@ -170,12 +177,14 @@ impl Impact {
         Column::double("force_law_probability", |row| Cell::Double(row.force_law_probability));
     const STATUS: Column<Self> = Column::text("status", |row| Cell::Text(row.status.as_str().into()));
 
-    /// Returns the measured number of the column with this name; `None` if it is unknown or was not measured.
+    /// Returns the number and standard uncertainty of the column with this name.
+    ///
+    /// `None` if no number has this name, or it was not measured.
     pub fn get(&self, name: &str) -> Option<Estimate> {
         self.numbers().into_iter().find(|(column, _)| *column == name).and_then(|(_, number)| number)
     }
 
-    /// Returns the columns of the table after the body's, in their order.
+    /// Returns the columns of the table behind those of the body and the collision's number, in their order.
     pub fn table() -> Vec<Column<Self>> {
         let [values, sigmas] = [Self::VALUES, Self::SIGMAS];
         let (first, later) = values.split_at(FIRST_NUMBERS);
@@ -187,7 +196,8 @@ impl Impact {
         columns
     }
 
-    /// Returns the columns of a JSON object: each number next to its uncertainty.
+    /// Returns the columns of a JSON object: each number next to its uncertainty, then the law, its probability, the
+    /// status.
     pub fn json_columns() -> Vec<Column<Self>> {
         let pairs = Self::VALUES.into_iter().zip(Self::SIGMAS).flat_map(|(value, sigma)| [value, sigma]);
         pairs.chain([Self::FORCE_LAW, Self::PROBABILITY, Self::STATUS]).collect()

@@ -26,10 +26,10 @@ pub struct MeasuredFrames {
 }
 
 impl MeasuredFrames {
-    /// Counts the velocity rows of one body.
+    /// Counts the velocity rows of one body, one per frame.
     ///
-    /// A row counts as measured if it is valid. The last rows need no motion to be valid. If other rows failed and none has
-    /// a motion or a velocity, the body was therefore not measured at all.
+    /// A row counts as measured if its status is valid. The last rows of a stream need no motion to be valid. If other
+    /// rows failed and no row has a motion or a velocity, the body was therefore not measured at all: the count is 0.
     pub fn count<'a>(rows: impl Iterator<Item = &'a VelocitySample>) -> Self {
         let (mut total, mut valid, mut moved) = (0, 0, 0);
         let mut failed: BTreeMap<PointStatus, FrequentStatus> = BTreeMap::new();

@@ -14,7 +14,7 @@ pub struct Reason {
 }
 
 impl PointStatus {
-    /// Returns the reason why a body of this kind has this status; `None` if it was measured.
+    /// Returns the reason why a body of this kind has this status, and the change that helps; `None` if it is valid.
     #[must_use]
     pub fn reason(self, kind: BodyKind) -> Option<Reason> {
         let reason = |text, keys, advice| Some(Reason { text, keys, advice });

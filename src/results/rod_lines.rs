@@ -5,7 +5,10 @@ use super::Rod;
 /// A line from (x, y) to (x, y), px.
 pub type Segment = [[f64; 2]; 2];
 
-/// Returns the lines of a rod, px: each measured edge from side to side, then both sides between the outermost edges.
+/// Returns the lines that draw a rod, px (y down): each measured edge from side to side, then both sides between the
+/// first and the last measured edge.
+///
+/// Empty if no edge was measured.
 pub fn segments(rod: &Rod) -> Vec<Segment> {
     let (sin, cos) = rod.tilt_deg.value.to_radians().sin_cos();
     let half = rod.half_width_px.value;

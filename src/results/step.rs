@@ -46,7 +46,7 @@ impl RigidStep {
     /// The standard uncertainty of a rotation that was not measured, deg/frame: any is possible.
     pub const ANY_ROTATION_DEG: f64 = 1e4;
 
-    /// Whether the rotation was measured.
+    /// Whether the rotation was measured: its standard uncertainty is below 90 deg/frame.
     #[must_use]
     pub fn has_rotation(&self) -> bool {
         self.sigma_dtheta_deg < UNKNOWN_ROTATION_DEG
@@ -63,8 +63,9 @@ impl RigidStep {
         points: 0,
     };
 
-    /// Adds the uncertainty of rotating about a centre that is uncertain by `center_sigma_px`, px: the rotation in rad
-    /// times that uncertainty.
+    /// Adds the uncertainty of rotating about a centre with the standard uncertainty `center_sigma_px`, px.
+    ///
+    /// It is the rotation in rad times that uncertainty, added in quadrature to those of both displacements.
     #[must_use]
     pub fn about(self, center_sigma_px: f64) -> Self {
         let sigma_px = self.dtheta_deg.to_radians() * center_sigma_px;
@@ -127,6 +128,7 @@ impl Outline {
 }
 
 impl From<RigidStep> for MotionSample {
+    /// Returns the motion as a row holds it, without a rotation that was not measured.
     fn from(step: RigidStep) -> Self {
         let rotation = Some(step).filter(RigidStep::has_rotation);
         Self {
@@ -142,12 +144,14 @@ impl From<RigidStep> for MotionSample {
 }
 
 impl From<Circle> for Outline {
+    /// Returns an outline that was detected in the frame.
     fn from(circle: Circle) -> Self {
         Self::new(OutlineShape::Circle(circle), OutlineOrigin::Detected)
     }
 }
 
 impl From<Rod> for Outline {
+    /// Returns an outline that was detected in the frame.
     fn from(rod: Rod) -> Self {
         Self::new(OutlineShape::Rod(rod), OutlineOrigin::Detected)
     }
@@ -208,7 +212,7 @@ pub struct BodyStep {
 const SIGNIFICANT_DRIFT_SIGMAS: f64 = 5.0;
 
 impl BodyStep {
-    /// Returns the circle of a ball or patch.
+    /// Returns the circle of a ball or patch; `None` for a rod and without an outline.
     #[must_use]
     pub fn circle(&self) -> Option<Circle> {
         match self.outline?.shape {
@@ -217,7 +221,7 @@ impl BodyStep {
         }
     }
 
-    /// Returns the rod.
+    /// Returns the rod; `None` for other bodies and without an outline.
     #[must_use]
     pub fn rod(&self) -> Option<Rod> {
         match self.outline?.shape {
@@ -226,7 +230,9 @@ impl BodyStep {
         }
     }
 
-    /// Returns the visible centre of the body: that of the circle, or the point that moves with the rod, px.
+    /// Returns the visible centre of the body, (x, y) in px with y down; `None` without an outline.
+    ///
+    /// It is the centre of the circle, or the point that moves with the rod.
     #[must_use]
     pub fn center_px(&self) -> Option<[f64; 2]> {
         Some(match self.outline?.shape {
@@ -235,19 +241,23 @@ impl BodyStep {
         })
     }
 
-    /// Whether the outline was detected in this frame.
+    /// Whether the outline was detected in this frame, and not predicted; `false` without an outline.
     #[must_use]
     pub fn is_detected(&self) -> bool {
         self.outline.is_some_and(|outline| outline.origin == OutlineOrigin::Detected)
     }
 
-    /// Whether the centre moves significantly differently than `motion`.
+    /// Whether the drift of the centre, in units of its standard uncertainties along x and y, is longer than 5.
+    ///
+    /// `false` where no drift was measured. The drift of the rotation does not matter.
     #[must_use]
     pub fn drifts(&self) -> bool {
         self.drift.is_some_and(|[x, y, _]| (x.value / x.sigma).hypot(y.value / y.sigma) > SIGNIFICANT_DRIFT_SIGMAS)
     }
 
-    /// Returns the motion of the body's centre per frame: `motion`, plus a significant drift.
+    /// Returns the motion of the body's centre per frame: `motion`, plus the whole drift if it is significant.
+    ///
+    /// Its rotation is then added too, and standard uncertainties add in quadrature. `None` without a motion.
     #[must_use]
     pub fn center_motion(&self) -> Option<RigidStep> {
         let motion = self.motion?;
@@ -263,7 +273,10 @@ impl BodyStep {
         })
     }
 
-    /// Returns the step without its motion, and with the visible share by the rim.
+    /// Returns the step without its motion and all that was measured with it.
+    ///
+    /// The circle's visible share becomes that by its rim, where a match of the whole body had replaced it. Status,
+    /// rotation status and angle stay.
     #[must_use]
     pub fn without_motion(self) -> Self {
         let by_rim = |outline: Outline| match (outline.shape, outline.rim_fraction) {

@@ -21,7 +21,7 @@ impl Axis {
         0.5 * (self.sides[0].at.value + self.sides[1].at.value) + self.tilt() * (y - self.middle)
     }
 
-    /// Returns the row where the axis crosses an edge, px. `column` is where the position of the edge was measured, px.
+    /// Returns the row where the axis crosses an edge, px. The edge's position belongs to the column `column`, px.
     pub(super) fn y_at_edge(&self, edge: &Edge, column: f64) -> f64 {
         // y = position + slope (x(y) - column), a linear equation in y.
         let (slope, tilt) = (edge.slope.value, self.tilt());
@@ -30,6 +30,8 @@ impl Axis {
 }
 
 /// Composes the measured rod from its sides, its edges and the reported row `y_px`.
+///
+/// The tilt is the weighted mean of those of the sides and of the fitted edges.
 pub(super) fn compose_rod(axis: &Axis, edges: &[Result<Edge, PointStatus>], y_px: Estimate) -> Rod {
     let slopes = edges.iter().flatten().map(|edge| Estimate { value: -edge.slope.value, ..edge.slope });
     let tilt = weighted_mean(slopes.chain(axis.sides.map(|side| side.slope)));

@@ -137,8 +137,8 @@ struct EdgeModel {
 }
 
 impl EdgeModel {
-    /// Returns the distance of a level of a profile behind the edge, px; negative before it.
-    fn behind(&self, profile: &Profile, index: usize) -> f64 {
+    /// Returns the distance of the level `index` of a profile behind the edge, px; negative before it.
+    fn distance_behind_px(&self, profile: &Profile, index: usize) -> f64 {
         profile.first + index as f64 - self.at - self.slope * profile.along
     }
 
@@ -152,7 +152,8 @@ impl EdgeModel {
         self.paints[0].noise.max(self.paints[1].noise)
     }
 
-    /// Returns the weight of the paint of a side (0 before, 1 behind) relative to one level near the edge.
+    /// Returns the weight of the paint of a side (0 before, 1 behind) relative to one level near the edge: the ratio of
+    /// their variances.
     fn paint_weight(&self, side: usize) -> f64 {
         (self.noise() / self.paints[side].sigma).powi(2)
     }
@@ -165,7 +166,7 @@ impl EdgeModel {
         let reach = CORE_PX.max(CORE_SIGMAS * self.blur);
         let [before, after] = self.paints.map(|paint| paint.level_at_edge(profile.along));
         profile.levels.iter().enumerate().filter_map(move |(index, level)| {
-            let behind = self.behind(profile, index);
+            let behind = self.distance_behind_px(profile, index);
             let (p, density) = normal_f64(behind / self.blur);
             let by_place = -(after - before) * density / self.blur;
             let by_blur = by_place * behind / self.blur;
@@ -189,7 +190,8 @@ impl EdgeModel {
 type Vector = SVector<f64, 5>;
 type Matrix = SMatrix<f64, 5, 5>;
 
-/// Fits the edge at its expected position.
+/// Fits the edge at its expected position: a step blurred by a Gaussian, with weights of the profiles by Tukey's
+/// biweight in several rounds.
 ///
 /// # Errors
 ///
@@ -260,7 +262,8 @@ fn read_profiles(image: ImageView<'_>, expected: &ExpectedEdge) -> Result<Vec<Pr
 /// Estimates the paint of both sides from the levels clear of the edge, before it and behind it.
 ///
 /// Speckles are closer in level to the other side of the edge than the paint around them. The paint of a side is
-/// therefore the outermost level. The side without speckles gives its variation.
+/// therefore the outermost level. The side without speckles gives its variation. A speckled side takes the paint of
+/// clean edges if that has about the same level.
 ///
 /// # Errors
 ///
@@ -277,7 +280,8 @@ fn estimate_paints(
         let levels = |profile: &Profile| {
             let along = profile.along;
             let all = profile.levels.iter().enumerate();
-            let placed = all.map(|(index, level)| Level { along, behind: model.behind(profile, index), level: *level });
+            let behind = |index: usize| model.distance_behind_px(profile, index);
+            let placed = all.map(|(index, level)| Level { along, behind: behind(index), level: *level });
             placed.filter(|level| of * level.behind >= margin).collect::<Vec<_>>()
         };
         profiles.iter().flat_map(levels).collect()
@@ -352,7 +356,9 @@ fn solve_model(profiles: &[Profile], start: EdgeModel) -> Result<EdgeModel, Poin
     Ok(model)
 }
 
-/// Returns the normal equations at a model, and the weighted sum of squared residuals, DN^2.
+/// Returns the normal equations at a model (matrix, right side), and the weighted sum of squared residuals, DN^2.
+///
+/// The unknowns are position, slope, blur, and the levels before and behind the edge, which their paint constrains.
 fn normal_equations(profiles: &[Profile], model: &EdgeModel) -> (Matrix, Vector, f64) {
     let (mut normal, mut right, mut squares) = (Matrix::zeros(), Vector::zeros(), 0.0);
     for profile in profiles.iter().filter(|profile| profile.weight > 0.0) {
@@ -371,8 +377,8 @@ fn normal_equations(profiles: &[Profile], model: &EdgeModel) -> (Matrix, Vector,
     (normal, right, squares)
 }
 
-/// Updates the weights of the profiles: zero for those with a residual above `fraction` of the contrast, and Tukey's
-/// biweight of their distance from the common line for the rest.
+/// Updates the weights of the profiles: zero for those with a residual above `fraction` of the contrast and above 3.5
+/// sigmas of noise, and Tukey's biweight of their distance from the common line for the rest.
 fn reweigh(profiles: &mut [Profile], model: &EdgeModel, fraction: f64) {
     let limit = (fraction * model.contrast().abs()).max(OUTLIER_SIGMAS * model.noise());
     let is_clean: Vec<bool> = profiles
@@ -455,7 +461,9 @@ fn edge_with_uncertainty(profiles: &[Profile], model: &EdgeModel) -> Result<Edge
     })
 }
 
-/// Returns the error of an edge that fitted its own paint, if the paint is as first estimated, px.
+/// Returns the shift of the edge that comes with the change of its paints in the fit, px.
+///
+/// It is the error of the edge if the paints are as first estimated.
 fn shading_shift(model: &EdgeModel, inverse: &Matrix) -> f64 {
     (0..2).map(|k| model.moved[k] * inverse[(0, 3 + k)] / inverse[(3 + k, 3 + k)]).sum()
 }

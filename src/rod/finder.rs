@@ -175,6 +175,10 @@ impl RodFinder {
     }
 
     /// Checks that an image has the planned size.
+    ///
+    /// # Panics
+    ///
+    /// If it has another size.
     fn check_shape(&self, image: ImageView<'_>) {
         assert_eq!((image.width(), image.height()), self.shape, "planned for another size");
     }
@@ -208,7 +212,10 @@ impl RodFinder {
         })
     }
 
-    /// Returns the left and the right side: the strongest two lines of opposite sign within the allowed width.
+    /// Returns the left and the right side, in columns of the region; `None` without two sides.
+    ///
+    /// Of the pairs of lines of opposite sign within the allowed width, it is that whose weaker line is the strongest.
+    /// Each line must change over at least [`MIN_SIDE_ROWS`] rows.
     fn find_sides(&self, binary: &BinaryImage) -> Option<[Line; 2]> {
         let mut tried = find_extrema(&binary.column_steps(), MIN_DISTANCE_PX);
         tried.truncate(SIDES_TRIED);
@@ -227,7 +234,8 @@ impl RodFinder {
         best.map(|(_, pair)| pair)
     }
 
-    /// Returns the followed edges, from the top downwards. `inside` are the columns between the `sides`.
+    /// Returns the followed edges, from the top downwards, in rows of the region. `inside` are the columns between the
+    /// `sides`, columns of the region as well.
     ///
     /// # Errors
     ///
@@ -275,7 +283,8 @@ impl RodFinder {
         if rival >= RIVAL_RATIO * weakest || !alternates { Err(PointStatus::Ambiguous) } else { Ok(found) }
     }
 
-    /// Fits all edges, first separately. Speckled ones are fitted again with blur and paint of the clean ones.
+    /// Fits all edges, first separately. Speckled ones, and failed ones inside the image, are fitted again with blur
+    /// and paint of the clean ones.
     fn fit_edges(&self, image: ImageView<'_>, prediction: &Prediction, axis: &Axis) -> Vec<Result<Edge, PointStatus>> {
         let separate: Vec<Result<Edge, PointStatus>> =
             (0..prediction.edges_px.len()).map(|index| self.fit_edge(image, prediction, axis, index, None)).collect();
@@ -288,7 +297,11 @@ impl RodFinder {
         (0..separate.len()).map(refit).collect()
     }
 
-    /// Fits the edge with this index and returns it with its position on the axis.
+    /// Fits the edge with this index and returns it with its position on the axis. `clean` is known of other edges.
+    ///
+    /// # Errors
+    ///
+    /// The errors of [`fit_step_edge`].
     fn fit_edge(
         &self,
         image: ImageView<'_>,
@@ -345,7 +358,7 @@ impl RodFinder {
         candidates.map(|(section, rows)| (section, texture(rows))).max_by(|a, b| a.1.total_cmp(&b.1)).map(|best| best.0)
     }
 
-    /// Fits both sides over the rows with tapes.
+    /// Fits both sides over the rows with tapes. For an odd number of edges these are all rows of the region.
     ///
     /// # Errors
     ///
@@ -388,8 +401,8 @@ enum Shade {
     White,
 }
 
-/// Whether the rows next to a line, on the side of the bare rod, are all of the rod's shade. `white` is the fraction of
-/// white pixels in each row.
+/// Whether each of the three rows next to a line, on the side of the bare rod, has at most 10 % pixels of the other
+/// shade than the `rod`. `white` is the fraction of white pixels in each row.
 ///
 /// The bare rod lies next to an edge of a tape, but not next to a line between speckles.
 fn has_bare_side(white: &[f64], line: &Line, rod: Shade) -> bool {

@@ -25,7 +25,9 @@ pub struct RodObservation {
 }
 
 impl RodObservation {
-    /// Returns the rod moved by some px, with its uncertainties increased by `sigma_px`.
+    /// Returns the rod moved by some px, with the uncertainties of its positions increased by `sigma_px`.
+    ///
+    /// Width and tilt stay.
     pub fn moved(&self, dx_px: f64, dy_px: f64, sigma_px: f64) -> Self {
         let mut moved = *self;
         let by = |estimate: Estimate, shift: f64| Estimate {

@@ -15,9 +15,10 @@ pub(super) fn clean_paint_at(clean: &[&Edge], row: f64) -> Option<CleanPaint> {
     (!clean.is_empty()).then(|| CleanPaint { blur_px, paints_dn: [paint(0), paint(1)] })
 }
 
-/// Interpolates the paint at a row from that at other rows, with the slope shrunk by its share of noise.
+/// Interpolates the paint at a row from that at other rows by a weighted line.
 ///
-/// `paints` are rows, px, and levels, DN. A single row gives a constant.
+/// The slope is shrunk by the factor 1 - (sigma / slope)^2, at least 0. `paints` are rows, px, and levels, DN. Rows
+/// within about a pixel give a constant.
 fn interpolate_paint(paints: impl Iterator<Item = (f64, Estimate)> + Clone, row: f64) -> Estimate {
     let weighted = paints.map(|(at, paint)| (at, paint.value, paint.sigma.powi(-2)));
     let sum = |of: &dyn Fn(f64, f64) -> f64| weighted.clone().map(|(at, level, w)| w * of(at, level)).sum::<f64>();

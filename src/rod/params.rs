@@ -22,12 +22,16 @@ impl RodParams {
         Self { width_px: [MIN_WIDTH_PX, f64::from(u16::MAX)], edges, roi_px: None }
     }
 
-    /// Returns the searched region: x, y, width, height, px.
+    /// Returns the searched region of an image of this size: x, y, width, height, px.
     pub(super) fn region(&self, width_px: usize, height_px: usize) -> [usize; 4] {
         self.roi_px.map_or([0, 0, width_px, height_px], |roi| roi.map(|number| number as usize))
     }
 
     /// Checks the parameters for images of this size.
+    ///
+    /// # Errors
+    ///
+    /// [`RodError::Range`] for the first parameter that is out of its range.
     pub(super) fn check(&self, width_px: usize, height_px: usize) -> Result<(), RodError> {
         let refuse = |key, value, range| Err(RodError::Range { key, value, range });
         if !(2..=ROD_EDGES as u32).contains(&self.edges) {

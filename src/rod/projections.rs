@@ -63,8 +63,9 @@ impl BinaryImage {
         i32::from(self.white[to]) - i32::from(self.white[from])
     }
 
-    /// Sums the steps from black to white from each row of the region to the next, over some of its columns.
+    /// Sums the steps from each row of the region to the next, over some of its columns.
     ///
+    /// A step from black to white counts 1, from white to black -1.
     /// These are the horizontal sums of Eq. 5. Entry k is the line between rows k and k + 1.
     pub fn row_steps(&self, columns: std::ops::Range<usize>) -> Vec<i32> {
         let sum = |row: usize| {
@@ -81,7 +82,9 @@ impl BinaryImage {
         (0..self.height).map(|y| white(y) as f64 / count).collect()
     }
 
-    /// Sums the steps from black to white from each column to the next, over all rows: the vertical sums of Eq. 5.
+    /// Sums the steps from each column of the region to the next, over all rows: the vertical sums of Eq. 5.
+    ///
+    /// A step from black to white counts 1, from white to black -1. Entry k is the line between columns k and k + 1.
     pub fn column_steps(&self) -> Vec<i32> {
         let sum = |x: usize| (0..self.height).map(|y| self.edge_sign(y * self.width + x, y * self.width + x + 1)).sum();
         (0..self.width.saturating_sub(1)).map(sum).collect()
@@ -97,7 +100,8 @@ pub struct Line {
     pub strength: i32,
 }
 
-/// Finds the extrema of sums, strongest first, at least `apart` entries from a stronger one.
+/// Finds the extrema of sums over three entries, strongest of either sign first, at least `apart` entries from a
+/// stronger one.
 ///
 /// A blurred or tilted edge spreads over an entry and its two neighbours.
 pub fn find_extrema(sums: &[i32], apart: usize) -> Vec<Line> {

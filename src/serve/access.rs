@@ -30,7 +30,7 @@ impl crate::failure::Fatal for TokenError {
 pub(super) struct Token(String);
 
 impl Token {
-    /// Reads the first line of a file.
+    /// Reads the token, which is the first line of a file.
     ///
     /// # Errors
     ///
@@ -91,13 +91,18 @@ impl RequestHead<'_> {
         self.headers.get(name).and_then(|value| value.to_str().ok())
     }
 
-    /// Whether the request changes something, or opens a channel that a page of another site could read.
+    /// Whether the request has a method other than GET or HEAD, so that it may change something, or asks for an upgrade
+    /// to a channel that a page of another site could read.
     fn is_sensitive(&self) -> bool {
         let is_reading = matches!(*self.method, Method::GET | Method::HEAD);
         !is_reading || self.headers.contains_key(header::UPGRADE)
     }
 
-    /// Checks that a request of a browser comes from our own page at this host.
+    /// Checks that a request with an `Origin` header, as browsers send it, comes from our own page at this host.
+    ///
+    /// # Errors
+    ///
+    /// A refusal if it comes from another one.
     fn check_origin(&self, host: &str) -> Result<(), Refusal> {
         let refusal = Err(Refusal(StatusCode::FORBIDDEN, "refused: the request comes from the page of another site"));
         let Some(origin) = self.headers.get(header::ORIGIN) else { return Ok(()) };
@@ -105,7 +110,11 @@ impl RequestHead<'_> {
         if authority == Some(host) { Ok(()) } else { refusal }
     }
 
-    /// Returns the host and port that the client has addressed, as named in its request.
+    /// Returns the host and port that the client has addressed: the `Host` header, or else those in the address.
+    ///
+    /// # Errors
+    ///
+    /// A refusal if the request has neither.
     fn host(&self) -> Result<&str, Refusal> {
         let host = self.header(header::HOST).or(self.uri.authority().map(axum::http::uri::Authority::as_str));
         host.ok_or(Refusal(StatusCode::BAD_REQUEST, "refused: the request has no Host header"))
@@ -121,7 +130,8 @@ fn is_own_address(host: &str) -> bool {
     name == "localhost" || name.trim_matches(['[', ']']).parse::<IpAddr>().is_ok()
 }
 
-/// Checks that a request carries the token, if there is one, and does not come from the page of another site.
+/// Checks that a request carries the token, and that a sensitive one does not come from the page of another site.
+/// Without a token, the addressed host must be a number or `localhost`.
 ///
 /// # Errors
 ///

@@ -84,7 +84,12 @@ async fn read_body(body: Body) -> Result<Bytes, Box<Response>> {
     }
 }
 
-/// Refuses the request of a page that does not hold control.
+/// Checks that the page of a request holds control, or takes free control for it. Requests without the name of a page
+/// pass.
+///
+/// # Errors
+///
+/// The answer to the client, if another page holds control or the name is no page name.
 fn check_control(app: &App, headers: &HeaderMap) -> Result<(), Box<Response>> {
     let Some(page) = headers.get(PAGE) else { return Ok(()) };
     match page.to_str().ok().and_then(parse_page_name) {
@@ -93,7 +98,8 @@ fn check_control(app: &App, headers: &HeaderMap) -> Result<(), Box<Response>> {
     }
 }
 
-/// Sends a command to the rig, if the request may command it, and answers with the reply of the recorder.
+/// Sends a command to the rig, if the request may command it, and answers with the reply of the recorder or the reason
+/// why there is none. Commands go one at a time.
 async fn send_command(app: Arc<App>, request: Request, command: Command) -> Response {
     let (parts, body) = request.into_parts();
     let checked = read_body(body).await.and_then(|_| check_control(&app, &parts.headers));
@@ -113,7 +119,7 @@ async fn send_command(app: Arc<App>, request: Request, command: Command) -> Resp
     }
 }
 
-/// Returns the recorder's reply as an answer.
+/// Returns the recorder's reply as an answer; its status is 200 if the recorder accepted the command, else 409.
 fn reply_answer(reply: &Reply) -> Response {
     let code = ReplyCode::from_number(reply.code).unwrap_or(ReplyCode::Unknown);
     let is_accepted = code == ReplyCode::Accepted;
@@ -139,7 +145,7 @@ pub(super) async fn trigger(State(app): State<Arc<App>>, request: Request) -> Re
     send_command(app, request, Command::Trigger).await
 }
 
-/// Gives control to the page of the request.
+/// Gives control to the page of the request, whichever page holds it.
 pub(super) async fn take_control(State(app): State<Arc<App>>, headers: HeaderMap) -> Response {
     match headers.get(PAGE).and_then(|page| page.to_str().ok()).and_then(parse_page_name) {
         Some(page) => {
@@ -161,7 +167,7 @@ fn shot_answer(done: Result<(), ShotError>) -> Response {
     refuse(status, &done.err().map(|error| error.to_string()).unwrap_or_default())
 }
 
-/// Rejects a shot; the body is `{"reason": "..."}`.
+/// Rejects a shot, if the request may command the rig; the body is `{"reason": "..."}`.
 pub(super) async fn reject(State(app): State<Arc<App>>, Path(name): Path<String>, request: Request) -> Response {
     let (parts, body) = request.into_parts();
     let bytes = match read_body(body).await.and_then(|bytes| check_control(&app, &parts.headers).map(|()| bytes)) {
@@ -173,7 +179,7 @@ pub(super) async fn reject(State(app): State<Arc<App>>, Path(name): Path<String>
     shot_answer(app.shots.reject(&name, reason))
 }
 
-/// Accepts a rejected shot again.
+/// Accepts a rejected shot again, if the request may command the rig.
 pub(super) async fn accept(State(app): State<Arc<App>>, Path(name): Path<String>, request: Request) -> Response {
     let (parts, body) = request.into_parts();
     match read_body(body).await.and_then(|_| check_control(&app, &parts.headers)) {

@@ -56,12 +56,12 @@ impl Control {
         OpenPage { control: self.clone(), page: page.to_owned() }
     }
 
-    /// Gives control to a page.
+    /// Gives control to a page, also if another one has it.
     pub(super) fn give_control(&self, page: &str) {
         self.lock_pages().holder = Some(page.to_owned());
     }
 
-    /// Takes control for a page unless another one has it. Returns whether the page has control.
+    /// Takes control for a page unless another one has it. Returns whether the page has control now.
     pub(super) fn take_control_if_free(&self, page: &str) -> bool {
         self.lock_pages().holder.get_or_insert_with(|| page.to_owned()) == page
     }
@@ -85,7 +85,7 @@ impl Drop for OpenPage {
 ///
 /// # Errors
 ///
-/// [`BusError::NoRig`] when the rig does not run.
+/// [`BusError::NoRig`] when the rig does not run, another [`BusError`] when shared memory cannot be used.
 pub(super) fn ask(rig: &str, command: Command) -> Result<Option<Reply>, BusError> {
     Bus::join(rig, "serve")?.control_client()?.ask(command, REPLY_TIMEOUT)
 }

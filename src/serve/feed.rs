@@ -61,7 +61,7 @@ impl Feed {
         self.sender.receiver_count() > 0
     }
 
-    /// Sends rows, at most [`BATCH_ROWS`], to all clients.
+    /// Counts rows and sends them to all clients as one batch. The caller passes at most [`BATCH_ROWS`].
     pub(super) fn send(&self, rows: &[Map<String, Value>]) {
         let first = self.sent.fetch_add(rows.len() as u64, Ordering::Relaxed);
         // Without a client there is nobody to send to.
@@ -92,7 +92,7 @@ pub(super) struct Delivery {
 }
 
 impl Follower {
-    /// Waits for the next rows; `None` when the topic has ended.
+    /// Waits for the next rows, with the number of rows lost since the ones before; `None` when the topic has ended.
     pub(super) async fn next(&mut self) -> Option<Delivery> {
         loop {
             match self.receiver.recv().await {

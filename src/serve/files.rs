@@ -20,7 +20,7 @@ const PIECES: usize = 2;
 /// A report carries its own style and its pictures, and nothing that runs.
 const REPORT_POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'";
 
-/// Returns the answer for a name that no recording of the rig has.
+/// Returns the answer 404, for a name that no recording of the rig has.
 fn not_found() -> Response {
     (StatusCode::NOT_FOUND, "no recording of this name\n").into_response()
 }
@@ -44,7 +44,8 @@ pub(super) async fn download(State(app): State<Arc<App>>, Path(name): Path<Strin
     (headers, body).into_response()
 }
 
-/// Replaces characters that a header or a shell could misread by `_`.
+/// Replaces all characters but letters and digits of ASCII, `-`, `_` and `.` by `_`, so that no header or shell
+/// misreads the name.
 fn sanitize(name: &str) -> String {
     name.chars().map(|c| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' }).collect()
 }
@@ -67,7 +68,7 @@ fn send_pieces(mut file: std::fs::File, pieces: &Sender<std::io::Result<Bytes>>)
     }
 }
 
-/// Answers with the report of a recording.
+/// Answers with the report of a recording, made on request, one report at a time.
 pub(super) async fn report(State(app): State<Arc<App>>, Path(name): Path<String>) -> Response {
     let Ok(path) = app.shots.path(&name) else { return not_found() };
     let Ok(_turn) = app.reports.acquire().await else { return not_found() };
@@ -82,7 +83,7 @@ pub(super) async fn report(State(app): State<Arc<App>>, Path(name): Path<String>
     }
 }
 
-/// Reads a recording and returns its report as a page of HTML.
+/// Reads the main camera of a recording and returns its report as a page of HTML.
 fn build_report(path: &std::path::Path) -> Result<String, RecordingError> {
     let shot = report::Shot::read(&Recording::open(path)?.select_view(None)?)?;
     Ok(report::page(&[shot]))

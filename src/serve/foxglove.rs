@@ -71,7 +71,8 @@ pub(super) async fn start(app: &Arc<App>, address: SocketAddr) -> Result<SocketA
     Ok(SocketAddr::new(address.ip(), server.port()))
 }
 
-/// Opens a channel of rows that have the columns of `example`.
+/// Opens a channel of JSON rows, whose schema has the columns of `example`: texts as strings, everything else as
+/// numbers.
 fn json_channel(
     context: &Arc<Context>,
     topic: &str,
@@ -85,7 +86,7 @@ fn json_channel(
     ChannelBuilder::new(topic).context(context).message_encoding("json").schema(schema).build_raw()
 }
 
-/// Sends the rows of a topic while anybody watches it.
+/// Sends the rows of a topic to its channel while anybody watches it, until the topic ends.
 async fn send_rows(channel: Arc<RawChannel>, feed: Feed) {
     loop {
         if !channel.has_sinks() {
@@ -107,13 +108,14 @@ async fn send_rows(channel: Arc<RawChannel>, feed: Feed) {
     }
 }
 
-/// Returns the time of a row of any topic, ns since the Unix epoch; `None` if it has none.
+/// Returns the time of a row of any topic, ns since the Unix epoch: its stamp, or the origin of a collision's times.
+/// `None` if it has neither.
 fn stamp_of(row: &str) -> Option<u64> {
     let row: Map<String, Value> = serde_json::from_str(row).ok()?;
     ["stamp_ns", "origin_ns"].iter().find_map(|key| row.get(*key)?.as_u64())
 }
 
-/// Sends pictures with their annotations while anybody watches them.
+/// Sends each new picture with its annotations while anybody watches either, until the pictures end.
 async fn send_pictures(app: Arc<App>, image: Channel<CompressedImage>, annotations: Channel<ImageAnnotations>) {
     loop {
         if !image.has_sinks() && !annotations.has_sinks() {
@@ -178,7 +180,7 @@ fn annotations_of(picture: &Picture) -> ImageAnnotations {
     }
 }
 
-/// Returns the service of a command. It answers with `accepted` and a sentence.
+/// Returns the service of a command. It sends the command to the rig, and answers with `accepted` and a sentence.
 fn command_service(app: &Arc<App>, command: Command) -> Service {
     let empty = || Schema::new("ricochet.Request", "jsonschema", br#"{"type":"object"}"#.to_vec());
     let answer = br#"{"type":"object","properties":{"accepted":{"type":"boolean"},"answer":{"type":"string"}}}"#;

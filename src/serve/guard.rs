@@ -13,7 +13,7 @@ use std::sync::Arc;
 /// The part of an address that carries the token for the first visit of a browser.
 const QUERY: &str = "token=";
 
-/// Returns the token in the address of a first visit, if it is one.
+/// Returns the text after `token=` in the address of a first visit, a GET of `/`; `None` for other requests.
 fn token_in_address<'a>(head: &RequestHead<'a>) -> Option<&'a str> {
     let query = head.uri.query().filter(|_| head.uri.path() == "/" && *head.method == Method::GET)?;
     query.split('&').find_map(|part| part.strip_prefix(QUERY))
@@ -25,7 +25,8 @@ fn redirect_with_cookie(token: &Token) -> Response {
     (StatusCode::SEE_OTHER, headers).into_response()
 }
 
-/// Checks every request before it is answered, and completes the headers of the answer.
+/// Answers a first visit with the cookie, a request that passes the checks with `next`, and any other with its refusal.
+/// Completes the headers of each answer.
 pub(super) async fn guard(State(app): State<Arc<App>>, request: Request<Body>, next: Next) -> Response {
     let head = RequestHead { method: request.method(), uri: request.uri(), headers: request.headers() };
     let token = app.token.as_ref();

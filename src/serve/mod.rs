@@ -200,7 +200,8 @@ struct Server<'a> {
     pulse: Pulse,
 }
 
-/// Runs the server on the thread that calls it, until a stop is requested.
+/// Runs the server on the thread that calls it, until a stop is requested. `announce` gets the address for Foxglove
+/// viewers.
 fn run_server(
     listener: TcpListener,
     app: &Arc<App>,

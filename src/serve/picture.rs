@@ -58,10 +58,11 @@ pub(super) struct Encoded {
 }
 
 impl PictureEncoder {
-    /// Encodes a frame as a grey JPEG file; `None` for a frame that does not unpack.
+    /// Encodes a frame as a grey JPEG file; `None` for a frame that does not unpack or cannot be compressed.
     ///
-    /// Each pixel of the picture is the mean of a block of `scale` x `scale` pixels, or [`SATURATED`] if one of them
-    /// is.
+    /// Each pixel of the picture is the mean of a block of `scale` x `scale` pixels, scaled from the full range to 0 to
+    /// [`UNSATURATED_MAX`], or [`SATURATED`] if a pixel of the block is. Incomplete blocks at the right and lower edges
+    /// are left out.
     pub(super) fn encode(&mut self, frame: &Frame<'_>) -> Option<Encoded> {
         frame.unpack(&mut self.image).ok()?;
         let view = self.image.view();

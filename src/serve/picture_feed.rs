@@ -30,7 +30,7 @@ const MAX_ROWS: usize = 8192;
 /// The pictures that the page shows; the number of its receivers is the number of viewers.
 pub(super) type Pictures = Sender<Option<Arc<Picture>>>;
 
-/// Publishes pictures until a stop is requested.
+/// Publishes pictures of each run of the rig while somebody watches, until a stop is requested.
 pub(super) fn run(config: &Config, pictures: &Pictures, link: &Link) {
     let mut encoder = PictureEncoder::default();
     follow_rig(&config.rig.name, link, |run| {
@@ -59,7 +59,8 @@ impl<'a> View<'a> {
     }
 }
 
-/// Publishes pictures as long as somebody watches.
+/// Publishes pictures as long as the run lasts and somebody watches, one per [`PERIOD`] or less often if they take too
+/// long.
 fn publish_while_watched(
     view: &View<'_>,
     encoder: &mut PictureEncoder,
@@ -87,7 +88,7 @@ struct Taken {
 }
 
 /// Takes a picture of the newest frame, with the positions of the bodies in it if they are measured in time. `None` if
-/// no new frame has come. `rows` keeps the newest positions from call to call.
+/// no new frame has come, or it cannot be encoded. `rows` keeps the newest positions from call to call.
 fn take_picture(
     view: &View<'_>,
     encoder: &mut PictureEncoder,
@@ -138,7 +139,7 @@ fn mm_per_px(config: &Config, rows: &[TrackSample]) -> Option<f64> {
     }
 }
 
-/// Describes a body for the drawing: its circle, or the lines of a rod.
+/// Describes a body for the drawing: its circle, or the lines of a rod, in px of the frame.
 fn body_json(config: &Config, row: &TrackSample) -> Value {
     let name = config.bodies.get(row.body as usize).map_or("", |body| body.name.as_str());
     json!({

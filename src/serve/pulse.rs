@@ -15,7 +15,7 @@ const PERIOD: Duration = Duration::from_millis(200);
 pub(super) struct Pulse(Arc<AtomicU64>);
 
 impl Pulse {
-    /// Counts the turns of the server's thread, which stop when it hangs. It never ends.
+    /// Counts a turn of the server's thread every [`PERIOD`], which stops when the thread hangs. It never ends.
     pub(super) async fn count_turns(self) {
         loop {
             self.0.fetch_add(1, Ordering::Relaxed);

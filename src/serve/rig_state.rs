@@ -120,7 +120,8 @@ impl PageState {
         *self = Self { impacts: std::mem::take(&mut self.impacts), ..Self::new(Arc::clone(&self.config)) };
     }
 
-    /// Updates the state by an event. `number` returns the number of the recording that the event completes.
+    /// Updates the state by an event. `number` is called for an event that completes a recording, and returns the
+    /// recording's number.
     pub(super) fn add_event(&mut self, event: &Event, number: impl FnOnce() -> u32, now_s: f64) {
         match event.kind() {
             Some(EventKind::Prepared) if event.sequence == 0 => {
@@ -171,7 +172,7 @@ impl PageState {
         }
     }
 
-    /// Adds a collision, or replaces its previous revision.
+    /// Adds a collision as the newest one, in place of its previous revision. Beyond [`MAX_IMPACTS`] the oldest goes.
     pub(super) fn add_impact(&mut self, impact: Impact) {
         self.impacts.retain(|kept| (kept.body, kept.number) != (impact.body, impact.number));
         self.impacts.push(impact);
@@ -185,7 +186,8 @@ impl PageState {
         self.statuses.get(&(Role::Acquire as u32, 0))
     }
 
-    /// Returns the newest collision that reaches into the last shot; without a shot, the newest of the stream.
+    /// Returns the newest collision with its start, deepest point or end in the last shot. Without a shot, or with one
+    /// whose duration is not configured, returns the newest of the stream.
     pub(super) fn last_impact(&self) -> Option<&Impact> {
         let trigger = &self.config.trigger;
         let is_timed = !matches!(trigger.mode, TriggerMode::Off | TriggerMode::Hardware);
@@ -201,7 +203,7 @@ impl PageState {
         })
     }
 
-    /// Returns the share of the time before a trigger that the ring holds, 0 to 1.
+    /// Returns the share of the time before a trigger that the ring holds, 0 to 1; 1 for a rig that records none.
     pub(super) fn ring_fraction(&self) -> f64 {
         let pre_s = self.config.trigger.pre_s;
         if self.config.record.is_none() || self.config.pre_trigger_frames(1e6) == 0 {
@@ -211,7 +213,7 @@ impl PageState {
         (newest_ns.saturating_sub(self.fills_from_ns) as f64 * 1e-9 / pre_s).clamp(0.0, 1.0)
     }
 
-    /// Returns the commands that the rig accepts now.
+    /// Returns the commands that the rig accepts now: of `arm`, `disarm` and `trigger`.
     pub(super) fn actions(&self) -> &'static [&'static str] {
         let mode = self.config.trigger.mode;
         let is_open = self.shot.is_some_and(|shot| shot.saved.is_none());
@@ -225,7 +227,7 @@ impl PageState {
         }
     }
 
-    /// Returns the word of the state, and its explanation.
+    /// Returns the word of the state and its explanation at this time of the page's clock, s.
     pub(super) fn state(&self, now_s: f64) -> State {
         let state = |word: Word, detail: String| State { word, detail };
         if let Some(fault) = self.fault(now_s) {
@@ -259,7 +261,8 @@ impl PageState {
         }
     }
 
-    /// Returns the reason why the rig cannot take a shot; `None` if it can.
+    /// Returns the fault that keeps the rig from taking a shot: it does not run, its camera fails or is silent, or
+    /// recordings cannot be written. `None` without one.
     fn fault(&self, now_s: f64) -> Option<String> {
         if !self.is_running {
             return Some(format!("rig {} is not running", self.config.rig.name));

@@ -19,13 +19,14 @@ impl RowContext {
         self.bodies.get(index as usize).map_or_else(|| index.to_string().into(), |name| name.as_str().into())
     }
 
-    /// Returns the time since the start of the stream, s; `None` until the start is known.
+    /// Returns the time since the start of the stream, s, negative before it; `None` until the start is known.
     fn seconds(&self, stamp_ns: u64) -> Option<f64> {
         self.origin_ns.map(|origin_ns| (i128::from(stamp_ns) - i128::from(origin_ns)) as f64 / 1e9)
     }
 }
 
-/// Returns the cells of a row as JSON, each with the name of its column; a missing number is null.
+/// Returns the cells of a row as JSON, each with the name of its column. A number that is missing, not finite or too
+/// large for 64 bits is null.
 pub fn json_cells<R>(row: &R, columns: &[Column<R>]) -> impl Iterator<Item = (&'static str, Value)> {
     let json = |cell| match cell {
         Cell::Integer(number) => i64::try_from(number).map_or(Value::Null, Value::from),
@@ -37,7 +38,7 @@ pub fn json_cells<R>(row: &R, columns: &[Column<R>]) -> impl Iterator<Item = (&'
     columns.iter().map(move |column| (column.heading.name, json((column.cell)(row))))
 }
 
-/// Collects cells into a JSON object.
+/// Returns a JSON object with these cells.
 fn object(cells: impl IntoIterator<Item = (&'static str, Value)>) -> Map<String, Value> {
     cells.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }

@@ -20,7 +20,8 @@ struct Column {
 pub(super) struct Series(Vec<Column>);
 
 impl Series {
-    /// Computes the spread of each number over the collisions of the shots that count, each at its place in the list.
+    /// Computes the spread of each number over the collisions of a list of shots. `None` stands for a shot that does
+    /// not count or has no collision.
     pub(super) fn new(impacts: &[Option<&Impact>]) -> Self {
         let column = |name: &str| {
             let measured = impacts.iter().enumerate().filter_map(|(at, impact)| Some((at, (*impact)?.get(name)?)));
@@ -30,7 +31,8 @@ impl Series {
         Self(QUANTITIES.iter().map(|quantity| column(quantity.column)).collect())
     }
 
-    /// Returns the numbers of the shot at a place as JSON, each with whether it is an outlier.
+    /// Returns the numbers of a collision as JSON, each with whether it is an outlier among the shots. `place` is the
+    /// shot's place in the list, from 0.
     pub(super) fn numbers(&self, place: usize, impact: Option<&Impact>) -> Vec<Value> {
         let entry = |(quantity, column): (&ImpactQuantity, &Column)| {
             let mut entry = quantity_json(quantity, impact.and_then(|impact| impact.get(quantity.column)));
@@ -42,7 +44,8 @@ impl Series {
         QUANTITIES.iter().zip(&self.0).map(entry).collect()
     }
 
-    /// Returns the mean of each number as JSON, with its standard deviation where there are at least two shots.
+    /// Returns the mean of each number as JSON, and the number of values in it. Its `sigma` is the standard deviation
+    /// of the shots if there are enough, and else their stated uncertainty; `sd_text` is the former alone.
     pub(super) fn as_json(&self) -> Vec<Value> {
         let entry = |(quantity, column): (&ImpactQuantity, &Column)| {
             let spread = column.spread.as_ref();

@@ -31,7 +31,8 @@ struct Connection {
     has_requested: Arc<AtomicBool>,
 }
 
-/// Accepts connections until a stop is requested.
+/// Accepts connections until a stop is requested. Beyond [`MAX_CONNECTIONS`], one replaces the oldest idle connection
+/// or is refused.
 pub(super) async fn serve(listener: TcpListener, router: Router, stop: &Stop) {
     let mut connections: VecDeque<Connection> = VecDeque::new();
     while !stop.requested() {
@@ -59,7 +60,7 @@ fn end_idle(connections: &mut VecDeque<Connection>) -> bool {
     })
 }
 
-/// Starts a task that answers the requests of a connection until it ends.
+/// Starts a task that answers the requests of a connection until it ends, within the limits of time and size.
 fn serve_connection(stream: TcpStream, router: Router) -> Connection {
     // Rows are small and must not wait for each other.
     let _ = stream.set_nodelay(true);

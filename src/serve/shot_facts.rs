@@ -28,7 +28,8 @@ impl ShotFacts {
         })
     }
 
-    /// Reads the first collision, in its last revision, and the time of a recording.
+    /// Reads the first collision, in its last revision, and the time of a recording: that of its first frame, or
+    /// without frames the one in the metadata.
     fn try_read(path: &Path) -> Result<Self, RecordingError> {
         let recording = Recording::open(path)?;
         let impacts = last_revisions(recording.impacts()?.collect::<Result<Vec<_>, _>>()?);

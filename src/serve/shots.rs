@@ -84,12 +84,13 @@ impl Shots {
         self.list.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Returns a number that rises whenever a shot was added, removed, read or rejected.
+    /// Returns a number that rises whenever a shot was added, removed, read, rejected or accepted.
     pub(super) fn revision(&self) -> u64 {
         self.lock_list().revision
     }
 
-    /// Lists the folder, numbers new recordings in the order of their times, and returns the newest number.
+    /// Lists the folder, numbers new recordings from 1 in the order of their times, and returns the newest number, 0
+    /// without any. Removed recordings leave the list; changed ones are read again later.
     pub(super) fn list(&self) -> u32 {
         let listed = self.read_folder();
         let mut list = self.lock_list();
@@ -136,7 +137,8 @@ impl Shots {
         is_own && metadata.get("part").is_none_or(|part| part == "0")
     }
 
-    /// Reads the newest recordings that were not read yet, one at a time.
+    /// Reads those of the newest [`MAX_SHOTS`] recordings that were not read yet, one at a time, and the reasons why
+    /// they were rejected.
     pub(super) fn read(&self) {
         let Some(directory) = &self.directory else { return };
         let mut newest: Vec<(u32, String)> =
@@ -159,7 +161,7 @@ impl Shots {
         }
     }
 
-    /// Returns the path of a recording of this rig; only names that the folder lists have one.
+    /// Returns the path of a recording of this rig, its first file; only names in the list have one.
     ///
     /// # Errors
     ///
@@ -170,7 +172,7 @@ impl Shots {
         Ok(directory.join(listed))
     }
 
-    /// Rejects a shot for a reason, which a file next to it keeps.
+    /// Rejects a shot for the reason `text`, which a file next to it keeps as one line.
     ///
     /// # Errors
     ///
@@ -198,7 +200,7 @@ impl Shots {
         Ok(())
     }
 
-    /// Records that a shot is rejected for a reason, or accepted if `None`.
+    /// Marks a shot in the list as rejected for a reason, or as accepted if `None`.
     fn set_rejected(&self, name: &str, rejected: Option<String>) {
         let mut list = self.lock_list();
         if let Some(shot) = list.shots.get_mut(name) {
@@ -207,7 +209,7 @@ impl Shots {
         list.revision += 1;
     }
 
-    /// Returns the size of the newest recording, bytes; `None` without recordings.
+    /// Returns the size of the newest recording's first file, bytes; `None` without recordings.
     pub(super) fn newest_bytes(&self) -> Option<u64> {
         let list = self.lock_list();
         list.shots.values().max_by_key(|shot| shot.number).map(|shot| shot.listed.bytes)
@@ -218,7 +220,8 @@ impl Shots {
         self.directory.as_deref()
     }
 
-    /// Returns the shots as JSON, the newest first, and the mean and spread of their numbers.
+    /// Returns the newest [`MAX_SHOTS`] shots as JSON, the newest first, and the mean and spread of the numbers of
+    /// those that are not rejected.
     pub(super) fn as_json(&self) -> Value {
         let list = self.lock_list();
         let mut shots: Vec<(&String, &Shot)> = list.shots.iter().collect();

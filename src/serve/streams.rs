@@ -58,7 +58,8 @@ pub(super) async fn event_events(State(app): State<Arc<App>>) -> Response {
     topic_events(&app.events)
 }
 
-/// Sends the state of the rig at every change and four times per second. The connection stands for an open page.
+/// Sends the state of the rig now, and whenever it is published. With `?page=NAME` the connection stands for an open
+/// page, which takes control if no page has it.
 pub(super) async fn state_events(State(app): State<Arc<App>>, request: Request) -> Response {
     let page = request.uri().query().and_then(|query| query.strip_prefix("page=")).and_then(parse_page_name);
     let open = page.map(|page| app.control.open(page));
@@ -71,7 +72,7 @@ pub(super) async fn state_events(State(app): State<Arc<App>>, request: Request) 
     }))
 }
 
-/// Answers with the rows of a topic over a WebSocket.
+/// Answers with the rows of a topic from now on over a WebSocket.
 fn topic_socket(feed: &Feed, upgrade: WebSocketUpgrade) -> Response {
     let follower = feed.follow();
     limit_messages(upgrade).on_upgrade(|socket| send_rows(socket, follower))
@@ -151,7 +152,7 @@ pub(super) async fn picture_socket(State(app): State<Arc<App>>, upgrade: WebSock
     })
 }
 
-/// Answers with one picture of the present, as a JPEG file.
+/// Answers with the next picture as a JPEG file, or with 503 if none comes within [`PICTURE_TIMEOUT`].
 pub(super) async fn picture(State(app): State<Arc<App>>) -> Response {
     let mut receiver = app.pictures.subscribe();
     let changed = timeout(PICTURE_TIMEOUT, receiver.changed()).await;

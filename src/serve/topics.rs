@@ -43,7 +43,7 @@ impl Link {
         self.run.store(0, Ordering::Relaxed);
     }
 
-    /// Records when the stream of the rig began.
+    /// Records the stamp of the stream's first frame, ns since the Unix epoch; `None` while it is unknown.
     pub(super) fn set_origin(&self, origin_ns: Option<u64>) {
         self.origin_ns.store(origin_ns.unwrap_or(0), Ordering::Relaxed);
     }
@@ -69,7 +69,8 @@ impl Run<'_> {
     }
 }
 
-/// Calls `follow` for each run of the rig, until a stop is requested.
+/// Calls `follow` while a run of the rig lasts, and again after it returns, until a stop is requested. Errors are
+/// logged.
 ///
 /// Between the calls nothing of the rig is held open, so that its successor can have other limits.
 pub(super) fn follow_rig(rig: &str, link: &Link, mut follow: impl FnMut(&Run<'_>) -> Result<(), BusError>) {
@@ -85,7 +86,8 @@ pub(super) fn follow_rig(rig: &str, link: &Link, mut follow: impl FnMut(&Run<'_>
     }
 }
 
-/// Sends the rows of `velocity` to the clients that follow them, until a stop is requested.
+/// Sends the rows of `velocity` to the clients that follow them, until a stop is requested. Without a client, they are
+/// read and dropped.
 pub(super) fn send_velocities(rig: &str, mut context: RowContext, feed: &Feed, link: &Link) {
     follow_rig(rig, link, |run| {
         let topic = run.bus.listen::<VelocityMessage>()?;

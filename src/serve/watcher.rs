@@ -92,7 +92,7 @@ impl<'a> Watcher<'a> {
         self.began.elapsed().as_secs_f64()
     }
 
-    /// Follows the rig until a stop is requested.
+    /// Follows the rig and publishes its state, events and collisions until a stop is requested.
     pub(super) fn run(mut self) {
         let mut topics = None;
         let (mut checked, mut looked, mut published) = (None::<Instant>, None::<Instant>, None::<Instant>);
@@ -146,7 +146,8 @@ impl<'a> Watcher<'a> {
         }
     }
 
-    /// Reads all topics; returns whether there was an event or a collision.
+    /// Reads all topics, updates the state and sends events and collisions to the clients; returns whether there was an
+    /// event or a collision.
     fn read_topics(&mut self, topics: &mut Topics) -> Result<bool, BusError> {
         if let Some(heart) = &mut topics.heart {
             heart.publish_if_due()?;
@@ -182,7 +183,7 @@ impl<'a> Watcher<'a> {
     }
 }
 
-/// Returns all unread messages of a topic.
+/// Takes all unread messages of a topic, the oldest first.
 fn take_all<T: Topic>(topic: &Subscriber<T>) -> Result<Vec<T>, BusError> {
     let mut all = Vec::new();
     while let Some(message) = topic.take()? {

@@ -26,7 +26,7 @@ impl Table {
         Self { columns, rows: rows.map(values).collect() }
     }
 
-    /// Returns one object per row.
+    /// Returns an array of one object per row, with the columns as keys.
     pub(super) fn as_json(&self) -> Value {
         let object = |row: &Vec<Value>| -> Map<String, Value> {
             self.columns.iter().cloned().zip(row.iter().cloned()).collect()
@@ -81,7 +81,7 @@ impl Report {
     }
 }
 
-/// Creates the directory of a study and checks that no file in it is an input.
+/// Creates the directory of a study, and checks that none of its `files` is an input or an output that must stay.
 ///
 /// # Errors
 ///

@@ -18,7 +18,8 @@ pub(super) struct Component {
 }
 
 impl Mask {
-    /// Marks every pixel that has a marked one at most `reach` away along x and along y.
+    /// Returns the mask dilated by a square: every pixel is marked that has a marked one at most `reach` pixels away
+    /// along x and along y.
     pub(super) fn dilated(&self, reach: usize) -> Self {
         let mut rows = vec![false; self.marked.len()];
         for (from, to) in self.marked.chunks_exact(self.width).zip(rows.chunks_exact_mut(self.width)) {
@@ -37,7 +38,9 @@ impl Mask {
         Self { marked, ..*self }
     }
 
-    /// Joins marks that are at most `2 * reach` apart. Regions keep their borders, except near the edge of the image.
+    /// Returns the morphological closing of the mask by a square, which joins marks at most `2 * reach` pixels apart.
+    ///
+    /// Regions keep their borders, except near the edge of the image.
     pub(super) fn closed(&self, reach: usize) -> Self {
         let grown = self.dilated(reach);
         let inverted = Self { marked: grown.marked.iter().map(|is_marked| !is_marked).collect(), ..grown };
@@ -45,7 +48,7 @@ impl Mask {
         Self { marked: shrunk.marked.iter().map(|is_marked| !is_marked).collect(), ..shrunk }
     }
 
-    /// Returns the regions of pixels that touch along their sides, the largest first.
+    /// Returns the connected regions, the largest first. Pixels connect along their sides, not at their corners.
     pub(super) fn components(&self) -> Vec<Component> {
         let mut is_taken = vec![false; self.marked.len()];
         let mut components = Vec::new();
@@ -80,7 +83,7 @@ impl Mask {
         components
     }
 
-    /// Returns the bounds of some pixels: left, top, and one past right and bottom.
+    /// Returns the bounds of the pixels with these indices: left, top, and one past right and bottom.
     fn bounds(&self, pixels: &[usize]) -> [usize; 4] {
         let mut bounds = [usize::MAX, usize::MAX, 0, 0];
         for at in pixels {

@@ -30,7 +30,8 @@ pub struct Follower {
 }
 
 impl Follower {
-    /// Plans to follow a ball of this radius, px, within the region that `mover` sweeps.
+    /// Plans to follow a ball of this radius, px, within the region that `mover` sweeps in frames of this width and
+    /// height, px.
     ///
     /// # Errors
     ///
@@ -42,9 +43,11 @@ impl Follower {
         Ok(Self { finder: BallFinder::new(&params, size_px[0], size_px[1])?, track: Vec::new(), misses: 0 })
     }
 
-    /// Finds the ball in the next frame, at its time since the first one, s.
+    /// Finds the ball in the next frame, at its time since the first one, s, and adds it to the track.
+    ///
+    /// After eight frames without the ball, only every fourth frame is searched.
     pub fn push(&mut self, frame: ExaminedFrame<'_>, t_s: f64) {
-        let predicted = self.predicted(t_s).filter(|_| self.misses == 0);
+        let predicted = self.predict_circle(t_s).filter(|_| self.misses == 0);
         let followed = predicted.and_then(|near| self.finder.follow(frame.image, &near));
         let is_searched = self.misses < PATIENCE_FRAMES || frame.index.is_multiple_of(4);
         let found = followed.or_else(|| if is_searched { self.finder.find(frame.image) } else { None });
@@ -58,7 +61,9 @@ impl Follower {
     }
 
     /// Predicts the circle at a time, s, by the velocity between the last two; `None` before the first.
-    fn predicted(&self, t_s: f64) -> Option<Circle> {
+    ///
+    /// A single circle is taken to stay where it is.
+    fn predict_circle(&self, t_s: f64) -> Option<Circle> {
         let last = self.track.last()?;
         let before = self.track.len().checked_sub(2).map(|place| self.track[place]);
         let Some(before) = before.filter(|before| last.t_s > before.t_s) else { return Some(last.circle) };
@@ -72,6 +77,9 @@ impl Follower {
     }
 
     /// Returns the track, without circles that the ball cannot have reached.
+    ///
+    /// The speeds to and from such a circle are both above four times the upper quartile of all. The first and the last
+    /// circle are kept.
     pub fn finish(self) -> Vec<TrackPoint> {
         let track = self.track;
         let speed = |a: &TrackPoint, b: &TrackPoint| {
@@ -91,13 +99,13 @@ impl Follower {
 }
 
 impl Identified {
-    /// Whether both are balls of about the same radius.
+    /// Whether both are balls whose radii differ by less than 12 %.
     pub fn is_same_ball(&self, other: &Self) -> bool {
         let radii = self.ball_radius_px().zip(other.ball_radius_px());
         radii.is_some_and(|(a, b)| (a / b - 1.0).abs() < RADIUS_TOLERANCE)
     }
 
-    /// Returns the number of examined frames in which a ball was found.
+    /// Returns the number of examined frames in which the ball was found; 0 for other kinds.
     pub fn found_frames(&self) -> usize {
         match self {
             Self::Ball { circles, .. } => circles.len(),
@@ -105,7 +113,7 @@ impl Identified {
         }
     }
 
-    /// Returns the radius of a ball, px.
+    /// Returns the median radius of a ball, px; `None` for other kinds.
     pub fn ball_radius_px(&self) -> Option<f64> {
         match self {
             Self::Ball { radius_px, .. } => Some(*radius_px),

@@ -75,7 +75,9 @@ pub fn needed_frames(movement: &Movement) -> Vec<u64> {
     needed
 }
 
-/// Returns about 16 of the appearances of a mover that show most of it, in the order of the film.
+/// Returns at most [`EXAMINED_FRAMES`] of the appearances of a mover that show most of it, in the order of the film.
+///
+/// These are spread evenly over the ones whose area is not in the lowest quarter.
 fn examined_appearances(mover: &Mover) -> Vec<&Appearance> {
     let mut areas: Vec<f64> = mover.appearances.iter().map(|appearance| appearance.area_px2).collect();
     areas.sort_by(f64::total_cmp);
@@ -96,7 +98,8 @@ pub struct Examination<'m> {
     rods: Vec<f64>,
 }
 
-/// Returns an examination of each mover in frames of this width and height, px.
+/// Begins an examination of each mover, in frames of this width and height, px. [`needed_frames`] lists the frames to
+/// push.
 pub fn identify(movement: &Movement, size_px: [usize; 2]) -> Vec<Examination<'_>> {
     let examination = |mover| {
         let examined = examined_appearances(mover);
@@ -106,7 +109,8 @@ pub fn identify(movement: &Movement, size_px: [usize; 2]) -> Vec<Examination<'_>
 }
 
 impl Examination<'_> {
-    /// Searches a ball and a rod in a frame, if this mover is examined in it.
+    /// Searches a ball and a rod in a frame, and keeps what it finds. A frame in which this mover is not examined is
+    /// ignored.
     pub fn push(&mut self, frame: ExaminedFrame<'_>) {
         let Some(appearance) = self.examined.iter().find(|appearance| appearance.index == frame.index) else { return };
         let roi_px = with_margin(appearance.bounds_px, self.size_px);
@@ -132,6 +136,9 @@ impl Examination<'_> {
 
     /// Returns the kind of the mover: a ball or a rod if it was found in enough frames, else a patch if it is visible
     /// in the first frame.
+    ///
+    /// A ball needs circles of about one radius whose centres move. Enough is a quarter of the examined frames, and at
+    /// least three.
     pub fn finish(self) -> Identified {
         let needed = ((MIN_SHARE * self.examined.len() as f64).ceil() as usize).max(MIN_FRAMES);
         let circles = self.agreeing_circles();
@@ -154,7 +161,8 @@ impl Examination<'_> {
         }
     }
 
-    /// Returns the circles whose radius most others share.
+    /// Returns the largest group of circles whose radii differ from that of one of them by less than
+    /// [`RADIUS_TOLERANCE`].
     fn agreeing_circles(&self) -> Vec<(u64, Circle)> {
         let near = |radius_px: f64| {
             let agrees =
@@ -166,7 +174,7 @@ impl Examination<'_> {
     }
 }
 
-/// Whether the centres move, unlike those of a circle of the background.
+/// Whether the centres extend over more than [`MIN_MOTION_PX`], unlike those of a circle of the background.
 fn moves(circles: &[(u64, Circle)]) -> bool {
     let span = |coordinate: fn(&Circle) -> f64| {
         let values = || circles.iter().map(|(_, circle)| coordinate(circle));
@@ -175,7 +183,9 @@ fn moves(circles: &[(u64, Circle)]) -> bool {
     span(|circle| circle.x_px).hypot(span(|circle| circle.y_px)) > MIN_MOTION_PX
 }
 
-/// Returns a region (x, y, width, height, px) with a margin, clipped to the image.
+/// Returns a region (x, y, width, height, px) with a margin on each side, clipped to an image of `size_px`.
+///
+/// The margin is [`MARGIN_FRACTION`] of the larger side, at least [`MARGIN_PX`].
 pub(super) fn with_margin(region_px: [u32; 4], size_px: [usize; 2]) -> [u32; 4] {
     let [x, y, width, height] = region_px;
     let margin_px = (MARGIN_FRACTION * f64::from(width.max(height))).max(MARGIN_PX) as u32;

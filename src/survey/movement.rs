@@ -78,7 +78,7 @@ impl Mover {
 }
 
 impl Movement {
-    /// Returns the reduced pixels of a frame that differ from the background, row-major.
+    /// Returns whether each reduced pixel of a frame differs from the background by more than the threshold, row-major.
     pub fn moving(&self, image: ImageView<'_>) -> Vec<bool> {
         let difference = absolute_difference(&reduce_image(image, self.factor), &self.background);
         difference.iter().map(|difference| *difference > self.threshold_dn).collect()
@@ -86,7 +86,7 @@ impl Movement {
 }
 
 impl Sampler {
-    /// Returns what moves; `None` for fewer than three samples.
+    /// Finds what moves, by the difference of each sample from the median of all; `None` for fewer than three samples.
     pub fn movement(&self) -> Option<Movement> {
         if self.frames.len() < 3 {
             return None;
@@ -122,7 +122,9 @@ impl Sampler {
         })
     }
 
-    /// Returns the mover within a swept region: the frames in which something there differs from the background.
+    /// Returns the mover within a swept region: the samples in which something there differs from the background.
+    ///
+    /// `masks` has the pixels that differ, one mask per sample.
     fn mover(&self, region: &Component, masks: &[Mask]) -> Mover {
         let mut is_inside = vec![false; masks[0].marked.len()];
         region.pixels.iter().for_each(|at| is_inside[*at] = true);
@@ -134,17 +136,18 @@ impl Sampler {
             let area = parts.iter().map(|part| part.pixels.len()).sum::<usize>();
             Some(Appearance {
                 index: frame.index,
-                bounds_px: self.full_px(bounds),
+                bounds_px: self.to_full_px(bounds),
                 area_px2: (area * self.factor() * self.factor()) as f64,
                 hull_px: self.hull_px(largest, mask.width),
             })
         };
         let appearances = self.frames.iter().zip(masks).filter_map(appearance).collect();
-        Mover { bounds_px: self.full_px(region.bounds), appearances }
+        Mover { bounds_px: self.to_full_px(region.bounds), appearances }
     }
 
-    /// Converts left, top, and one past right and bottom of a reduced image to x, y, width, height, px.
-    fn full_px(&self, bounds: [usize; 4]) -> [u32; 4] {
+    /// Converts bounds in a reduced image (left, top, and one past right and bottom) to x, y, width, height in the
+    /// frame, px.
+    fn to_full_px(&self, bounds: [usize; 4]) -> [u32; 4] {
         let [left, top, right, bottom] = bounds;
         let factor = self.factor();
         let [width, height] = self.size_px();
@@ -153,7 +156,10 @@ impl Sampler {
         [x, y, right - x, bottom - y].map(|number| number as u32)
     }
 
-    /// Returns the convex hull of a region by A. M. Andrew's monotone chain (1979), px.
+    /// Returns the convex hull of the centres of a region's reduced pixels, in px of the frame. `width` is that of the
+    /// reduced image.
+    ///
+    /// It is A. M. Andrew's monotone chain (1979, doi:10.1016/0020-0190(79)90072-3).
     fn hull_px(&self, region: &Component, width: usize) -> Vec<[f64; 2]> {
         let factor = self.factor() as f64;
         let place = |at: &usize| [(at % width) as f64, (at / width) as f64];
@@ -183,7 +189,8 @@ fn united_bounds(a: [usize; 4], b: [usize; 4]) -> [usize; 4] {
     [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])]
 }
 
-/// Groups swept regions into movers and returns them, the largest first.
+/// Groups swept regions into movers and returns them, the largest first. `masks` has the pixels that differ, one mask
+/// per sample.
 ///
 /// A region that differs in fewer than [`MIN_APPEARANCES`] samples is one station of something fast. All of them belong
 /// to one mover. Without that many samples together they are artefacts of compression.
@@ -223,7 +230,7 @@ fn group_regions(regions: Vec<Component>, masks: &[Mask]) -> Vec<Component> {
     movers
 }
 
-/// Returns a mask without the regions that are too small to be a body.
+/// Returns a mask without the regions of fewer than [`MIN_AREA`] pixels, which are too small to be a body.
 fn without_specks(mask: &Mask) -> Mask {
     let mut marked = vec![false; mask.marked.len()];
     let components = mask.components();
@@ -232,7 +239,7 @@ fn without_specks(mask: &Mask) -> Mask {
     Mask { marked, ..*mask }
 }
 
-/// Returns the median of each pixel over the samples.
+/// Returns the median of each pixel over the samples, DN. Panics without a sample.
 fn median_in_time(frames: &[SampledFrame]) -> ReducedImage {
     let first = &frames[0].image;
     let mut values = vec![0.0; frames.len()];
@@ -250,8 +257,8 @@ fn absolute_difference(image: &ReducedImage, background: &ReducedImage) -> Vec<f
     pairs().map(|(level, still)| (level - still - offset_dn).abs()).collect()
 }
 
-/// Estimates the noise of the differences, DN, from their median over pixels and samples. Moving bodies do not affect
-/// it.
+/// Estimates the standard deviation of normally distributed noise in the differences, DN, from the median over the
+/// samples of their medians over the pixels. Moving bodies do not affect it.
 fn noise_dn(differences: &[Vec<f32>]) -> f32 {
     // The median of the absolute values of a normal distribution, in standard deviations.
     const MEDIAN_SIGMAS: f32 = 0.6745;

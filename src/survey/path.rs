@@ -128,7 +128,8 @@ fn find_bounce(track: &[TrackPoint], side: usize) -> Option<Bounce> {
     })
 }
 
-/// Returns the mean acceleration of flights, weighted by their inverse variances; `None` if all are too short.
+/// Returns the mean acceleration of flights, px/s^2, weighted by their inverse variances; `None` if all have fewer than
+/// [`FLIGHT_POINTS`] points.
 fn mean_acceleration(flights: &[&[TrackPoint]]) -> Option<Acceleration> {
     let mut sums = [0.0; 3];
     for flight in flights.iter().filter(|flight| flight.len() >= FLIGHT_POINTS) {

@@ -13,7 +13,8 @@ pub(super) struct PathFit {
 }
 
 impl PathFit {
-    /// Fits a polynomial of this order by least squares; `None` unless there are more points than coefficients.
+    /// Fits a polynomial of this order by least squares; `None` unless there are more points than coefficients, at
+    /// different times.
     pub(super) fn fit(points: &[TrackPoint], order: usize) -> Option<Self> {
         let origin_s = points.iter().map(|point| point.t_s).sum::<f64>() / points.len() as f64;
         let fit = |value: fn(&TrackPoint) -> f64| {
@@ -33,7 +34,7 @@ impl PathFit {
         Some(Self { axes, rms_px })
     }
 
-    /// Returns the velocity at a time, px/s.
+    /// Returns the velocity along x and y at a time, px/s.
     pub(super) fn velocity(&self, t_s: f64) -> [f64; 2] {
         self.axes.each_ref().map(|axis| axis.rate(t_s).value)
     }

@@ -38,7 +38,7 @@ pub struct Sampler {
 impl Sampler {
     /// Plans the sampling of a film of about `count` frames of this width and height, px.
     ///
-    /// The memory is at most 49 images of 480 px, whatever the film.
+    /// At most 49 images of 480 px are kept, or twice as many if the film is longer than announced.
     pub fn new(width_px: usize, height_px: usize, count: u64) -> Self {
         Self {
             size_px: [width_px, height_px],
@@ -54,7 +54,7 @@ impl Sampler {
         index.is_multiple_of(self.interval_frames) && (self.frames.len() as u64) < 2 * MAX_SAMPLES
     }
 
-    /// Adds a frame.
+    /// Adds the frame of this number in the film, from 0, reduced.
     ///
     /// # Panics
     ///

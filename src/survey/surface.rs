@@ -50,8 +50,9 @@ struct Line {
 
 /// Finds the edge that a ball of this radius, px, touches where it bounces.
 ///
-/// Among lines at about the radius from the centre, it is the one across which the grey level of the background changes
-/// most. Returns `None` if no line stands out.
+/// The candidates are lines at about the radius from the centre of the ball, whose normals are within 30 deg of its
+/// change of velocity. The edge is the one across which the grey level of the background changes most. Returns `None`
+/// if no line stands out.
 pub fn find_surface_edge(movement: &Movement, bounce: &Bounce, radius_px: f64) -> Option<SurfaceEdge> {
     let factor = movement.factor as f64;
     let reduced = |at: f64| (at + 0.5) / factor - 0.5;
@@ -141,7 +142,8 @@ impl Line {
         (weights > noise * noise).then(|| sum / weights)
     }
 
-    /// Returns the mean change of the grey level across the line, DN; `None` if too little of it lies in the image.
+    /// Returns the mean change of the grey level across the line, over two reduced pixels, DN, without its sign. `None`
+    /// if too little of the line lies in the image.
     fn contrast(&self, movement: &Movement) -> Option<f64> {
         let steps = (2.0 * self.half_length).ceil().max(4.0) as i32;
         let (mut sum, mut count) = (0.0, 0);

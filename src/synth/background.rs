@@ -87,7 +87,7 @@ impl Background {
         self.room.len()
     }
 
-    /// Returns the occluder at a time after the first frame's stamp.
+    /// Returns the occluder at `time_s` after the first frame's stamp; `None` without one.
     pub(crate) fn occluder_at(&self, time_s: f64) -> Option<HalfPlane> {
         self.occluder.map(|occluder| {
             let shift_px = occluder.speed_px_s * time_s;
@@ -96,7 +96,7 @@ impl Background {
         })
     }
 
-    /// Returns the speed of the occluder's edge, px/s.
+    /// Returns the speed of the occluder's edge along its outward normal, px/s; 0 without an occluder.
     pub(crate) fn occluder_px_s(&self) -> f64 {
         self.occluder.map_or(0.0, |occluder| occluder.speed_px_s)
     }
@@ -180,9 +180,9 @@ impl OccludingEdge {
     }
 }
 
-/// Returns the edge of the occluder in the first frame; `None` without an occluder.
+/// Returns the edge of the occluder at the first stamp; `None` without an occluder.
 ///
-/// The edge passes through the given point, or through the point of first contact.
+/// The edge passes through the given point, or through the point of first contact. Without either it is `None` as well.
 fn occluder_edge(scenario: &Scenario) -> Option<HalfPlane> {
     let occluder = scenario.occluder.as_ref()?;
     let angle_rad = occluder.normal_deg.map_or(scenario.surface.angle_deg.to_radians() + FRAC_PI_2, f64::to_radians);
@@ -243,7 +243,7 @@ fn render_static(
         .collect()
 }
 
-/// Returns a random texture with this standard deviation, row-major, as a fraction of full scale.
+/// Returns a random texture of standard deviation `amplitude`, row-major, as a fraction of full scale.
 ///
 /// `sigma_px` is the Gaussian smoothing along x and y; `purpose` selects the random stream.
 fn random_texture(scenario: &Scenario, amplitude: f64, sigma_px: [f64; 2], purpose: u64) -> Vec<f32> {

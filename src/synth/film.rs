@@ -75,7 +75,7 @@ impl Body {
         })
     }
 
-    /// Draws the body into some rows of an image of this width, magnified by `zoom`: the mean over the moments.
+    /// Draws the body into some rows of an image of this width: the mean over the moments. `zoom` magnifies balls only.
     fn draw(&self, moments: &[Moment], zoom: f64, width: usize, rows: Range<usize>) -> Patch {
         match self {
             Self::Ball(ball) if zoom.total_cmp(&1.0).is_ne() => ball.zoomed(zoom).draw(moments, width, rows),
@@ -96,6 +96,10 @@ struct Actor {
 
 impl Actor {
     /// Prepares the body of a scenario and solves its motion; see [`Body::new`].
+    ///
+    /// # Errors
+    ///
+    /// Returns [`ScenarioError`] if the pattern does not fit the body, or the ball does not bounce exactly once.
     fn new(scenario: Scenario, number: u64, full_dn: f32) -> Result<Self, ScenarioError> {
         let (trajectory, body) = (Trajectory::new(&scenario)?, Body::new(&scenario, number, full_dn)?);
         Ok(Self { scenario, trajectory, body })
@@ -122,7 +126,7 @@ impl Actor {
         if is_even { pose } else { Pose { center_px: [magnified(0), magnified(1)], ..pose } }
     }
 
-    /// Returns the length of path of the fastest point of the body during the exposure, px, an upper bound.
+    /// Returns an upper bound of the path of the body's fastest point during an exposure from `start_s` on, px.
     fn path_length_px(&self, start_s: f64, exposure_s: f64) -> f64 {
         let (open, shut) = (self.pose(start_s), self.pose(start_s + exposure_s));
         let shift_px = (shut.center_px[0] - open.center_px[0]).hypot(shut.center_px[1] - open.center_px[1]);
@@ -236,7 +240,7 @@ impl SimulatedFilm {
     ///
     /// # Panics
     ///
-    /// If the length of `bytes` is not [`frame_bytes`](Self::frame_bytes).
+    /// If the length of `bytes` is not [`frame_bytes`](Self::frame_bytes), or the film has no such frame.
     pub fn render(&self, index: u64, bytes: &mut [u8]) {
         assert_eq!(bytes.len(), self.frame_bytes(), "bytes of a frame");
         // The first take keeps the noise that films had before takes were introduced.
@@ -247,7 +251,11 @@ impl SimulatedFilm {
         });
     }
 
-    /// Renders a frame without noise, fixed pattern, rounding and clipping, DN.
+    /// Renders a frame without noise, fixed pattern, tone curve, rounding and clipping, DN.
+    ///
+    /// # Panics
+    ///
+    /// If the film has no such frame.
     pub fn render_light(&self, index: u64) -> Image {
         let (width, height) = (self.width_px() as usize, self.height_px() as usize);
         let mut image = Image::new(width, height);
@@ -285,8 +293,8 @@ impl SimulatedFilm {
     ) {
         let width = self.width_px() as usize;
         let times = self.exposure_times(start_s);
-        let draw = |(number, actor): (usize, &Actor)| {
-            let moments: Vec<Moment> = times.iter().map(|time_s| self.moment_at(number, *time_s)).collect();
+        let draw = |(body, actor): (usize, &Actor)| {
+            let moments: Vec<Moment> = times.iter().map(|time_s| self.moment_at(body, *time_s)).collect();
             actor.body.draw(&moments, actor.magnification(start_s + 0.5 * self.exposure_s()), width, rows.clone())
         };
         let patches: Vec<Patch> = self.actors.iter().enumerate().map(draw).collect();
@@ -316,20 +324,20 @@ impl SimulatedFilm {
 
     /// Returns the ground truth of every body in a frame; see [`truth`](Self::truth).
     pub fn truths(&self, index: u64) -> Vec<VelocitySample> {
-        (0..self.actors.len()).map(|number| self.body_truth(number, index)).collect()
+        (0..self.actors.len()).map(|body| self.body_truth(body, index)).collect()
     }
 
     /// Returns the ground truth of one body in a frame; see [`truth`](Self::truth).
-    fn body_truth(&self, number: usize, index: u64) -> VelocitySample {
-        let actor = &self.actors[number];
+    fn body_truth(&self, body: usize, index: u64) -> VelocitySample {
+        let actor = &self.actors[body];
         let Actor { scenario, trajectory, .. } = actor;
         let shown_s = self.center_time_s(actor, index);
         let (pose, radius_px) = (actor.pose(shown_s), actor.radius_px(shown_s));
-        let visible = self.visible_fraction(number, shown_s);
+        let visible = self.visible_fraction(body, shown_s);
         let next = (index + 1 < self.frames()).then(|| actor.pose(self.center_time_s(actor, index + 1)));
         VelocitySample {
             frame: index,
-            body: number as u32,
+            body: body as u32,
             stamp_ns: self.stamp_ns(index),
             center_x_px: Some(pose.center_px[0]),
             center_y_px: Some(pose.center_px[1]),
@@ -343,14 +351,14 @@ impl SimulatedFilm {
         }
     }
 
-    /// Returns the visible fraction of the area of a body at `time_s`, 0 to 1.
-    fn visible_fraction(&self, number: usize, time_s: f64) -> f64 {
-        let actor = &self.actors[number];
+    /// Returns the visible fraction of the area of a body at `time_s`, 0 to 1; 1 for a rod.
+    fn visible_fraction(&self, body: usize, time_s: f64) -> f64 {
+        let actor = &self.actors[body];
         if actor.scenario.body.rod.is_some() {
             // The mark of a rod lies above the surface, which occludes the end of the rod.
             return 1.0;
         }
-        let Moment { pose, occluder, front } = self.moment_at(number, time_s);
+        let Moment { pose, occluder, front } = self.moment_at(body, time_s);
         match (occluder, front) {
             (plane, Some(front)) => {
                 let occluders: Vec<Occluder> =
@@ -377,17 +385,17 @@ impl SimulatedFilm {
 
     /// Returns the ground truth of every body's collision; see [`impact`](Self::impact).
     pub fn impacts(&self) -> Vec<Impact> {
-        (0..self.actors.len()).filter_map(|number| self.body_impact(number)).collect()
+        (0..self.actors.len()).filter_map(|body| self.body_impact(body)).collect()
     }
 
     /// Returns the ground truth of the collision of one body; `None` for a motion without a collision.
-    fn body_impact(&self, number: usize) -> Option<Impact> {
-        let Actor { scenario, trajectory, .. } = &self.actors[number];
+    fn body_impact(&self, body: usize) -> Option<Impact> {
+        let Actor { scenario, trajectory, .. } = &self.actors[body];
         let (MotionSetup::Impact(setup), Trajectory::Impact { collision, .. }) = (&scenario.motion, trajectory) else {
             return None;
         };
         let mut impact = true_impact(collision, setup, 0.5e-3 * scenario.body.diameter_mm);
-        impact.body = number as u32;
+        impact.body = body as u32;
         impact.origin_ns = scenario.camera.start_ns;
         impact.force_law = setup.law.force_law();
         Some(impact)
@@ -420,10 +428,10 @@ impl SimulatedFilm {
         1e-6 * self.scenario.camera.exposure_us
     }
 
-    /// Returns the positions of a body and of its occluders at `time_s` after the first stamp.
-    fn moment_at(&self, number: usize, time_s: f64) -> Moment {
-        let front = self.actors.get(number + 1).map(|actor| actor.outline(time_s));
-        Moment { pose: self.actors[number].pose(time_s), occluder: self.background.occluder_at(time_s), front }
+    /// Returns the pose of the body with index `body` and its occluders at `time_s` after the first stamp.
+    fn moment_at(&self, body: usize, time_s: f64) -> Moment {
+        let front = self.actors.get(body + 1).map(|actor| actor.outline(time_s));
+        Moment { pose: self.actors[body].pose(time_s), occluder: self.background.occluder_at(time_s), front }
     }
 
     /// Returns times (s after the first stamp) whose mean image is that of the exposure.

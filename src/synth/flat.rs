@@ -57,7 +57,8 @@ impl Flat {
     /// Returns the fraction of the light on a point of the flat that a ball blocks, 0 to 1.
     ///
     /// Ambient light loses the form factor of a sphere, R^2 h / d^3, with h the height of its centre over the flat
-    /// and d its distance. The light of the lamp loses the cast shadow.
+    /// and d its distance. The light of the lamp loses the cast shadow. `outside_px` is the distance of the point
+    /// beyond the edge, px.
     fn blocked_fraction(&self, ball: &DiscOutline, at_px: [f64; 2], outside_px: f64) -> f64 {
         let tangent = [-self.edge.normal[1], self.edge.normal[0]];
         let [dx, dy] = [ball.center_px[0] - at_px[0], ball.center_px[1] - at_px[1]];
@@ -109,7 +110,7 @@ pub(crate) struct Backdrop<'a> {
 }
 
 impl Backdrop<'_> {
-    /// Returns illumination and light (DN) at the nearest pixel of the image.
+    /// Returns relative illumination and light (DN) at the pixel of the image nearest to a position, px.
     fn nearest(&self, x: f64, y: f64) -> (f32, f32) {
         let height = self.room.len() / self.width;
         let nearest = |place: f64, count: usize| (place.round().max(0.0) as usize).min(count - 1);

@@ -18,7 +18,10 @@ pub(super) fn phase_at(trajectory: &Trajectory, time_s: f64) -> Phase {
     }
 }
 
-/// Returns whether the body lies fully inside the image and is visible. A plane may be larger than the image.
+/// Returns `OutOfFrame` unless the body lies fully inside the image, `Occluded` if no part of it is visible, and
+/// `Valid` otherwise.
+///
+/// A plane may be larger than the image. `visible` is the visible fraction of the body.
 pub(super) fn frame_status(scenario: &Scenario, pose: &Pose, visible: f64) -> PointStatus {
     let half_width = scenario.radius_px();
     let half_height = scenario.body.rod.as_ref().map_or(half_width, |rod| 0.5 * (rod.patch_px[1] - rod.patch_px[0]));
@@ -63,6 +66,9 @@ pub(super) fn body_velocity(pose: &Pose, tangent: [f64; 2]) -> BodyVelocity {
 }
 
 /// Returns the exact results of a collision, with zero uncertainties; times count from the first stamp.
+///
+/// The tangential restitution is missing if the contact point does not slide at first. The caller sets body, origin and
+/// force law.
 pub(super) fn true_impact(collision: &Collision, setup: &ImpactSetup, radius_m: f64) -> Impact {
     let (start_s, mass_kg) = (setup.contact_start_s, setup.mass_kg);
     let (before, outcome) = (collision.motion_at(0.0), collision.outcome());

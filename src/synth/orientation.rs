@@ -31,7 +31,7 @@ impl Orientation {
         ])
     }
 
-    /// Returns this rotation applied after another one.
+    /// Returns the rotation that applies `first` and then this one.
     pub(crate) fn after(&self, first: &Self) -> Self {
         let column = |index: usize| self.rotate([first.0[0][index], first.0[1][index], first.0[2][index]]);
         let [x, y, z] = [column(0), column(1), column(2)];

@@ -47,7 +47,7 @@ impl Sensor {
         self.full_dn
     }
 
-    /// Converts one row of light (DN) to pixels: fixed pattern, noise, tone curve, rounding, in this order.
+    /// Converts one row of light (DN) to pixels: fixed pattern, noise, tone curve, clipping, rounding, in this order.
     ///
     /// The noise is a function of `key`, `row` and the column. `light_dn` is overwritten.
     ///
@@ -113,7 +113,7 @@ fn fixed_pattern(camera: &CameraSetup, full_dn: f32, seed: u64) -> Option<Vec<(f
     Some(fixed)
 }
 
-/// Makes a fraction of the pixels stuck, alternately at full scale and at zero.
+/// Makes random pixels stuck, each with probability `share`, alternately at full scale and at zero.
 fn add_stuck_pixels(fixed: &mut [(f32, f32)], share: f64, full_dn: f32, seed: u64) {
     const PURPOSE: u64 = 6;
     let mut stream = Stream::new(key(seed, PURPOSE, 0));
@@ -123,8 +123,8 @@ fn add_stuck_pixels(fixed: &mut [(f32, f32)], share: f64, full_dn: f32, seed: u6
     stuck.zip(ends.into_iter().cycle()).for_each(|(pixel, end_dn)| *pixel = (0.0, end_dn));
 }
 
-/// Returns the medians of equally likely slices of the normal distribution, scaled to a standard deviation of exactly
-/// 1.
+/// Returns the medians of [`QUANTILES`] equally likely slices of the standard normal distribution, smallest first,
+/// scaled to a standard deviation of exactly 1.
 fn normal_quantiles() -> Vec<f32> {
     let values: Vec<f64> = (0..QUANTILES)
         .map(|index| {

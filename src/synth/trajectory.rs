@@ -135,7 +135,7 @@ impl Trajectory {
         }
     }
 
-    /// Returns the rate of rotation about axes in the image plane, rad/s.
+    /// Returns the rate of rotation about axes in the image plane, rad/s, at `time_s` after the first stamp.
     pub(crate) fn tilt_rad_s(&self, time_s: f64) -> f64 {
         match self {
             Self::Piecewise { segments, .. } => {
@@ -146,7 +146,7 @@ impl Trajectory {
         }
     }
 
-    /// Returns the pose at a time after the first frame's stamp.
+    /// Returns the pose at `time_s` after the first frame's stamp.
     pub(crate) fn pose_at(&self, time_s: f64) -> Pose {
         match self {
             Self::Uniform { start_px, start_s, px_s, rad_s, m_per_px } => {
@@ -223,7 +223,7 @@ pub(crate) fn into_surface(value: [f64; 2], tangent: [f64; 2]) -> [f64; 2] {
     [x * tangent[0] + y * tangent[1], y * tangent[0] - x * tangent[1]]
 }
 
-/// Returns the collision in surface axes.
+/// Returns the collision in surface axes (tangent, normal). `tangent` is that of the surface, x right and y up.
 fn collision_setup(scenario: &Scenario, impact: &ImpactSetup, tangent: [f64; 2]) -> CollisionSetup {
     CollisionSetup {
         mass_kg: impact.mass_kg,

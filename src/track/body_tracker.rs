@@ -51,7 +51,7 @@ pub struct BodyTracker {
     rolling: RollingShutter,
     /// The offset of a rod from the pose that its steps lead to, px.
     rod_px: Option<[f64; 2]>,
-    /// Whether the newest step comes from a match of the whole body.
+    /// The method of the newest measured motion.
     method: MotionMethod,
     nodes: Vec<Pose>,
     /// The newest frame, whether the body was detected in it or not.
@@ -96,7 +96,7 @@ impl BodyTracker {
 
     /// Adds the next step and appends its impacts and alarms to `rows`; `origin_ns` is the first stamp of the stream.
     ///
-    /// Returns the accepted step, which [`Self::rows`] expects.
+    /// Returns the step after gating and correction for the rolling shutter, which [`Self::rows`] expects.
     pub fn add_step(&mut self, step: &BodyStep, origin_ns: u64, rows: &mut TrackerRows) -> BodyStep {
         let accepted = self.gate.gate(step);
         let later_frames = self.rolling.push(&accepted);
@@ -108,7 +108,7 @@ impl BodyTracker {
         straight
     }
 
-    /// Adds a rectified step at `time_frames` to the pose and to everything that follows from it.
+    /// Adds a rectified step, `time_frames` after the first stamp, to the pose and everything that follows from it.
     fn integrate_step(&mut self, step: &BodyStep, time_frames: f64, rows: &mut TrackerRows) {
         self.newest_frame = step.frame;
         // An outline that was predicted by the motion holds no information of its own.
@@ -152,11 +152,11 @@ impl BodyTracker {
             self.center_filter.update(&node, circle);
         }
         self.handle_event(event, node.time_frames, &mut rows.impacts);
-        rows.alarms.extend(self.alarm(event, step.frame, node.time_frames));
+        rows.alarms.extend(self.take_alarm(event, step.frame, node.time_frames));
     }
 
-    /// Returns the alarm to publish at once, if an event or the deepest point of a contact requires one.
-    fn alarm(&mut self, event: Event, frame: u64, time_frames: f64) -> Option<Alarm> {
+    /// Returns the alarm of an event at `time_frames`, or that of the deepest point, once per contact.
+    fn take_alarm(&mut self, event: Event, frame: u64, time_frames: f64) -> Option<Alarm> {
         let period_s = self.params.frame_period_ns * 1e-9;
         let alarm = |kind, at: Estimate| {
             let at_s = Estimate { value: at.value * period_s, sigma: at.sigma * period_s };
@@ -179,7 +179,7 @@ impl BodyTracker {
         }
     }
 
-    /// Adds a step over a longer interval.
+    /// Adds a step over a longer interval to the pose, unless the gate rejected the ball in its frame.
     pub fn link(&mut self, step: &BodyStep) {
         if !self.gate.has_rejected(step.frame) {
             self.integrator.link(&self.params.rectified(&self.rolling.straightened(step)));
@@ -195,7 +195,7 @@ impl BodyTracker {
         }
     }
 
-    /// Stores a pose and discards those beyond the reach of the local fits.
+    /// Stores a pose. Discards those beyond the reach of the local fits, once there are at least 256 of them.
     fn retain_node(&mut self, node: Pose) {
         self.nodes.push(node);
         let reach = u64::from(self.params.window_frames.unwrap_or(0)) + 2 * lag_frames(&self.params) + SPARE_NODES;
@@ -205,7 +205,7 @@ impl BodyTracker {
         }
     }
 
-    /// Returns gravity in px/frame^2; `None` without a scale.
+    /// Returns gravity along x and y (down) of the image, px/frame^2; `None` without a scale.
     fn gravity(&self) -> Option<[f64; 2]> {
         let scale = self.radius.metres_per_px(self.params.scale)?;
         Some(gravity_px(&self.params, scale.value))
@@ -242,7 +242,7 @@ impl BodyTracker {
         }
     }
 
-    /// Measures the last collision again when enough of the flight after it is known.
+    /// Measures the last collision again when a revision or a retry is due, and ends it with the final revision.
     fn revise(&mut self, time_frames: f64, impacts: &mut Vec<Impact>) {
         let Some(pending_impact) = &mut self.pending_impact else { return };
         // The detector estimates the end again while the flight after it grows.
@@ -269,7 +269,7 @@ impl BodyTracker {
         }
     }
 
-    /// Returns the possible relative error of measured speeds.
+    /// Returns the bounds of the relative error of measured speeds by the fixed pattern and by interpolation.
     fn speed_bias(&self) -> SpeedBias {
         let radius_px = self.radius.radius_px().filter(|_| self.params.form != Form::Rod);
         SpeedBias {
@@ -280,7 +280,7 @@ impl BodyTracker {
         }
     }
 
-    /// Returns the conversion to physical quantities for a collision; `None` without a scale.
+    /// Returns the scale, gravity, radius, mass and errors that a collision is solved with; `None` without a scale.
     fn impact_context(&self) -> Option<ImpactContext> {
         // The median of radii belongs to the middle of the observed time, whatever the radius was at contact.
         let half = 0.5 * self.size_change.total_dilatation();
@@ -313,7 +313,7 @@ impl BodyTracker {
         })
     }
 
-    /// Returns the image position of the origin of poses, px.
+    /// Returns the image position of the origin of poses, px; `None` before a centre or a rod was measured.
     fn origin_px(&self) -> Option<[f64; 2]> {
         let center = self.nodes.last().and_then(|node| Some((node.pose, self.center_filter.center(node)?)));
         center.map(|(pose, center)| [center.x_px - pose[0], center.y_px - pose[1]]).or(self.rod_px)
@@ -326,7 +326,7 @@ impl BodyTracker {
         Some([relative.normal, relative.tangential])
     }
 
-    /// Measures the last collision from the positions up to `time_frames`.
+    /// Measures the last collision up to `time_frames`. Appends it if it is final, or no less certain than before.
     fn measure_impact(&mut self, time_frames: f64, revision: Revision, impacts: &mut Vec<Impact>) {
         let (context, place) = (self.impact_context(), self.relative_position_px());
         let (Some(pending_impact), Some(detector), Some(context)) = (&mut self.pending_impact, &self.detector, context)
@@ -368,7 +368,7 @@ impl BodyTracker {
         }
     }
 
-    /// Returns the impact of a contact that lasts beyond the end of the stream: its start alone.
+    /// Returns the impact of a contact that lasts beyond the end of the stream: its start, within one frame (sigma).
     fn unfinished_impact(&self, contact: &Contact) -> Impact {
         let period_s = self.params.frame_period_ns * 1e-9;
         Impact {
@@ -398,7 +398,7 @@ impl BodyTracker {
         Some(Center { sigma_px: center.sigma_px.hypot(drift_px), ..center })
     }
 
-    /// Returns the difference between the measured and the expected radius that neither noise nor the scale explains, px.
+    /// Returns the difference between measured and expected radius that neither noise nor the scale explains, px.
     ///
     /// Glancing reflections mask the rim on one side, which moves the centre by about as much.
     fn rim_misfit_px(&self) -> f64 {
@@ -416,7 +416,7 @@ impl BodyTracker {
         PixelRates { theta: rates.theta.short_by(self.light_bias.significant()), ..rates }
     }
 
-    /// Returns the rows of a frame whose step was added, from everything added so far.
+    /// Returns the rows of a frame from everything added so far; `step` is the one that [`Self::add_step`] returned.
     pub fn rows(&self, step: &BodyStep) -> (TrackSample, VelocitySample) {
         let is_missing = matches!(step.status, PointStatus::Lost | PointStatus::Occluded | PointStatus::OutOfFrame)
             || (body_circle(step).is_none() && step.status == PointStatus::Ambiguous);
@@ -488,7 +488,7 @@ impl BodyTracker {
     }
 }
 
-/// Whether the detected outline of a frame places the centre elsewhere than the motion from other frames does.
+/// Whether the detected centre is over eight standard uncertainties from that by the motion from other frames.
 fn contradicts_motion(detected: &Center, by_motion: &Center) -> bool {
     let apart_px = (detected.x_px - by_motion.x_px).hypot(detected.y_px - by_motion.y_px);
     apart_px > CONTRADICTION_SIGMAS * detected.sigma_px.hypot(by_motion.sigma_px)

@@ -53,7 +53,10 @@ pub struct ValidationGate {
 }
 
 impl ValidationGate {
-    /// Returns the step if the gate accepts it, otherwise an ambiguous step without values.
+    /// Returns the step if the gate accepts it, otherwise an ambiguous step without outline and motion.
+    ///
+    /// Steps without a circle pass unchanged. Any ball is accepted after eight frames without one, and the detected one
+    /// after 63 rejections in a row.
     pub fn gate(&mut self, step: &BodyStep) -> BodyStep {
         let Some(circle) = step.circle() else {
             let is_missing = matches!(step.status, PointStatus::Lost | PointStatus::Occluded | PointStatus::OutOfFrame);
@@ -95,16 +98,19 @@ impl ValidationGate {
         if self.is_ambiguous { GATE_GROWTH_AMBIGUOUS_PX } else { GATE_GROWTH_PX + GATE_GROWTH_SPEEDS * speed_px }
     }
 
-    /// Whether the ball of the newest frame was rejected.
+    /// Whether the gate rejected the ball detected in `frame`.
+    ///
+    /// Only the last rejection is stored, so `frame` has to be the newest one that was gated.
     pub fn has_rejected(&self, frame: u64) -> bool {
         self.rejected_frame == Some(frame)
     }
 }
 
 impl Position {
-    /// Whether the ball can have moved from this position to another.
+    /// Whether the ball can have moved from this position to `center_px` in `frame`.
     ///
-    /// `growth_px` is the growth of the gate per frame without a measured motion.
+    /// `sigma_px` is the standard uncertainty of that centre, and `growth_px` the growth of the gate per frame without
+    /// a measured motion.
     fn admits(&self, frame: u64, center_px: [f64; 2], sigma_px: f64, growth_px: f64) -> bool {
         let frames = frame.saturating_sub(self.frame) as f64;
         let apart: [f64; 2] = std::array::from_fn(|k| center_px[k] - self.center_px[k] - frames * self.motion_px[k]);

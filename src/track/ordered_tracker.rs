@@ -9,7 +9,7 @@ pub struct OrderedTracker {
     buffer: ReorderBuffer,
     tracker: Tracker,
     rows: TrackerRows,
-    /// Steps that the tracker received.
+    /// The number of steps that the tracker received, including the rows of lost ones.
     pub taken: u64,
 }
 
@@ -24,18 +24,22 @@ impl OrderedTracker {
         Self { buffer, tracker: Tracker::new(params), rows: TrackerRows::default(), taken: 0 }
     }
 
-    /// Adds a step in any order; returns the rows that became final.
+    /// Adds a step in any order; returns all rows that the caller has not taken out.
+    ///
+    /// # Panics
+    ///
+    /// If the step has a body or an interval that is none of the configured ones.
     pub fn push(&mut self, step: BodyStep) -> &mut TrackerRows {
         self.push_observed(step, |_| {})
     }
 
-    /// Like [`push`](Self::push), and passes every step to `observe` in frame order.
+    /// Like [`push`](Self::push), and passes every step to `observe` in frame order, with the rows of lost ones.
     pub fn push_observed(&mut self, step: BodyStep, observe: impl FnMut(&BodyStep)) -> &mut TrackerRows {
         self.buffer.push(step);
         self.advance(observe)
     }
 
-    /// Completes all frames before `end`; no step will follow.
+    /// Ends the stream before frame `end`: completes all earlier frames, and returns all rows not taken out.
     pub fn finish(&mut self, end: u64) -> &mut TrackerRows {
         if let Some(last) = end.checked_sub(1) {
             self.buffer.finish(last);
@@ -45,7 +49,7 @@ impl OrderedTracker {
         &mut self.rows
     }
 
-    /// Whether every frame before `end` is complete.
+    /// Whether the tracker has received every step of the frames before `end`, or its loss.
     pub fn has_all_before(&self, end: u64) -> bool {
         self.buffer.has_emitted_before(end)
     }
@@ -55,7 +59,7 @@ impl OrderedTracker {
         Losses { lost: self.buffer.lost(), late: self.buffer.late() }
     }
 
-    /// Passes the steps that are in order to the tracker, and to `observe`.
+    /// Passes the steps that are in order to the tracker, and to `observe`. Returns all rows not taken out.
     fn advance(&mut self, mut observe: impl FnMut(&BodyStep)) -> &mut TrackerRows {
         while let Some(step) = self.buffer.pop() {
             observe(&step);
@@ -69,8 +73,8 @@ impl OrderedTracker {
 /// Losses of a tracker.
 #[derive(Debug, Clone, Copy)]
 pub struct Losses {
-    /// Rows that stand for lost frames.
+    /// Steps that never came, including those of gaps too long for rows of their own.
     pub lost: u64,
-    /// Steps that came after their frame was given up.
+    /// Steps that came after their frame was given up, or twice.
     pub late: u64,
 }

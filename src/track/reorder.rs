@@ -13,8 +13,8 @@ const FREE_LOST_FRAMES: u64 = 1000;
 /// step `patience_frames` newer arrives, or on request. A row with status `lost` takes its place, with a stamp
 /// interpolated between its neighbours. Steps that arrive later are dropped and counted.
 ///
-/// A gap so long that more frames would be missing than were measured has the rows of its first frame alone. Its length
-/// is the distance to the next frame. So a jump of the numbers takes no memory.
+/// A gap so long that over 1000 frames more would be missing than were measured has the rows of its first frame alone.
+/// Its length is the distance to the next frame. So a jump of the numbers takes no memory.
 #[derive(Debug, Clone)]
 pub struct ReorderBuffer {
     bodies: u32,
@@ -25,7 +25,7 @@ pub struct ReorderBuffer {
     waiting: BTreeMap<(u64, u32), BodyStep>,
     newest_frame: u64,
     give_up_before: u64,
-    /// The newest two emitted rows of different frames with a measured stamp, older first.
+    /// The newest two emitted rows of different frames, older first; the stamps of lost ones are interpolated.
     emitted: [Option<BodyStep>; 2],
     lost: u64,
     late: u64,
@@ -92,7 +92,9 @@ impl ReorderBuffer {
         self.give_up_before(last_frame.saturating_add(1));
     }
 
-    /// Returns the next step in order, or the row of a lost one; `None` while it may still arrive.
+    /// Returns the next step in order, or the row of a lost one.
+    ///
+    /// `None` while it may still arrive, before the first frame is set, and without bodies.
     pub fn pop(&mut self) -> Option<BodyStep> {
         if self.bodies == 0 {
             return None;
@@ -124,7 +126,7 @@ impl ReorderBuffer {
         self.next.is_some_and(|(frame, _)| frame >= end)
     }
 
-    /// The number of rows whose step never came.
+    /// The number of steps that never came, including those of gaps too long for rows of their own.
     pub fn lost(&self) -> u64 {
         self.lost
     }
@@ -159,6 +161,7 @@ impl ReorderBuffer {
         next + missing
     }
 
+    /// The number of steps of one body per frame.
     fn interval_count(&self) -> u32 {
         self.intervals_frames.len() as u32
     }
@@ -176,8 +179,9 @@ impl ReorderBuffer {
         }
     }
 
-    /// Returns a row for a missing step; `None` if its time cannot be interpolated. `slot` is the position in the
-    /// frame.
+    /// Returns a row for a missing step; `None` without any row to take its time from.
+    ///
+    /// `slot` is its index in the frame: body by body, and interval by interval within a body.
     fn lost_row(&self, frame: u64, slot: u32) -> Option<BodyStep> {
         let mut ahead = self.waiting.values().filter(|s| s.frame >= frame);
         let first = ahead.next().copied();

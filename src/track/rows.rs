@@ -2,7 +2,7 @@
 
 use crate::results::{Alarm, Impact, TrackSample, VelocitySample};
 
-/// Rows that became final, in that order. The tracker appends, the caller takes them out.
+/// Emitted rows in the order of their emission. The tracker appends, the caller takes them out.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct TrackerRows {
     /// One track row per step, in the order of the steps.

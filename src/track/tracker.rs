@@ -86,7 +86,7 @@ impl Tracker {
         u32::try_from(self.lag_frames).unwrap_or(u32::MAX)
     }
 
-    /// Appends the rows of the oldest steps as long as they are due.
+    /// Appends the rows of the oldest pending steps as long as `is_due` holds for the oldest.
     fn emit(&mut self, is_due: impl Fn(&BodyStep) -> bool, rows: &mut TrackerRows) {
         while let Some(step) = self.pending.front().copied().filter(&is_due) {
             self.pending.pop_front();

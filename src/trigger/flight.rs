@@ -63,6 +63,8 @@ pub(super) struct Fit {
 impl Fit {
     /// Returns the standard uncertainty of the predicted centre along each axis, px, this many frames later (or earlier
     /// if negative).
+    ///
+    /// It is never below that of the centre at the newest frame, and includes [`MIN_POSITION_SIGMA_PX`].
     pub fn sigma_after(&self, frames: f64) -> f64 {
         let variance =
             self.sigma_at_px.powi(2) + frames * (2.0 * self.covariance + frames * self.sigma_rate_px.powi(2));
@@ -96,10 +98,11 @@ impl Flight {
         self.outliers = 0;
     }
 
-    /// Adds the step of the next frame and returns whether the body is visible in it.
+    /// Adds the position of the body in the next frame, if it is visible, and returns whether it is.
     ///
-    /// A position far from the prediction counts as an outlier; [`OUTLIER_FRAMES`] of them in a row begin another
-    /// flight. `gravity_px` is the acceleration of gravity, px/frame², image axes.
+    /// Without a visible body nothing changes. A position far from the prediction counts as an outlier;
+    /// [`OUTLIER_FRAMES`] of them in a row begin another flight. The oldest positions beyond the maximum number of
+    /// frames are dropped. `gravity_px` is the acceleration of gravity, px/frame², image axes.
     pub fn add_step(&mut self, step: &BodyStep, gravity_px: [f64; 2]) -> bool {
         let Some(position) = position(step, self.end_px) else { return false };
         let expected = self.fit_first(self.positions.len() - self.outliers, gravity_px);
@@ -124,7 +127,7 @@ impl Flight {
         true
     }
 
-    /// Returns the newest radius, 0 for bodies without one; `None` before the body was visible.
+    /// Returns the radius at the newest position, px, 0 for bodies without one; `None` before the body was visible.
     pub fn radius_px(&self) -> Option<f64> {
         self.positions.back().map(|position| position.radius_px)
     }
@@ -141,7 +144,7 @@ impl Flight {
         self.fit_first(self.positions.len(), gravity_px)
     }
 
-    /// Fits the first `count` positions by weighted linear least squares with known gravity.
+    /// Fits the first `count` positions by weighted linear least squares with known gravity, px/frame², image axes.
     ///
     /// Returns the centre and the motion at the last of them; `None` if there are fewer than three. The observations
     /// are the positions and the steps between them, weighted by the inverse squares of their uncertainties. Both axes
@@ -201,7 +204,10 @@ pub(super) fn center_px(step: &BodyStep) -> Option<[f64; 2]> {
 }
 
 /// Returns the position of a body in a frame, or of a rod's end `end_px` below its lowest edge, with the motion from
-/// it. `None` if the body, or that edge, is not visible.
+/// it.
+///
+/// `None` if the body, or that edge, is not visible, or its place is only predicted. Uncertainties below
+/// [`MIN_POSITION_SIGMA_PX`] and [`MIN_STEP_SIGMA_PX`] are raised to these.
 fn position(step: &BodyStep, end_px: Option<f64>) -> Option<Position> {
     let is_gone = matches!(
         step.status,

@@ -115,7 +115,10 @@ struct Body {
 }
 
 impl MeasuredTrigger {
-    /// Creates a trigger for these bodies; `edge_px` are two points of the surface's edge, image axes.
+    /// Creates a trigger for these bodies; `edge_px` are two points of the surface's edge, px, image axes.
+    ///
+    /// Without an edge, conditions on the gap and the contact never fire. Angle and calibration of the edge are those
+    /// of the first body.
     pub fn new(condition: Condition, bodies: Vec<BodyWatch>, edge_px: Option<[[f64; 2]; 2]>) -> Self {
         let max_frames = if matches!(condition, Condition::Speed { .. }) { SPEED_FRAMES } else { FLIGHT_FRAMES };
         let angle_deg = bodies.first().map_or(0.0, |body| body.motion.surface_angle_deg);
@@ -139,9 +142,10 @@ impl MeasuredTrigger {
         Self { condition, edge, bodies }
     }
 
-    /// Adds the next step in frame order. Returns a decision if it meets the condition.
+    /// Takes the next step in frame order. Returns a decision if the body meets the condition in it.
     ///
-    /// If several intervals are measured, only the shortest counts.
+    /// Steps of unknown and unwatched bodies are ignored. If several intervals are measured, only the steps of the
+    /// shortest count.
     pub fn push(&mut self, step: &BodyStep) -> Option<Decision> {
         let (condition, edge) = (self.condition, self.edge);
         let body = self.bodies.get_mut(step.body as usize)?;
@@ -190,8 +194,8 @@ struct Edge {
 }
 
 impl Edge {
-    /// Creates the edge between two points; `angle_deg` is the configured angle of the surface, whose normal decides
-    /// the side.
+    /// Creates the edge between two points, px; `angle_deg` is the configured angle of the surface, whose normal
+    /// decides the side.
     fn new(ends: [[f64; 2]; 2], angle_deg: f64) -> Self {
         let along = [ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]];
         let length = along[0].hypot(along[1]);
@@ -231,7 +235,7 @@ impl Approach {
         }
     }
 
-    /// Whether the body is above the edge, not past one of its ends, this many frames later.
+    /// Whether the centre lies between the ends of the edge, measured along it, this many frames later.
     fn is_over_after(&self, frames: f64) -> bool {
         (0.0..=1.0).contains(&(self.along + frames * self.along_rate))
     }
@@ -239,8 +243,14 @@ impl Approach {
     /// Predicts the contact: the number of frames until it (negative for the past), and the normal speed then,
     /// px/frame. `None` when there will be none.
     ///
-    /// It is the first root of `gap + rate t + g t² / 2`, where g is the normal component of gravity, px/frame². The
-    /// form `2 gap / (sqrt(rate² - 2 g gap) - rate)` also holds for g = 0.
+    /// `gravity_px` is the acceleration of gravity, px/frame², image axes. With its component g along the normal, the
+    /// contact is the first root of
+    ///
+    /// ```text
+    /// gap + rate t + g t² / 2 = 0, t = 2 gap / (sqrt(rate² - 2 g gap) - rate)
+    /// ```
+    ///
+    /// which also holds for g = 0. A body that has reached the edge is traced back at its present rate, without gravity.
     fn predict_contact(&self, gravity_px: [f64; 2]) -> Option<(f64, f64)> {
         let (gap, rate) = (self.gap_px, self.gap_rate_px);
         let normal_gravity = self.normal[0] * gravity_px[0] + self.normal[1] * gravity_px[1];
@@ -258,8 +268,10 @@ impl Approach {
 }
 
 impl Body {
-    /// Returns the scale, m/px: as configured, or from the outline if the ball's diameter is configured. `None` without
-    /// either.
+    /// Returns the scale, m/px: as configured, or from the radius if the ball's diameter is configured.
+    ///
+    /// The radius is that of this step, or the last one that was measured. `None` if the scale, or every radius, is
+    /// unknown.
     fn metres_per_px(&self, step: &BodyStep) -> Option<f64> {
         match self.watch.motion.scale {
             Scale::MmPerPx(mm) => Some(1e-3 * mm),
@@ -271,9 +283,10 @@ impl Body {
         }
     }
 
-    /// Returns the decision for the frame that is `ahead_frames` after this step, or before it if negative.
+    /// Returns the decision for the frame that is `ahead_frames`, rounded, after this step, or before it if negative.
     ///
-    /// The stamp of that frame is computed from the nominal rate. `what` is the condition in words.
+    /// The stamp of that frame is computed from the nominal rate. `what` is the condition in words, without the body's
+    /// name.
     fn decision(&self, step: &BodyStep, ahead_frames: f64, what: &str) -> Decision {
         let whole_frames = ahead_frames.round();
         let period_ns = self.watch.motion.frame_period_ns;
@@ -289,7 +302,10 @@ impl Body {
         }
     }
 
-    /// Decides that the body entered the region, after [`CONFIRMED_FRAMES`] frames inside.
+    /// Returns the decision that the body entered the region, or became visible if that is `None`, after
+    /// [`CONFIRMED_FRAMES`] frames inside; else `None`.
+    ///
+    /// The decision belongs to the first of these frames. A body must have been outside for as many frames before.
     fn check_enter(&mut self, step: &BodyStep, roi_px: Option<[u32; 4]>) -> Option<Decision> {
         let is_in = |at_px: [f64; 2]| {
             roi_px.is_none_or(|[x, y, width, height]| {
@@ -309,7 +325,9 @@ impl Body {
         entered.then(|| self.decision(step, -f64::from(CONFIRMED_FRAMES - 1), "entered"))
     }
 
-    /// Decides that the speed is above the limit `speed_m_s`, by more than [`LIMIT_SIGMAS`].
+    /// Returns the decision that the speed is above the limit `speed_m_s`, by more than [`LIMIT_SIGMAS`]; else `None`.
+    ///
+    /// It comes once, until the speed has fallen below [`REARM_SHARE`] of the limit.
     fn check_speed(&mut self, step: &BodyStep, fit: &Fit, metres_per_px: f64, speed_m_s: f64) -> Option<Decision> {
         let per_frame = metres_per_px * 1e9 / self.watch.motion.frame_period_ns / self.rolling.image_interval_periods();
         let speed = fit.rate_px[0].hypot(fit.rate_px[1]) * per_frame;
@@ -324,7 +342,10 @@ impl Body {
         Some(self.decision(step, 0.0, &format!("{speed:.3} +- {sigma:.3} m/s, above {speed_m_s} m/s")))
     }
 
-    /// Decides that the gap is below the limit, which is `limit_px` or `gap_mm`, and the body is above the edge.
+    /// Returns the decision that the gap is below the limit, given both in px and in mm, and the body is above the
+    /// edge; else `None`.
+    ///
+    /// It comes once, until the gap has clearly exceeded the limit again.
     fn check_gap(&mut self, step: &BodyStep, approach: &Approach, limit_px: f64, gap_mm: f64) -> Option<Decision> {
         if approach.gap_px > limit_px / REARM_SHARE + MIN_APPROACH_PX {
             self.is_ready = true;
@@ -337,8 +358,11 @@ impl Body {
         Some(self.decision(step, 0.0, &format!("gap of {found_mm:.3} mm, below {gap_mm} mm")))
     }
 
-    /// Decides that the contact comes within `lead_frames`, or that it has happened. `gravity_px` is in px/frame²,
-    /// image axes.
+    /// Returns the decision that the contact comes within `lead_frames`, or that it has happened; else `None`.
+    ///
+    /// `gravity_px` is in px/frame², image axes. A contact to come must be certain to [`MAX_CONTACT_SIGMA_FRAMES`]. One
+    /// that is at most half a frame ahead counts in any case. The decision comes once, until the body has moved away
+    /// from the surface.
     fn check_contact(
         &mut self,
         step: &BodyStep,

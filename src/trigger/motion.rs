@@ -39,8 +39,10 @@ impl MotionTrigger {
         is_above && !was_above
     }
 
-    /// Returns the mean absolute change since the previous frame, DN, and keeps this frame for the next call. The
-    /// change is 0 where the two cannot be compared.
+    /// Returns the mean absolute change since the previous frame, DN, over every second row of the region, and keeps
+    /// this frame for the next call.
+    ///
+    /// The change is 0 where the two cannot be compared.
     fn mean_change_dn(&mut self, meta: &FrameMeta, bytes: &[u8]) -> f64 {
         let pixel_bytes = meta.format.bytes_per_pixel();
         let [x, y, width, height] = self.roi_px.unwrap_or([0, 0, meta.width_px, meta.height_px]);

@@ -16,7 +16,7 @@ impl Quiet {
         Self { min_ns: (1.0e9 * min_s).round() as u64, last_ns: None }
     }
 
-    /// Whether a trigger at this stamp may pass. If so, it counts as the last one.
+    /// Returns whether a trigger at this stamp, ns since the Unix epoch, may pass, and if so counts it as the last one.
     ///
     /// An earlier stamp than the last one belongs to another run, or to a camera whose clock stepped back. It passes.
     pub fn passes(&mut self, stamp_ns: u64) -> bool {

@@ -82,7 +82,8 @@ impl States {
         self.reported
     }
 
-    /// Records that a camera was opened and has not delivered a frame yet.
+    /// Records that a camera was opened and has not delivered a frame yet. Earlier recordings and motions no longer
+    /// count.
     pub fn note_prepared(&mut self) {
         (self.prepared, self.started, self.ended, self.recorded) = (true, false, false, false);
         self.bodies.fill(BodyState::Idle);
@@ -93,18 +94,18 @@ impl States {
         self.started = true;
     }
 
-    /// Records the last frame.
+    /// Records the end of the stream, after which no body is visible.
     pub fn note_ended(&mut self) {
         self.ended = true;
         self.bodies.fill(BodyState::Idle);
     }
 
-    /// Records that the recorder waits for a trigger.
+    /// Records that the recorder waits for a trigger. A recording completed before no longer counts.
     pub fn note_armed(&mut self) {
         (self.armed, self.recorded) = (true, false);
     }
 
-    /// Records that the recorder waits for no trigger.
+    /// Records that the recorder waits for no trigger. A recording completed before no longer counts.
     pub fn note_disarmed(&mut self) {
         (self.armed, self.recorded) = (false, false);
     }
@@ -124,7 +125,10 @@ impl States {
         (self.writing, self.recorded) = (false, true);
     }
 
-    /// Updates the state of a body by its measured velocity in the next frame.
+    /// Updates the state of a body by its velocity in the next frame. A row of an unknown body is ignored.
+    ///
+    /// A body in contact touches. Otherwise it begins to fall at a speed towards the surface of 5 standard
+    /// uncertainties, and falls until the speed is below 2.5.
     pub fn add_velocity(&mut self, row: &VelocitySample) {
         let was_falling = self.bodies.get(row.body as usize) == Some(&BodyState::Falling);
         let sigmas = if was_falling { FALL_END_SIGMAS } else { FALL_START_SIGMAS };
@@ -144,7 +148,8 @@ impl States {
         (std::mem::replace(&mut self.reported, present) != present).then_some(present)
     }
 
-    /// Combines all notes into the present state.
+    /// Combines all notes into the present state. Without a stream it is idle or preparing; then contact, fall and
+    /// recording take precedence in this order.
     fn present_state(&self) -> RigState {
         let any = |state| self.bodies.contains(&state);
         match () {

@@ -75,12 +75,18 @@ pub fn apply(device: &Device, settings: &config::Camera) -> Result<StreamFormat,
     Ok(stream)
 }
 
-/// Whether a feature belongs to the triggers.
+/// Whether a feature belongs to the triggers, by the beginning of its name.
 fn is_trigger(key: &str) -> bool {
     key.starts_with("Trigger")
 }
 
-/// Sets the region of interest. Offsets are set to 0 first because they limit the size.
+/// Sets the requested size and offsets of the region of interest.
+///
+/// Before a size, offsets are set to 0 because they limit it; without a requested offset they stay 0.
+///
+/// # Errors
+///
+/// [`CameraError::Setting`] if the camera refuses one of them.
 fn set_region(device: &Device, settings: &config::Camera) -> Result<(), CameraError> {
     let set_if_some = |name: &str, value: Option<u32>| match value {
         Some(value) => device.set_feature(name, &FeatureValue::Integer(i64::from(value))),
@@ -100,6 +106,10 @@ fn set_region(device: &Device, settings: &config::Camera) -> Result<(), CameraEr
 }
 
 /// Checks that the image still has the requested size, which a later setting (such as binning) may change.
+///
+/// # Errors
+///
+/// [`CameraError::Setting`] with the size that the camera keeps.
 fn check_region(settings: &config::Camera, stream: &StreamFormat) -> Result<(), CameraError> {
     for (name, wanted, kept) in
         [("Width", settings.width_px, stream.width_px), ("Height", settings.height_px, stream.height_px)]
@@ -138,7 +148,11 @@ fn fixed_exposure_us(device: &Device) -> f64 {
     exposure_us.filter(|exposure_us| !is_automatic && exposure_us.is_finite() && *exposure_us > 0.0).unwrap_or(0.0)
 }
 
-/// Disables automatic exposure, and sets and reads back the requested exposure time, if there is one.
+/// Disables automatic exposure, and sets and reads back the requested exposure time; does nothing without one.
+///
+/// # Errors
+///
+/// [`CameraError::Setting`] if the camera refuses it, with the allowed range, or keeps another time.
 fn set_exposure(device: &Device, settings: &config::Camera) -> Result<(), CameraError> {
     let Some(wanted) = settings.exposure_us else { return Ok(()) };
     let refused = |reason: String| setting_error("exposure_us", wanted, reason);
@@ -158,7 +172,11 @@ fn set_exposure(device: &Device, settings: &config::Camera) -> Result<(), Camera
 
 /// Sets the rate, then the trigger, and returns the resulting rate, Hz; 0 if neither camera nor settings have one.
 ///
-/// Setting a rate disables triggers, so the order matters.
+/// Setting a rate disables triggers, so the order matters. Without a trigger in the settings, all are switched off.
+///
+/// # Errors
+///
+/// [`CameraError::Setting`] if the camera refuses the rate or the trigger, keeps another, or does not report its rate.
 fn set_rate_and_trigger(device: &Device, settings: &config::Camera) -> Result<f64, CameraError> {
     let aravis = device.aravis;
     let has_rate = device.call(aravis.arv_camera_is_frame_rate_available).is_ok_and(|available| available != 0);
@@ -201,7 +219,7 @@ fn set_rate(device: &Device, wanted_hz: f64) -> Result<(), String> {
 }
 
 impl Device {
-    /// Runs a call that changes the trigger selector, and restores the selector.
+    /// Runs a call that changes the trigger selector, and restores the selector if the call succeeds.
     fn with_trigger_selector_kept(&self, act: impl FnOnce() -> Result<(), String>) -> Result<(), String> {
         let before = self.text("TriggerSelector").ok();
         act()?;
@@ -214,7 +232,11 @@ impl Device {
     }
 }
 
-/// Switches to hardware triggers from this line, and checks that the camera keeps the setting.
+/// Switches to hardware triggers from this source, and checks that the camera keeps the setting.
+///
+/// # Errors
+///
+/// The allowed sources, the library's message, or the source and mode that the camera keeps instead.
 fn set_trigger(device: &Device, source: &str) -> Result<(), String> {
     check_entry(source, &device.enum_entries("TriggerSource")?)?;
     let name = c_text(source)?;

@@ -18,7 +18,7 @@ struct Queue {
 }
 
 impl BufferTimes {
-    /// Records that a buffer is complete.
+    /// Records that a buffer is complete now, unless it was taken before this call.
     #[expect(clippy::disallowed_methods, reason = "measures the delivery latency, never the time of a frame")]
     pub fn add(&self) {
         let now = Instant::now();

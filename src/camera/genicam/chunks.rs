@@ -86,7 +86,7 @@ impl Chunks {
         }
     }
 
-    /// Reads the chunks of a complete frame.
+    /// Reads the timestamp and the frame counter in the chunks of a complete frame, if the camera sends them.
     ///
     /// `payload` holds the frame's bytes, `image_bytes` is the expected size of the image at its beginning, and
     /// `header_ns` is the timestamp of its header.
@@ -126,7 +126,11 @@ impl Chunks {
         Ok(values)
     }
 
-    /// Returns the value of one integer chunk, such as `ChunkFrameID`.
+    /// Returns the value of one integer chunk, such as `ChunkFrameID`, without its sign.
+    ///
+    /// # Errors
+    ///
+    /// The name of the chunk and the library's message.
     ///
     /// # Safety
     ///
@@ -144,7 +148,11 @@ impl Chunks {
 }
 
 impl Device {
-    /// Returns its timestamp tick frequency, Hz; 0 if the camera does not report it.
+    /// Reads the timestamp tick frequency of a GigE Vision camera, Hz; 0 if the camera gives none.
+    ///
+    /// # Errors
+    ///
+    /// The library's message, if the registers cannot be read.
     fn ticks_hz(&self) -> Result<u64, String> {
         let mut halves = [0_u32; 2];
         for (address, half) in TICKS_REGISTERS.into_iter().zip(&mut halves) {
@@ -157,7 +165,7 @@ impl Device {
     }
 }
 
-/// Converts ticks of a clock to ticks_to_ns; too many become `u64::MAX`.
+/// Converts ticks of a clock to ns, rounded down; more than 64 bits can hold become `u64::MAX`.
 fn ticks_to_ns(ticks: u64, ticks_hz: u64) -> u64 {
     let whole = u128::from(ticks) * 1_000_000_000 / u128::from(ticks_hz.max(1));
     u64::try_from(whole).unwrap_or(u64::MAX)
@@ -165,7 +173,8 @@ fn ticks_to_ns(ticks: u64, ticks_hz: u64) -> u64 {
 
 /// Returns the size of the first chunk, which is the image; `None` if the chunk sizes are inconsistent.
 ///
-/// Each chunk has its size behind it, so the chunks are followed from the end.
+/// Each chunk has its id and its size behind it, so the chunks are followed from the end. `decode_size` decodes a size
+/// in the byte order of the camera.
 fn image_chunk_bytes(payload: &[u8], decode_size: fn([u8; 4]) -> u32) -> Option<usize> {
     let mut end = payload.len();
     loop {
@@ -182,6 +191,7 @@ fn image_chunk_bytes(payload: &[u8], decode_size: fn([u8; 4]) -> u32) -> Option<
 mod tests {
     use super::*;
 
+    /// Returns a chunk of `bytes` bytes with its tag, which states a size of `stated` bytes.
     fn chunk(bytes: usize, stated: u32) -> Vec<u8> {
         [vec![9; bytes], 5_u32.to_be_bytes().to_vec(), stated.to_be_bytes().to_vec()].concat()
     }

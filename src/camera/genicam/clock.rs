@@ -50,10 +50,10 @@ enum ClockRelation {
 }
 
 impl DeviceClock {
-    /// Returns the host time of a frame, ns since the Unix epoch.
+    /// Returns the host time of the camera's timestamp of a frame, ns since the Unix epoch.
     ///
-    /// `device_ns` is the camera's timestamp, 0 if it has none. `arrival_ns` is the host time at which the frame's
-    /// first packet arrived.
+    /// `device_ns` is that timestamp, 0 if there is none. `arrival_ns` is the host time at which the frame's first
+    /// packet arrived. It is returned for a frame without a timestamp, and is otherwise the measure of the offset.
     pub fn stamp_ns(&mut self, device_ns: u64, arrival_ns: u64) -> u64 {
         let (Ok(signed_device_ns), Ok(signed_arrival_ns)) = (i64::try_from(device_ns), i64::try_from(arrival_ns))
         else {
@@ -71,8 +71,8 @@ impl DeviceClock {
 }
 
 impl ClockRelation {
-    /// Returns the relation after one frame: the same clock if the two times nearly agree, else the offset between
-    /// them.
+    /// Returns the relation after one frame: the same clock if the two times agree to within [`SYNCHRONISED_NS`], else
+    /// the offset between them.
     fn from_first_frame(device_ns: i64, arrival_ns: i64) -> Self {
         let offset_ns = arrival_ns - device_ns;
         if offset_ns.abs() < SYNCHRONISED_NS {
@@ -81,7 +81,10 @@ impl ClockRelation {
         Self::Drifting { start_ns: device_ns, offset_ns, rate: 0.0, integral: 0.0, min_error_ns: i64::MAX }
     }
 
-    /// Converts the device time of a frame to host time, ns, and updates the loop at the end of each window.
+    /// Converts the device time of a frame to host time, ns since the Unix epoch.
+    ///
+    /// A frame that ends a window of [`WINDOW_NS`] also updates rate and offset, for the frames after it. The same
+    /// clock needs no conversion.
     fn update(&mut self, device_ns: i64, arrival_ns: i64) -> u64 {
         let Self::Drifting { start_ns, offset_ns, rate, integral, min_error_ns } = self else {
             return u64::try_from(device_ns).unwrap_or(0);

@@ -45,7 +45,7 @@ impl Device {
         unsafe { self.aravis.arv_camera_get_device(self.camera.as_ptr()) }
     }
 
-    /// Reads a feature through one of the library's getters.
+    /// Calls one of the library's functions on the feature of this name and returns its result.
     fn read<R>(&self, name: &str, function: Read<R>) -> Result<R, String> {
         let name = c_text(name)?;
         // SAFETY: an open device and a terminated name; the function is one of the library's getters.
@@ -70,7 +70,7 @@ impl Device {
         Ok((min, max))
     }
 
-    /// Returns the bounds of a quantity for which the library has a function of its own.
+    /// Returns the range of a quantity at the present settings, through the library's function for its bounds.
     pub(super) fn bounds(&self, function: Bounds) -> Result<FloatRange, String> {
         let mut range = FloatRange { min: 0.0, max: 0.0 };
         // SAFETY: an open camera and two numbers of ours to write to.
@@ -96,7 +96,7 @@ impl Device {
         self.write(name, value, self.aravis.arv_device_set_integer_feature_value)
     }
 
-    /// Returns the range of an integer.
+    /// Returns the range of an integer at the present settings; its increment is 1 if the camera reports none.
     pub fn integer_range(&self, name: &str) -> Result<IntegerRange, String> {
         let (min, max) = self.min_max(name, self.aravis.arv_device_get_integer_feature_bounds)?;
         let step = self.read(name, self.aravis.arv_device_get_integer_feature_increment).unwrap_or(1);
@@ -113,7 +113,7 @@ impl Device {
         self.write(name, value, self.aravis.arv_device_set_float_feature_value)
     }
 
-    /// Returns the range of a real number.
+    /// Returns the range of a real number at the present settings.
     pub fn float_range(&self, name: &str) -> Result<FloatRange, String> {
         let (min, max) = self.min_max(name, self.aravis.arv_device_get_float_feature_bounds)?;
         Ok(FloatRange { min, max })
@@ -156,7 +156,7 @@ impl Device {
         }
     }
 
-    /// Returns the gamma exponent, if one is active and differs from 1.
+    /// Returns the gamma exponent, if one is active and differs from 1 by more than 0.005.
     pub fn gamma(&self) -> Option<f64> {
         let is_on = !self.has("GammaEnable") || self.boolean("GammaEnable").unwrap_or(true);
         let gamma = self.has("Gamma").then(|| self.float("Gamma").ok()).flatten()?;
@@ -209,7 +209,7 @@ impl Device {
             .map(|(kind, _)| kind)
     }
 
-    /// Whether another setting locks this feature.
+    /// Whether another setting locks this feature; `false` if the camera does not have it.
     pub fn is_locked(&self, name: &str) -> bool {
         let node = self.node(name);
         // SAFETY: nodes found by name are feature nodes.
@@ -234,7 +234,7 @@ impl Device {
 }
 
 impl Device {
-    /// Raises the flag when the connection is lost or another program takes control.
+    /// Registers for the end of the connection: `lost` becomes `true` when it is lost or another program takes control.
     pub(super) fn watch_connection(&self, lost: &Arc<AtomicBool>) {
         let data = Arc::into_raw(Arc::clone(lost)).cast_mut().cast();
         // SAFETY: the handler's true type is that of the signal, (device, data). The library keeps the data

@@ -26,7 +26,7 @@ pub struct CameraListing {
     pub protocol: String,
 }
 
-/// Discovers the cameras on every network card and USB port; takes about a second.
+/// Discovers the cameras on every network card and USB port, sorted by id and address; takes about a second.
 ///
 /// # Errors
 ///
@@ -67,8 +67,8 @@ impl Device {
     ///
     /// # Errors
     ///
-    /// [`CameraError::NotFound`] within seconds if no camera answers, several cameras have this serial number, or
-    /// another program controls it.
+    /// [`CameraError::LibraryMissing`] without Aravis. [`CameraError::NotFound`] within seconds if no camera answers,
+    /// several cameras have this serial number, or another program controls it.
     pub fn open(id: &str) -> Result<Self, CameraError> {
         let device = Self::open_read_only(id)?;
         if device.is_gige() && !device.is_controlled() {
@@ -78,11 +78,14 @@ impl Device {
         Ok(device)
     }
 
-    /// Opens a camera for reading only; another program may control it.
+    /// Opens a camera to read its features; another program may control it. The id is as in [`open`](Self::open).
+    ///
+    /// The library takes control of a camera that is free, and leaves the packet size as it is.
     ///
     /// # Errors
     ///
-    /// See [`open`](Self::open).
+    /// [`CameraError::LibraryMissing`] without Aravis, [`CameraError::NotFound`] if no camera answers within seconds or
+    /// several cameras have this serial number.
     pub fn open_read_only(id: &str) -> Result<Self, CameraError> {
         let not_found = |reason: String| CameraError::NotFound { id: id.into(), reason };
         let aravis = Library(library()?);
@@ -120,7 +123,7 @@ impl Device {
         unsafe { self.aravis.arv_camera_is_gv_device(self.camera.as_ptr()) != 0 }
     }
 
-    /// Whether this program has write access to this GigE Vision camera.
+    /// Whether this program controls this GigE Vision camera; `false` for other cameras.
     pub fn is_controlled(&self) -> bool {
         // SAFETY: an open device; the library checks its type and answers false for others.
         unsafe { self.aravis.arv_gv_device_is_controller(self.as_ptr().cast()) != 0 }
@@ -142,11 +145,13 @@ impl Device {
     }
 }
 
-/// Returns the name under which the library opens the camera selected by `id`.
+/// Returns the name under which the library opens the camera with this device id, address or serial number.
+///
+/// An empty `id` selects the first camera. The name is the address of a camera in a network, else the device id.
 ///
 /// # Errors
 ///
-/// The discovered cameras, if none matches or several do.
+/// The discovered cameras if none matches, or those that match if several do.
 fn select(cameras: &[CameraListing], id: &str) -> Result<String, String> {
     // The address rather than the name: the library may reach a name through another network card.
     let name = |camera: &CameraListing| match camera.address.parse::<Ipv4Addr>() {

@@ -38,7 +38,13 @@ impl<'a> Key<'a> {
         }
     }
 
-    /// Runs `act` with the selector set to this key's entry, and restores the selector.
+    /// Runs `act` with the selector set to this key's entry, and restores the selector if `act` succeeds.
+    ///
+    /// Without a selector, only runs `act`.
+    ///
+    /// # Errors
+    ///
+    /// That of `act`, or the reason why the selector cannot be set or restored.
     fn with_selector<R>(&self, device: &Device, act: impl FnOnce() -> Result<R, String>) -> Result<R, String> {
         let Some(Selector { name: selector, entry }) = self.selector else { return act() };
         match device.kind(selector) {
@@ -78,7 +84,7 @@ impl Device {
     ///
     /// # Errors
     ///
-    /// [`CameraError::Setting`] if it has another value.
+    /// [`CameraError::Setting`] if it has another value, or cannot be read.
     pub fn verify_feature(&self, key: &str, value: &FeatureValue) -> Result<(), CameraError> {
         let verify = || {
             let key = Key::parse(key)?;
@@ -87,12 +93,16 @@ impl Device {
         verify().map_err(|reason| setting_error(key, value, reason))
     }
 
-    /// Returns the value of a boolean behind a selector.
+    /// Returns the value of a boolean behind a selector, which is set for that moment.
     pub(super) fn selected_boolean(&self, name: &str, selector: Selector<'_>) -> Result<bool, String> {
         Key { name, selector: Some(selector) }.with_selector(self, || self.boolean(name))
     }
 
-    /// Sets a feature without a selector and reads it back; see [`set_feature`](Self::set_feature).
+    /// Sets a feature and reads it back, or executes a command, without changing selectors.
+    ///
+    /// # Errors
+    ///
+    /// The reason; see [`set_feature`](Self::set_feature).
     fn set_and_verify(&self, name: &str, value: &FeatureValue) -> Result<(), String> {
         let kind = self.kind(name).ok_or("the camera has no such feature")?;
         if !self.has(name) {
@@ -125,7 +135,7 @@ impl Device {
         self.verify(name, value)
     }
 
-    /// Returns the allowed values of a feature as text; empty if there is no range.
+    /// Returns the allowed values of an enumeration or number as text; empty for other types, or if they are unknown.
     pub(super) fn allowed_values(&self, name: &str, kind: FeatureKind) -> String {
         let range = match kind {
             FeatureKind::Enumeration => self.enum_entries(name).map(|entries| entries.join(", ")),
@@ -154,11 +164,13 @@ impl Device {
         self.set_text(name, entry)
     }
 
-    /// Reads a feature back and compares it with the requested value. Commands and write-only features pass.
+    /// Reads a feature back and compares it with the requested value, a real number up to [`MAX_ROUNDING`].
+    ///
+    /// Commands and write-only features pass.
     ///
     /// # Errors
     ///
-    /// The value that the camera keeps instead.
+    /// The value that the camera keeps instead, or the library's message.
     fn verify(&self, name: &str, wanted: &FeatureValue) -> Result<(), String> {
         let kind = self.kind(name);
         if kind == Some(FeatureKind::Command) || self.access(name) == Some(Access::Write) {
@@ -181,7 +193,7 @@ impl Device {
     }
 }
 
-/// Whether a value that was read back equals the requested one, up to the camera's rounding.
+/// Whether a value that was read back equals the requested one to within [`MAX_ROUNDING`] of it.
 pub(super) fn is_near(wanted: f64, kept: f64) -> bool {
     (wanted - kept).abs() <= MAX_ROUNDING * wanted.abs().max(f64::MIN_POSITIVE)
 }

@@ -26,11 +26,13 @@ pub struct CameraDetails {
 /// Maximum depth of the tree: descriptions come from vendors and may contain cycles.
 const MAX_DEPTH: usize = 12;
 
-/// Opens a camera for a moment and reads its capabilities.
+/// Opens a camera for reading and returns its size, formats, rates and triggers.
+///
+/// Values that it does not report are empty, `None` or 0.
 ///
 /// # Errors
 ///
-/// [`CameraError::NotFound`] if it does not answer.
+/// [`CameraError::NotFound`] if it does not answer, [`CameraError::LibraryMissing`] without Aravis.
 pub fn describe(camera: &CameraListing) -> Result<CameraDetails, CameraError> {
     let device = Device::open_read_only(if camera.address.contains('.') { &camera.address } else { &camera.id })?;
     let first_of = |names: [&str; 2]| {
@@ -50,11 +52,11 @@ pub fn describe(camera: &CameraListing) -> Result<CameraDetails, CameraError> {
     })
 }
 
-/// Returns every feature of a camera in the order of its description.
+/// Returns the categories of a camera and its available features, in the order of its description.
 ///
 /// # Errors
 ///
-/// [`CameraError::NotFound`] if it does not answer.
+/// [`CameraError::NotFound`] if it does not answer, [`CameraError::LibraryMissing`] without Aravis.
 pub fn features(id: &str) -> Result<Vec<FeatureLine>, CameraError> {
     let device = Device::open_read_only(id)?;
     let mut lines = Vec::new();
@@ -64,9 +66,10 @@ pub fn features(id: &str) -> Result<Vec<FeatureLine>, CameraError> {
 }
 
 impl Device {
-    /// Adds a line for everything below a category, each feature once.
+    /// Adds a line for each category below a category and for each available feature, each feature once.
     ///
-    /// `depth` is that of the lines added, and `seen` has the names of all features and categories added so far.
+    /// `depth` is that of the lines added; below [`MAX_DEPTH`] the tree is cut. `seen` has the names of the features
+    /// added and of the categories searched so far.
     fn collect_features(
         &self,
         category: &str,
@@ -96,7 +99,7 @@ impl Device {
         }
     }
 
-    /// Describes one feature, with its present value if it can be read and its range if it can be written.
+    /// Returns the line of one feature, with its present value if it can be read and its range if it can be written.
     fn feature_line(&self, depth: usize, name: String, kind: FeatureKind) -> FeatureLine {
         let access = self.access(&name);
         let value = match (access, kind) {
@@ -129,7 +132,7 @@ impl Device {
         names
     }
 
-    /// Returns the unit of a number; empty if it has none.
+    /// Returns the unit of an integer or a real number; empty if it has none, and for other types.
     fn unit(&self, name: &str, kind: FeatureKind) -> String {
         let node = self.node(name);
         // SAFETY: the node is of the type that the function takes; it returns null or a terminated string.

@@ -39,7 +39,8 @@ impl FrameIds {
         Self { counting, last: None, is_provisional: true, counter: None }
     }
 
-    /// Records an incomplete frame. The sequence may begin with it but never continues from it.
+    /// Records an incomplete frame with this id, 0 if unknown. The sequence may begin with it but never continues from
+    /// it: only the first id is kept.
     pub fn add_incomplete(&mut self, id: u64) {
         // 0: its first packet was lost.
         if self.last.is_none() && id != 0 {
@@ -47,7 +48,9 @@ impl FrameIds {
         }
     }
 
-    /// Returns the sequence number of a complete frame with this id and this value of the camera's own counter.
+    /// Returns the sequence number of a complete frame with this id, and records both.
+    ///
+    /// `counter` is the camera's own count of frames; `None` if it sends none.
     ///
     /// # Errors
     ///
@@ -80,7 +83,9 @@ impl FrameIds {
         Ok(sequence)
     }
 
-    /// Returns the number of frames from the id `last` to a later `id`; `None` if it is not later.
+    /// Returns the number of frames from the id `last` to a later `id`.
+    ///
+    /// `None` if it is not later, or [`MAX_GAP`] or more ahead; of short ids, the farther half counts as earlier.
     fn frames_ahead(&self, id: u64, last: u64) -> Option<u64> {
         match self.counting {
             Counting::Long => id.checked_sub(last).filter(|ahead| (1..MAX_GAP).contains(ahead)),

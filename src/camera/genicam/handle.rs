@@ -56,7 +56,11 @@ impl<T> Drop for Object<T> {
     }
 }
 
-/// Makes a call that reports errors through a GError, and returns the library's message as the error.
+/// Makes a call that reports errors through a GError, and returns its result.
+///
+/// # Errors
+///
+/// The library's message.
 pub fn checked<R>(aravis: Library, call: impl FnOnce(*mut *mut GError) -> R) -> Result<R, String> {
     let mut error: *mut GError = ptr::null_mut();
     let result = call(&raw mut error);

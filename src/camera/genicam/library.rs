@@ -33,6 +33,10 @@ pub fn discovery_lock() -> MutexGuard<'static, ()> {
 }
 
 /// Loads the library of this file name for good: GLib cannot be unloaded.
+///
+/// # Errors
+///
+/// [`CameraError::LibraryMissing`] if it cannot be loaded or is not version 0.8.
 fn open_library(name: &str) -> Result<&'static Aravis, CameraError> {
     let missing =
         |reason: String| CameraError::LibraryMissing { library: name.into(), package: PACKAGE.into(), reason };
@@ -46,7 +50,7 @@ fn open_library(name: &str) -> Result<&'static Aravis, CameraError> {
     Ok(Box::leak(Box::new(aravis)))
 }
 
-/// Returns the loader's message with its cause.
+/// Returns the system's reason why a library cannot be loaded, or the loader's own message if the system gave none.
 fn loader_message(error: &libloading::Error) -> String {
     use std::error::Error;
     error.source().map_or_else(|| error.to_string(), |source| source.to_string())

@@ -110,7 +110,8 @@ impl AcceptedTimes {
     ///
     /// # Errors
     ///
-    /// The reason, if the frame has lost its timestamp or is too far ahead of the host time that has passed.
+    /// The reason, if the frame has no timestamp (0) unlike the previous one, or its device time has advanced more than
+    /// [`MAX_TIME_JUMP`] beyond the host time that has passed.
     fn check_next(&self, device_ns: u64, now: Instant) -> Result<(), String> {
         if device_ns == 0 && self.device_ns != 0 {
             return Err("it has no timestamp, unlike the previous one".into());
@@ -180,8 +181,12 @@ impl GenicamCamera {
         CameraError::Lost { id: self.id.clone(), reason: reason.into() }
     }
 
-    /// Validates a buffer out of the stream. A frame must match the camera's settings and come after the previous
-    /// one.
+    /// Validates a buffer taken out of the stream at `now`. A frame must match the camera's settings and come after the
+    /// previous one, else it is incomplete.
+    ///
+    /// # Errors
+    ///
+    /// [`CameraError::Lost`] if more than [`MAX_STALE`] complete frames in a row have no valid sequence number or time.
     fn validate(&mut self, received: ReceivedBuffer, now: Instant) -> Result<Next, CameraError> {
         let id = received.id;
         let values = match self.check_content(&received) {
@@ -191,7 +196,7 @@ impl GenicamCamera {
                 return Ok(Next::Incomplete(received.slot, format!("frame id {id}: {reason}")));
             }
         };
-        match self.meta(&received, values, now) {
+        match self.accept(&received, values, now) {
             Ok(meta) => {
                 self.stale = 0;
                 Ok(Next::Frame(received.slot, meta))
@@ -204,12 +209,15 @@ impl GenicamCamera {
         }
     }
 
-    /// Returns the metadata of a complete frame: its sequence number and time.
+    /// Returns the metadata of a complete frame taken at `now`, and records its sequence number and times.
+    ///
+    /// A timestamp in the chunks replaces that of the frame's header.
     ///
     /// # Errors
     ///
-    /// The reason, if its id, its counter or its timestamp does not come after that of the previous frame.
-    fn meta(&mut self, received: &ReceivedBuffer, values: ChunkValues, now: Instant) -> Result<FrameMeta, String> {
+    /// The reason, if its id, its counter or its timestamp does not come after that of the previous frame, or the
+    /// timestamp is missing or too far ahead.
+    fn accept(&mut self, received: &ReceivedBuffer, values: ChunkValues, now: Instant) -> Result<FrameMeta, String> {
         let sequence = self.ids.add_complete(received.id, values.frame_id)?;
         if sequence == 0 {
             log::info!("the first frame has id {}; most cameras begin with 1", received.id);

@@ -90,24 +90,25 @@ struct Instruction {
     if_false: Target,
 }
 
-/// Returns an instruction that loads or changes the value to be tested.
+/// Returns an instruction that loads the value to be tested, or masks it, and goes on with the next one.
 fn load(operation: u16, value: u32) -> Instruction {
     Instruction { operation, value, if_true: Target::Next, if_false: Target::Next }
 }
 
-/// Returns an instruction that compares the loaded value and jumps.
+/// Returns an instruction that compares the loaded value with `value` and jumps.
 fn test(operation: u16, value: u32, if_true: Target, if_false: Target) -> Instruction {
     Instruction { operation, value, if_true, if_false }
 }
 
 impl StreamShape {
-    /// Returns the number of packets of a frame, including leader and trailer, with headers of this size.
+    /// Returns the number of packets of a frame, including leader and trailer, with stream headers of this size.
     fn packet_count(&self, header_bytes: u32) -> u32 {
         let room = self.packet_bytes.saturating_sub(NETWORK_BYTES + header_bytes).max(1);
         self.payload_bytes.div_ceil(room) + 2
     }
 
-    /// Returns the program of the filter: the checks common to all packets, then those for either size of the header.
+    /// Returns the program of the filter without its ends: the checks common to all packets, then those for short and
+    /// those for long headers.
     fn instructions(&self) -> Vec<Instruction> {
         let [short, long] = HEADERS_BYTES;
         let short_instructions = self.instructions_with_header(short);
@@ -126,7 +127,10 @@ impl StreamShape {
         instructions
     }
 
-    /// Returns the checks of the packet number and the length, by the kind of the content.
+    /// Returns the checks of packets with headers of this size, one of [`HEADERS_BYTES`].
+    ///
+    /// Leader, trailer and payload each have their own checks of packet number and length; the leader's payload type is
+    /// checked too. Packets that report an error skip the checks of their content, and other content is dropped.
     fn instructions_with_header(&self, header_bytes: u32) -> Vec<Instruction> {
         use Target::{Accept, Drop, Next, Skip};
         let is_long = header_bytes == HEADERS_BYTES[1];

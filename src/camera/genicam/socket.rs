@@ -6,9 +6,9 @@ use std::io;
 use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd, RawFd};
 
-/// Finds this process's UDP socket on a port, and returns a duplicate of its descriptor.
+/// Finds this process's UDP socket on a local port, and returns a duplicate of its descriptor.
 ///
-/// With an address, only a socket bound to it counts. Aravis does not expose the descriptor of its stream.
+/// With a local address, only a socket bound to it counts. Aravis does not expose the descriptor of its stream.
 ///
 /// # Errors
 ///
@@ -31,7 +31,7 @@ pub fn find_udp(address: Option<Ipv4Addr>, port: u16) -> io::Result<OwnedFd> {
     Err(io::Error::new(io::ErrorKind::NotFound, format!("no UDP socket on port {port}")))
 }
 
-/// Enlarges the receive buffer of a socket and returns its new size in bytes.
+/// Requests a receive buffer of `wanted_bytes` for a socket, and returns the size granted, bytes.
 ///
 /// Aravis sizes its socket only after the first packet, too late for the rest of that frame.
 ///

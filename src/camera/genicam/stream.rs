@@ -103,9 +103,12 @@ unsafe impl Send for Stream {}
 impl Stream {
     /// Creates the stream of a camera whose settings are final: packet size, socket, receiving thread.
     ///
+    /// `packet_size_bytes` is that of a GigE Vision camera; `None` for the largest that fits. `chunks` reads the chunk
+    /// data if the camera sends any.
+    ///
     /// # Errors
     ///
-    /// The library's message.
+    /// The library's message, or that the camera keeps another packet size.
     pub fn new(
         device: &Device,
         packet_size_bytes: Option<u32>,
@@ -133,6 +136,7 @@ impl Stream {
         Ok(Self { stream: Some(stream), lent: Vec::new(), aravis, sizes, chunks, times, spare: Vec::new() })
     }
 
+    /// Returns the stream for calls of the library; null after [`abandon`](Self::abandon).
     fn as_ptr(&self) -> *mut ArvStream {
         self.stream.as_ref().map_or(ptr::null_mut(), Object::as_ptr)
     }
@@ -157,7 +161,9 @@ impl Stream {
         unsafe { self.aravis.arv_stream_push_buffer(self.as_ptr(), buffer.as_ptr()) };
     }
 
-    /// Waits at most `timeout` for a buffer to come out; `None` if there is none.
+    /// Waits at most `timeout` for a buffer, complete or not, to come out; `None` if there is none.
+    ///
+    /// If the payload went to memory of the stream, a valid image is copied into the slot.
     pub fn pop(&mut self, timeout: Duration) -> Option<ReceivedBuffer> {
         let timeout_us = u64::try_from(timeout.as_micros()).unwrap_or(u64::MAX);
         // SAFETY: a live stream; the reference to the returned buffer is ours.
@@ -175,7 +181,9 @@ impl Stream {
         Some(received)
     }
 
-    /// Reads the chunks of a complete frame and copies its image into the slot.
+    /// Reads the chunks of a complete frame, and copies its image into the slot if they are consistent.
+    ///
+    /// An incomplete frame stays without chunk values.
     fn unpack(&self, buffer: *mut ArvBuffer, received: &mut ReceivedBuffer, payload: &[u8]) {
         let Some(chunks) = self.chunks.as_ref().filter(|_| received.status == sys::ARV_BUFFER_STATUS_SUCCESS) else {
             return;
@@ -191,6 +199,8 @@ impl Stream {
     }
 
     /// Reads status, times and image properties of a buffer, without its chunks and completion time.
+    ///
+    /// An incomplete frame gets 0 bytes received and no image properties.
     fn read_header(&self, buffer: *mut ArvBuffer, slot: Slot) -> ReceivedBuffer {
         let aravis = self.aravis;
         let mut received_bytes = 0;
@@ -275,11 +285,12 @@ impl Drop for Stream {
 
 /// Sets ordinary UDP sockets and the packet size, before the stream is created; returns the packet size, bytes.
 ///
-/// The default size is the largest that the route, the camera and [`MAX_PACKET_BYTES`] allow.
+/// `wanted_bytes` is the requested size, including the IP and UDP headers. The default (`None`) is the largest that the
+/// route, the camera and [`MAX_PACKET_BYTES`] allow.
 ///
 /// # Errors
 ///
-/// The reason, if the camera does not keep the requested packet size.
+/// The library's message, or the reason, if the camera does not keep the requested packet size.
 fn prepare_link(device: &Device, wanted_bytes: Option<u32>) -> Result<u32, String> {
     let aravis = device.aravis;
     // The library prefers raw packet sockets if it has the capability. They receive nothing on a loopback device that
@@ -311,7 +322,9 @@ fn prepare_link(device: &Device, wanted_bytes: Option<u32>) -> Result<u32, Strin
     Ok(kept)
 }
 
-/// Returns an IPv4 address of a GigE Vision device: its own, or that of the interface it is reached by, by the getter.
+/// Returns an IPv4 address of a GigE Vision device through a getter of the library; `None` if it has none.
+///
+/// The getter selects the device's own address, or that of the network interface that reaches it.
 fn ipv4_address(
     device: &Device,
     getter: unsafe extern "C" fn(*mut sys::ArvGvDevice) -> *mut sys::GSocketAddress,
@@ -330,8 +343,9 @@ fn ipv4_address(
 
 /// Attaches the packet filter to the stream's socket and enlarges its buffer before the first packet arrives.
 ///
-/// The library would size the buffer after the first packet, and smaller. Failures are logged, since frames can be
-/// received without either.
+/// `payload_bytes` is the size of a frame, `packet_bytes` that of a packet with IP and UDP headers. The library would
+/// size the buffer after the first packet, and smaller. Failures are logged, since frames can be received without
+/// either.
 fn prepare_socket(device: &Device, stream: &Object<ArvStream>, payload_bytes: usize, packet_bytes: u32) {
     let aravis = device.aravis;
     // FIXED without a size: the library leaves the socket as we set it.
@@ -374,7 +388,9 @@ fn set_int_property(aravis: Library, stream: &Object<ArvStream>, name: &str, val
     }
 }
 
-/// Records completed buffers, and gives the receiving thread its priority. The library calls it on that thread.
+/// Records when buffers are completed, and gives the receiving thread its priority when it starts.
+///
+/// The library calls it on that thread; `data` is the stream's [`BufferTimes`].
 unsafe extern "C" fn on_stream(data: gpointer, kind: ArvStreamCallbackType, _buffer: *mut ArvBuffer) {
     static WARNED: Once = Once::new();
     if kind == sys::ARV_STREAM_CALLBACK_TYPE_BUFFER_DONE {

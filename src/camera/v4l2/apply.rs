@@ -51,6 +51,8 @@ pub(super) fn apply(device: &Device, settings: &config::Camera) -> Result<Applie
 }
 
 /// Returns the exposure time if it is fixed, us; `None` if it is automatic or not reported.
+///
+/// It is fixed in the modes manual and shutter priority, and without a control for automatic exposure.
 fn fixed_exposure_us(device: &Device) -> Option<f64> {
     let is_manual = device.number(sys::V4L2_CID_EXPOSURE_AUTO).is_none_or(|mode| {
         let fixed = [sys::V4L2_EXPOSURE_MANUAL, sys::V4L2_EXPOSURE_SHUTTER_PRIORITY];
@@ -61,6 +63,8 @@ fn fixed_exposure_us(device: &Device) -> Option<f64> {
 }
 
 /// Selects the best of the driver's formats for the requested pixel format, size and rate.
+///
+/// The order is that of [`LAYOUTS`]. If none has the size and rate, it is the first with the pixel format.
 ///
 /// # Errors
 ///
@@ -81,7 +85,9 @@ fn select_layout(device: &Device, settings: &config::Camera) -> Result<Layout, C
     })
 }
 
-/// Whether a format has the requested size and rate, or may have because the driver lists none.
+/// Whether a format (four-character code) has the requested size and rate, or may have because the driver lists none.
+///
+/// `true` if the settings leave the width or the height open.
 fn may_support(device: &Device, settings: &config::Camera, fourcc: u32) -> bool {
     let (Some(width_px), Some(height_px)) = (settings.width_px, settings.height_px) else { return true };
     let size = FrameSize { width_px, height_px };
@@ -134,7 +140,13 @@ fn set_format(device: &Device, settings: &config::Camera, layout: Layout) -> Res
     Ok(buffer)
 }
 
-/// Sets the requested frame rate, if there is one and the driver supports it, and checks the rate that it keeps.
+/// Sets the requested frame rate, if there is one, and checks the rate that the driver keeps.
+///
+/// A driver without a settable rate is only warned about.
+///
+/// # Errors
+///
+/// [`CameraError::Setting`] with the rates at this size if the driver refuses the rate or keeps another.
 fn set_rate(device: &Device, settings: &config::Camera, buffer: &BufferLayout) -> Result<(), CameraError> {
     let Some(wanted) = settings.frame_rate_hz else { return Ok(()) };
     if device.interval().is_none() {
@@ -152,7 +164,11 @@ fn set_rate(device: &Device, settings: &config::Camera, buffer: &BufferLayout) -
     }
 }
 
-/// Checks that the driver keeps the requested frame rate.
+/// Checks that the driver keeps the requested frame rate after its other settings.
+///
+/// # Errors
+///
+/// [`CameraError::Setting`] with the rate that it keeps.
 fn check_rate(wanted_hz: f64, kept_hz: f64) -> Result<(), CameraError> {
     if is_same_rate(wanted_hz, kept_hz) {
         return Ok(());

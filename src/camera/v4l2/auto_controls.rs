@@ -10,7 +10,10 @@ use crate::config;
 /// The gamma control's value for a linear response, by the USB video class.
 const LINEAR_GAMMA: i64 = 100;
 
-/// Returns the warnings for a configured camera, one sentence each.
+/// Returns the warnings for a configured camera; empty if none applies.
+///
+/// They concern compressed images, automatic adjustments, a rate that falls in the dark, a gamma that is not corrected,
+/// and an unknown row time of the shutter.
 pub(super) fn warnings(device: &Device, applied: &Applied, settings: &config::Camera) -> Vec<String> {
     let mut warnings = Vec::new();
     let layout = applied.buffer.layout;

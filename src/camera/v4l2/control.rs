@@ -45,7 +45,7 @@ impl Control {
     }
 }
 
-/// Returns the name of a control as `v4l2-ctl` writes it.
+/// Returns the name of a control as `v4l2-ctl` writes it: its ASCII letters and digits, lower-case, `_` between words.
 pub(super) fn identifier(name: &str) -> String {
     let words = name.split(|letter: char| !letter.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
     words.collect::<Vec<_>>().join("_").to_ascii_lowercase()
@@ -98,7 +98,7 @@ impl Device {
     ///
     /// # Errors
     ///
-    /// [`CameraError::Setting`] if it has another value.
+    /// [`CameraError::Setting`] if it has another value, or there is no such control.
     pub(super) fn verify_control(&self, name: &str, value: &FeatureValue) -> Result<(), CameraError> {
         let verify = || self.verify(&self.find_control(name)?, value);
         verify().map_err(|reason| setting_error(name, value, reason))
@@ -166,6 +166,10 @@ impl Device {
     }
 
     /// Returns the index of the menu entry with this name, or with this number in an integer menu.
+    ///
+    /// # Errors
+    ///
+    /// The names of all entries, if there is none.
     fn menu_index(&self, control: &Control, value: &FeatureValue) -> Result<i64, String> {
         let entries = self.menu(control);
         let name = value.to_string();
@@ -193,7 +197,9 @@ impl Device {
         (control.range.min..=control.range.max.min(i64::from(MAX_LIST))).filter_map(entry).collect()
     }
 
-    /// Writes the number that a control of any type but text has in the driver.
+    /// Writes the value of a control of any type but text, without a check; menus take an index, booleans 0 or 1.
+    ///
+    /// All but 64-bit integers are cut to 32 bits.
     fn write_integer(&self, control: &Control, value: i64) -> io::Result<()> {
         let mut one = sys::v4l2_ext_control { id: control.id, ..Default::default() };
         if control.kind == sys::V4L2_CTRL_TYPE_INTEGER64 {
@@ -206,6 +212,10 @@ impl Device {
     }
 
     /// Writes a text after checking its length.
+    ///
+    /// # Errors
+    ///
+    /// The allowed length, bytes, also for a text with a zero byte; or the driver's message.
     fn write_text(&self, control: &Control, value: &str) -> Result<(), String> {
         let length = i64::try_from(value.len()).unwrap_or(i64::MAX);
         if check_integer(length, control.range).is_err() || value.contains('\0') {
@@ -218,7 +228,9 @@ impl Device {
         self.transfer(sys::REQUEST_S_EXT_CTRLS, &mut one).map_err(|error| error.to_string())
     }
 
-    /// Reads or writes one control; a text in it must live until this returns.
+    /// Reads (`REQUEST_G_EXT_CTRLS`) or writes (`REQUEST_S_EXT_CTRLS`) one control.
+    ///
+    /// A text in it must live until this returns.
     fn transfer(&self, request: u64, one: &mut sys::v4l2_ext_control) -> io::Result<()> {
         let mut list = sys::v4l2_ext_controls { count: 1, controls: one, ..Default::default() };
         list.__bindgen_anon_1.which = sys::V4L2_CTRL_WHICH_CUR_VAL;
@@ -226,7 +238,9 @@ impl Device {
         unsafe { self.call(request, &mut list) }
     }
 
-    /// Returns the value of a control as written in a configuration; `None` if it cannot be read.
+    /// Reads the value of a control, as written in a configuration: of a menu, the name of its entry.
+    ///
+    /// `None` if it cannot be read: a command, a write-only control, an array, or an index without an entry.
     fn value(&self, control: &Control) -> Option<String> {
         if control.kind == sys::V4L2_CTRL_TYPE_BUTTON || control.has_flag(sys::V4L2_CTRL_FLAG_WRITE_ONLY) {
             return None;
@@ -256,7 +270,7 @@ impl Device {
         })
     }
 
-    /// Returns the value of a numeric or menu control; `None` if the camera does not have it.
+    /// Reads the number of a control (`V4L2_CID_...`) of 32 bits, of a menu its index; `None` if it cannot be read.
     pub(super) fn number(&self, id: u32) -> Option<i64> {
         let mut one = sys::v4l2_ext_control { id, ..Default::default() };
         self.transfer(sys::REQUEST_G_EXT_CTRLS, &mut one).ok()?;
@@ -264,7 +278,9 @@ impl Device {
         Some(i64::from(unsafe { one.__bindgen_anon_1.value }))
     }
 
-    /// Returns the names of active automatic adjustments: automatic controls, and an exposure that is not manual.
+    /// Returns the names of active automatic adjustments that can be set.
+    ///
+    /// They are boolean controls with the word `auto` or `automatic` in the name, and an exposure that is not manual.
     pub(super) fn active_auto_controls(&self) -> Vec<String> {
         let is_on = |control: &Control| match control.kind {
             sys::V4L2_CTRL_TYPE_BOOLEAN => {
@@ -281,7 +297,9 @@ impl Device {
         controls.map(|control| control.name).collect()
     }
 
-    /// Reads a control back and compares it with the requested value. A control that cannot be read passes.
+    /// Reads a control back and compares it with the requested value, as text without the spaces at its end.
+    ///
+    /// A control that cannot be read passes.
     ///
     /// # Errors
     ///
@@ -293,7 +311,7 @@ impl Device {
         }
     }
 
-    /// Returns the allowed values of a control as text; empty if there is no range.
+    /// Returns the allowed values of a control as text; empty for booleans, commands and arrays.
     fn allowed_values(&self, control: &Control) -> String {
         match control.kind {
             sys::V4L2_CTRL_TYPE_INTEGER | sys::V4L2_CTRL_TYPE_INTEGER64 => control.range.to_string(),
@@ -319,7 +337,7 @@ impl Device {
     }
 }
 
-/// Returns the feature type of a `V4L2_CTRL_TYPE_...`; numbers and integer menus are integers.
+/// Returns the feature type of a `V4L2_CTRL_TYPE_...`; all but booleans, commands, menus and texts are integers.
 fn feature_kind(control_type: u32) -> FeatureKind {
     match control_type {
         sys::V4L2_CTRL_TYPE_BOOLEAN => FeatureKind::Boolean,

@@ -96,7 +96,7 @@ impl Device {
         Ok(Capability { driver: text(&raw.driver), card: text(&raw.card), bus: text(&raw.bus_info), flags })
     }
 
-    /// Returns code and description of every pixel format.
+    /// Returns the four-character code and the description of every pixel format, in the driver's order.
     pub(super) fn formats(&self) -> Vec<(u32, String)> {
         let format = |index| {
             let mut raw = sys::v4l2_fmtdesc { index, type_: CAPTURE, ..Default::default() };
@@ -107,7 +107,7 @@ impl Device {
         (0..MAX_LIST).map_while(format).collect()
     }
 
-    /// Returns the frame sizes of a pixel format.
+    /// Returns the frame sizes that the driver lists for a pixel format (four-character code).
     pub(super) fn sizes(&self, pixel_format: u32) -> Sizes {
         let size = |index| {
             let mut raw = sys::v4l2_frmsizeenum { index, pixel_format, ..Default::default() };
@@ -118,7 +118,7 @@ impl Device {
         Sizes::from_list((0..MAX_LIST).map_while(size))
     }
 
-    /// Returns the frame rates of a pixel format and size.
+    /// Returns the frame rates that the driver lists for a pixel format (four-character code) and size.
     pub(super) fn rates(&self, pixel_format: u32, size: FrameSize) -> Rates {
         let (width, height) = (size.width_px, size.height_px);
         let interval = |index| {
@@ -176,9 +176,9 @@ impl Device {
         Ok(raw.count)
     }
 
-    /// Maps one of the driver's buffers.
+    /// Maps the driver's buffer of this index, from 0.
     pub(super) fn map(&self, index: u32) -> io::Result<Mapping> {
-        let mut raw = buffer(Memory::Mapped, index);
+        let mut raw = buffer_argument(Memory::Mapped, index);
         // SAFETY: no pointers; the kernel fills in the offset for mapped buffers.
         let offset = unsafe {
             self.call(sys::REQUEST_QUERYBUF, &mut raw)?;
@@ -187,19 +187,19 @@ impl Device {
         Mapping::new(self.kernel.as_ref(), offset.into(), raw.length as usize)
     }
 
-    /// Queues a mapped buffer.
+    /// Queues the mapped buffer of this index, to be filled.
     pub(super) fn enqueue_mapped(&self, index: u32) -> io::Result<()> {
         // SAFETY: no pointers.
-        unsafe { self.call(sys::REQUEST_QBUF, &mut buffer(Memory::Mapped, index)) }
+        unsafe { self.call(sys::REQUEST_QBUF, &mut buffer_argument(Memory::Mapped, index)) }
     }
 
-    /// Queues memory of ours.
+    /// Queues `bytes` bytes of our memory as the buffer of this index, to be filled.
     ///
     /// # Safety
     ///
     /// The memory must stay valid, and nobody else may touch it, until the buffer comes out or the device is closed.
     pub(super) unsafe fn enqueue_user(&self, index: u32, memory: *mut u8, bytes: u32) -> io::Result<()> {
-        let mut raw = sys::v4l2_buffer { length: bytes, ..buffer(Memory::User, index) };
+        let mut raw = sys::v4l2_buffer { length: bytes, ..buffer_argument(Memory::User, index) };
         raw.m.userptr = memory as libc::c_ulong;
         // SAFETY: the caller guarantees the memory.
         unsafe { self.call(sys::REQUEST_QBUF, &mut raw) }
@@ -207,7 +207,7 @@ impl Device {
 
     /// Dequeues a filled buffer; fails with `WouldBlock` if there is none.
     pub(super) fn dequeue(&self, memory: Memory) -> io::Result<sys::v4l2_buffer> {
-        let mut raw = buffer(memory, 0);
+        let mut raw = buffer_argument(memory, 0);
         // SAFETY: no pointers.
         unsafe { self.call(sys::REQUEST_DQBUF, &mut raw) }?;
         Ok(raw)
@@ -225,7 +225,7 @@ impl Device {
         unsafe { self.call(sys::REQUEST_STREAMOFF, &mut CAPTURE.cast_signed()) }
     }
 
-    /// Waits for a buffer; returns `false` at the timeout.
+    /// Waits until a buffer is ready or the stream has failed; returns `false` at the timeout or after a signal.
     pub(super) fn wait(&self, timeout: Duration) -> io::Result<bool> {
         self.kernel.wait(timeout)
     }
@@ -245,7 +245,7 @@ impl Capability {
 }
 
 /// Returns the argument of an ioctl on one capture buffer.
-fn buffer(memory: Memory, index: u32) -> sys::v4l2_buffer {
+fn buffer_argument(memory: Memory, index: u32) -> sys::v4l2_buffer {
     sys::v4l2_buffer { index, type_: CAPTURE, memory: memory.code(), ..Default::default() }
 }
 
@@ -258,7 +258,7 @@ fn interval_of(raw: &sys::v4l2_streamparm) -> Option<sys::v4l2_fract> {
     (is_known && interval.numerator > 0 && interval.denominator > 0).then_some(interval)
 }
 
-/// Reads a text, which ends with a zero byte or with the field, from a field of fixed size.
+/// Reads a text, which ends with a zero byte or with the field, from a field of fixed size, without outer spaces.
 pub(super) fn text(bytes: &[u8]) -> String {
     let end = bytes.iter().position(|byte| *byte == 0).unwrap_or(bytes.len());
     String::from_utf8_lossy(&bytes[..end]).trim().to_owned()

@@ -43,7 +43,7 @@ pub struct FormatListing {
     pub rates: Vec<(FrameSize, Rates)>,
 }
 
-/// Lists this machine's V4L2 cameras by the number of their device file.
+/// Lists this machine's V4L2 cameras in the order of the numbers of their device files.
 ///
 /// Devices that do not capture are left out. One that cannot be opened is listed with the reason.
 pub fn list() -> Vec<CameraListing> {
@@ -83,7 +83,9 @@ pub fn features(id: &str) -> Result<(CameraListing, Vec<FeatureLine>), CameraErr
     Ok((describe(path).ok_or_else(gone)?, lines))
 }
 
-/// Whether an `id` selects a V4L2 camera: a device file, or the bus address, serial number or name of one.
+/// Whether an `id` selects a V4L2 camera: a device file, or the bus address, serial number or name of just one.
+///
+/// A device file (`/...` or `videoN`) need not exist. An empty `id` selects none here.
 pub fn is_v4l2_id(id: &str) -> bool {
     let is_file = id.starts_with('/') || id.strip_prefix("video").is_some_and(|number| number.parse::<u32>().is_ok());
     is_file || !id.is_empty() && select(&list(), id).is_ok()
@@ -107,18 +109,19 @@ fn nodes() -> Vec<PathBuf> {
     numbers.into_iter().map(|number| PathBuf::from(format!("/dev/video{number}"))).collect()
 }
 
-/// Reads an attribute of a device from the kernel's list; empty if there is none.
+/// Reads the attribute `name` of the device with the file `path` from the kernel's list; empty if there is none.
 fn attribute(path: &Path, name: &str) -> String {
     let node = path.canonicalize().ok().and_then(|path| Some(path.file_name()?.to_owned())).unwrap_or_default();
     let text = std::fs::read_to_string(Path::new(CLASS).join(node).join(name));
     text.map(|text| text.trim().to_owned()).unwrap_or_default()
 }
 
-/// Returns the device file of the camera with this id.
+/// Returns the device file of the camera with this id: the id itself if it is a path, that of the first camera if it is
+/// empty.
 ///
 /// # Errors
 ///
-/// [`CameraError::NotFound`] if there is none, or several match.
+/// [`CameraError::NotFound`] if no camera or several match; a path is not checked.
 fn path_of(id: &str) -> Result<PathBuf, CameraError> {
     if id.starts_with('/') {
         return Ok(PathBuf::from(id));
@@ -129,9 +132,11 @@ fn path_of(id: &str) -> Result<PathBuf, CameraError> {
 impl Device {
     /// Opens the camera with this id: a device file, or the bus address, serial number or name of a camera.
     ///
+    /// An empty id opens the first camera.
+    ///
     /// # Errors
     ///
-    /// [`CameraError::NotFound`] if there is none, or several match.
+    /// [`CameraError::NotFound`] if there is none, several match, or it cannot be used as a camera.
     pub(super) fn find(id: &str) -> Result<Self, CameraError> {
         let device = Self::open(&path_of(id)?)?;
         Ok(Self { id: id.into(), ..device })
@@ -145,7 +150,9 @@ impl Device {
     }
 }
 
-/// Returns the device file of the camera with this id among those listed; the first one for an empty id.
+/// Returns the device file of the camera with this id among those listed, the first one for an empty id.
+///
+/// The id is the name of a device file, a bus address, a serial number or a name.
 ///
 /// # Errors
 ///

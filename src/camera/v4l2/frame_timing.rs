@@ -28,6 +28,7 @@ struct Point {
 }
 
 impl FrameTiming {
+    /// Starts the first window. `rate_hz` is the configured frame rate; 0, if unknown, is not compared.
     pub fn new(rate_hz: f64) -> Self {
         Self {
             rate_hz,
@@ -38,7 +39,7 @@ impl FrameTiming {
         }
     }
 
-    /// Adds the next frame, and returns new warnings if it completes a window.
+    /// Adds a frame with its timestamp, ns. If it completes a window, returns the warnings not given before.
     pub fn observe(&mut self, sequence: u64, stamp_ns: u64) -> Vec<String> {
         let (first, start_ns) = *self.first.get_or_insert((sequence, stamp_ns));
         self.points
@@ -52,7 +53,9 @@ impl FrameTiming {
         self.check(period_ns, jitter_ns)
     }
 
-    /// Compares the mean frame period and the jitter of the timestamps (1 sigma) of a window with their limits.
+    /// Compares a window's mean frame period and jitter of the timestamps (1 sigma) with their limits, ns.
+    ///
+    /// Returns a warning for each that exceeds its limit for the first time.
     fn check(&mut self, period_ns: f64, jitter_ns: f64) -> Vec<String> {
         let mut warnings = Vec::new();
         let (rate_hz, wanted_hz) = (1e9 / period_ns, self.rate_hz);
@@ -84,7 +87,7 @@ struct LineFit {
     residual_sigma: f64,
 }
 
-/// Fits a line through the points by least squares. It takes at least three points.
+/// Fits time as a line over frames through at least three points of different frames, by least squares.
 fn fit_line(points: &[Point]) -> LineFit {
     let count = points.len() as f64;
     let mean = |value: fn(&Point) -> f64| points.iter().map(value).sum::<f64>() / count;
@@ -104,15 +107,20 @@ mod tests {
     const START_NS: u64 = 1_700_000_000_000_000_000;
     const PERIOD_NS: u64 = 33_333_333;
 
-    /// Returns the warnings for a camera set to 30 Hz whose frame `n` is stamped at `at(n)` ns.
-    fn warnings(frames: u64, at: impl Fn(u64) -> u64) -> Vec<String> {
+    /// Returns the warnings for a camera set to 30 Hz that loses every seventh of this number of frames.
+    ///
+    /// Frame `index` is stamped `stamp_ns(index)` after the start.
+    fn warnings(frames: u64, stamp_ns: impl Fn(u64) -> u64) -> Vec<String> {
         let mut timing = FrameTiming::new(30.0);
-        (0..frames).filter(|n| n % 7 != 3).flat_map(|n| timing.observe(n, START_NS + at(n))).collect()
+        (0..frames)
+            .filter(|index| index % 7 != 3)
+            .flat_map(|index| timing.observe(index, START_NS + stamp_ns(index)))
+            .collect()
     }
 
-    /// Delays from 0 to 7 ms, the same in each run.
-    fn delay_ns(n: u64) -> u64 {
-        (n.wrapping_mul(6_364_136_223_846_793_005) >> 40) % 7_000_000
+    /// Returns a pseudo-random delay from 0 to 7 ms for the frame of this index, the same in each run.
+    fn delay_ns(index: u64) -> u64 {
+        (index.wrapping_mul(6_364_136_223_846_793_005) >> 40) % 7_000_000
     }
 
     #[test]

@@ -28,7 +28,7 @@ pub(super) trait Kernel: Send + std::fmt::Debug {
     /// long as the request lets the kernel use it.
     unsafe fn ioctl(&self, request: libc::c_ulong, argument: Argument) -> io::Result<()>;
 
-    /// Waits until a buffer is ready or the stream has failed; returns `false` at the timeout.
+    /// Waits until a buffer is ready or the stream has failed; returns `false` at the timeout or after a signal.
     fn wait(&self, timeout: Duration) -> io::Result<bool>;
 
     /// Returns the file, to map buffers of it.
@@ -40,7 +40,7 @@ pub(super) trait Kernel: Send + std::fmt::Debug {
 pub(super) struct Node(OwnedFd);
 
 impl Node {
-    /// Opens a device file for reading and writing.
+    /// Opens a device file for reading and writing, without blocking.
     pub(super) fn open(path: &Path) -> io::Result<Self> {
         // Non-blocking: only `wait` waits, with a timeout.
         let flags = OFlags::RDWR | OFlags::NONBLOCK | OFlags::CLOEXEC;
@@ -48,7 +48,7 @@ impl Node {
     }
 }
 
-/// Describes an error on opening a device, and its cure.
+/// Returns the reason why a device cannot be opened, with its cure if the permission is missing.
 pub(super) fn open_failure(error: &io::Error) -> String {
     match error.raw_os_error() {
         Some(libc::EACCES) => format!("{error}; add the user to the file's group, usually `video`"),
@@ -123,7 +123,7 @@ pub(super) struct Mapping {
 unsafe impl Send for Mapping {}
 
 impl Mapping {
-    /// Maps the buffer of this size at the offset that the driver gives it in its device file.
+    /// Maps the buffer of `bytes` bytes at the offset that the driver gives it in its device file.
     pub(super) fn new(kernel: &dyn Kernel, offset: u64, bytes: usize) -> io::Result<Self> {
         // Drivers may refuse a mapping that is not writable.
         let access = ProtFlags::READ | ProtFlags::WRITE;
@@ -133,7 +133,7 @@ impl Mapping {
         Ok(Self { memory, bytes })
     }
 
-    /// Returns the first bytes of the buffer, which the driver must not hold.
+    /// Returns the first `count` bytes of the buffer, or all if it has fewer; the driver must not hold it.
     pub(super) fn bytes(&self, count: usize) -> &[u8] {
         // SAFETY: mapped for at least this many bytes while `self` lives; a dequeued buffer is not written to before
         // it is queued again.

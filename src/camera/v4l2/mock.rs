@@ -107,13 +107,19 @@ impl Mock {
         Device { kernel: Box::new(self.clone()), id: "mock".into(), path: std::path::PathBuf::new() }
     }
 
-    /// Fills the oldest queued buffer with this byte; returns `false` if there is none.
+    /// Fills the oldest queued buffer with an image of this byte, with these sequence number and further flags.
+    ///
+    /// Returns `false` if no buffer is queued.
     pub fn fill(&self, sequence: u32, byte: u8, flags: u32) -> bool {
         let bytes = self.state().image_bytes();
         self.fill_part(sequence, byte, flags, bytes)
     }
 
-    /// Like [`fill`](Self::fill), but with this number of bytes.
+    /// Fills the oldest queued buffer like [`fill`](Self::fill), but with this number of bytes.
+    ///
+    /// # Panics
+    ///
+    /// If they exceed the user memory.
     pub fn fill_part(&self, sequence: u32, byte: u8, flags: u32, bytes: u32) -> bool {
         let mut state = self.state();
         let Some((index, address, room)) = state.owned.pop_front() else { return false };
@@ -132,6 +138,8 @@ impl Mock {
     }
 }
 
+/// Returns the structure behind the argument of an ioctl.
+///
 /// # Safety
 ///
 /// `argument` must point to a `T` that nothing else uses.
@@ -140,8 +148,8 @@ unsafe fn as_mut<'a, T>(argument: Argument) -> &'a mut T {
     unsafe { &mut *argument.cast() }
 }
 
-/// The end of a list.
-fn nothing() -> io::Error {
+/// Returns the error of an index behind the end of a list.
+fn list_end_error() -> io::Error {
     io::Error::from_raw_os_error(libc::EINVAL)
 }
 
@@ -158,7 +166,7 @@ impl Kernel for Mock {
         // SAFETY: the caller promised the structure of this request.
         unsafe {
             match request {
-                sys::REQUEST_REQBUFS => state.request(as_mut(argument), &self.file),
+                sys::REQUEST_REQBUFS => state.request_buffers(as_mut(argument), &self.file),
                 sys::REQUEST_QUERYBUF => {
                     let raw: &mut sys::v4l2_buffer = as_mut(argument);
                     (raw.m.offset, raw.length) = (raw.index * BUFFER_ROOM, state.image_bytes());
@@ -183,12 +191,12 @@ impl Kernel for Mock {
                 sys::REQUEST_ENUM_FMT => {
                     let raw: &mut sys::v4l2_fmtdesc = as_mut(argument);
                     let place = raw.index as usize;
-                    state.formats().get(place).map(|fourcc| raw.pixelformat = *fourcc).ok_or_else(nothing)
+                    state.formats().get(place).map(|fourcc| raw.pixelformat = *fourcc).ok_or_else(list_end_error)
                 }
                 sys::REQUEST_ENUM_FRAMESIZES => {
                     let raw: &mut sys::v4l2_frmsizeenum = as_mut(argument);
                     let sizes = state.sizes(raw.pixel_format);
-                    let (width, height) = *sizes.get(raw.index as usize).ok_or_else(nothing)?;
+                    let (width, height) = *sizes.get(raw.index as usize).ok_or_else(list_end_error)?;
                     raw.type_ = sys::V4L2_FRMSIZE_TYPE_DISCRETE;
                     raw.__bindgen_anon_1.discrete = sys::v4l2_frmsize_discrete { width, height };
                     Ok(())
@@ -196,7 +204,7 @@ impl Kernel for Mock {
                 sys::REQUEST_ENUM_FRAMEINTERVALS => {
                     let raw: &mut sys::v4l2_frmivalenum = as_mut(argument);
                     let rates = state.rates(raw.pixel_format, (raw.width, raw.height));
-                    let denominator = *rates.get(raw.index as usize).ok_or_else(nothing)?;
+                    let denominator = *rates.get(raw.index as usize).ok_or_else(list_end_error)?;
                     raw.type_ = sys::V4L2_FRMIVAL_TYPE_DISCRETE;
                     raw.__bindgen_anon_1.discrete = sys::v4l2_fract { numerator: 1, denominator };
                     Ok(())
@@ -204,13 +212,13 @@ impl Kernel for Mock {
                 sys::REQUEST_G_FMT | sys::REQUEST_S_FMT => {
                     let raw: &mut sys::v4l2_format = as_mut(argument);
                     if request == sys::REQUEST_S_FMT {
-                        state.choose(&raw.fmt.pix);
+                        state.choose_mode(&raw.fmt.pix);
                     }
                     raw.fmt.pix = state.format();
                     Ok(())
                 }
                 sys::REQUEST_G_PARM | sys::REQUEST_S_PARM => {
-                    state.pace(request == sys::REQUEST_S_PARM, as_mut(argument));
+                    state.exchange_interval(request == sys::REQUEST_S_PARM, as_mut(argument));
                     Ok(())
                 }
                 _ => state.control_call(request, argument),
@@ -248,17 +256,18 @@ impl State {
         sizes
     }
 
+    /// Returns the frame rates, Hz, of the modes with this pixel format and size (width, height).
     fn rates(&self, wanted: u32, wanted_size: (u32, u32)) -> Vec<u32> {
         let modes = self.modes.iter().filter(|(fourcc, size, _)| (*fourcc, *size) == (wanted, wanted_size));
         modes.map(|(.., rate)| *rate).collect()
     }
 
-    /// Sets the requested rate if it is supported, and returns the present rate.
-    fn pace(&mut self, is_asked: bool, raw: &mut sys::v4l2_streamparm) {
+    /// Writes the present frame interval to `raw`; if `is_set`, first sets that in `raw` if a mode has its rate.
+    fn exchange_interval(&mut self, is_set: bool, raw: &mut sys::v4l2_streamparm) {
         // SAFETY: plain numbers, filled in by the caller.
         let wanted = unsafe { raw.parm.capture.timeperframe };
         let has = wanted.numerator == 1 && self.rates(self.fourcc, self.size).contains(&wanted.denominator);
-        if is_asked && has {
+        if is_set && has {
             self.interval = (1, wanted.denominator);
         }
         let (numerator, denominator) = self.interval;
@@ -268,7 +277,7 @@ impl State {
     }
 
     /// Sets the requested mode; for a format without this size its first mode, as drivers do.
-    fn choose(&mut self, pix: &sys::v4l2_pix_format) {
+    fn choose_mode(&mut self, pix: &sys::v4l2_pix_format) {
         let wanted = (pix.pixelformat, (pix.width, pix.height));
         let of_format = |(fourcc, ..): &&(u32, (u32, u32), u32)| *fourcc == wanted.0;
         let exact = self.modes.iter().find(|(fourcc, size, _)| (*fourcc, *size) == wanted);
@@ -295,8 +304,8 @@ impl State {
         }
     }
 
-    /// Allocates the requested buffers, or refuses them.
-    fn request(&mut self, raw: &mut sys::v4l2_requestbuffers, file: &File) -> io::Result<()> {
+    /// Allocates at most eight of the requested buffers, or refuses user memory.
+    fn request_buffers(&mut self, raw: &mut sys::v4l2_requestbuffers, file: &File) -> io::Result<()> {
         if raw.memory == sys::V4L2_MEMORY_USERPTR && !self.takes_user.0 {
             return refuse(libc::EINVAL);
         }
@@ -326,7 +335,7 @@ impl State {
         Ok(())
     }
 
-    /// Returns the flags of a control.
+    /// Returns the flags of a control: inactive while the control that rules it has the ruling value.
     fn flags_of(&self, control: &MockControl) -> u32 {
         let ruled = control
             .ruled_by
@@ -334,6 +343,8 @@ impl State {
         if ruled { sys::V4L2_CTRL_FLAG_INACTIVE } else { 0 }
     }
 
+    /// Answers an ioctl on controls: the next one in the list, a menu entry, or a value read or set.
+    ///
     /// # Safety
     ///
     /// `argument` must point to the structure of the request.

@@ -121,12 +121,12 @@ impl V4l2Camera {
         })
     }
 
-    /// Whether each frame is copied once because the driver cannot write to the ring; known once started.
+    /// Whether each frame is copied once because the driver cannot write to the ring; `true` before the start.
     pub fn copies(&self) -> bool {
         self.queue.copies()
     }
 
-    /// Returns the error for a stream that has failed.
+    /// Returns [`CameraError::Lost`] for a stream that failed with this error.
     fn lost_error(&self, error: &io::Error) -> CameraError {
         let reason = match error.raw_os_error() {
             Some(libc::ENODEV | libc::ENXIO) => "it was unplugged".into(),
@@ -136,7 +136,7 @@ impl V4l2Camera {
         CameraError::Lost { id: self.device.id.clone(), reason }
     }
 
-    /// Returns the error for a stream that does not start.
+    /// Returns the error for a stream that does not start: lost if the camera was unplugged, else not found.
     fn start_error(&self, error: &io::Error) -> CameraError {
         let reason = match error.raw_os_error() {
             Some(libc::ENODEV | libc::ENXIO) => return self.lost_error(error),
@@ -152,6 +152,9 @@ impl V4l2Camera {
     }
 
     /// Validates a buffer out of the queue. It must hold a complete frame that comes after the previous one.
+    ///
+    /// The slot of a frame from before the start is queued again, as if nothing had arrived. Any other invalid frame is
+    /// incomplete.
     fn validate(&mut self, slot: Slot, info: &BufferInfo) -> Next {
         if is_stale(info, self.queue.start_ns()) {
             self.queue.push(&self.device, slot);

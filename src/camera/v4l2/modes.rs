@@ -44,7 +44,7 @@ pub enum Rates {
 }
 
 impl Sizes {
-    /// Reads a driver's list: single sizes, or one range.
+    /// Reads a driver's list: single sizes, or one range. An increment of 0 counts as 1.
     pub(super) fn from_list(list: impl Iterator<Item = sys::v4l2_frmsizeenum>) -> Self {
         let mut sizes = Vec::new();
         for raw in list {
@@ -87,7 +87,7 @@ impl Sizes {
 }
 
 impl Rates {
-    /// Reads a driver's list: single frame intervals, or one range of them.
+    /// Reads a driver's list of frame intervals, single ones or one range, and returns their rates.
     pub(super) fn from_list(list: impl Iterator<Item = sys::v4l2_frmivalenum>) -> Self {
         let mut rates = Vec::new();
         for raw in list {
@@ -102,7 +102,7 @@ impl Rates {
         Self::List(rates)
     }
 
-    /// Whether this rate is supported, or may be because the driver lists none.
+    /// Whether this rate, Hz, is supported up to the rounding of its fraction, or may be because the driver lists none.
     pub(super) fn may_include(&self, rate_hz: f64) -> bool {
         match self {
             Self::List(rates) => rates.is_empty() || rates.iter().any(|rate| is_same_rate(rate_hz, *rate)),
@@ -113,17 +113,19 @@ impl Rates {
     }
 }
 
-/// Whether a rate that was read back equals the requested one, up to the rounding of its fraction.
+/// Whether a rate that was read back equals the requested one to within [`MAX_RATE_ROUNDING`] of it.
 pub(super) fn is_same_rate(wanted_hz: f64, kept_hz: f64) -> bool {
     (wanted_hz - kept_hz).abs() <= MAX_RATE_ROUNDING * wanted_hz
 }
 
-/// Returns the frame rate of a frame interval, Hz; 0 for no interval.
+/// Returns the frame rate of a frame interval, s, in Hz; 0 for an interval with the numerator 0.
 pub(super) fn rate_hz(interval: sys::v4l2_fract) -> f64 {
     if interval.numerator == 0 { 0.0 } else { f64::from(interval.denominator) / f64::from(interval.numerator) }
 }
 
-/// Returns the frame interval of a rate, s, as a fraction that a driver can hold.
+/// Returns the frame interval of a rate, s, as a fraction of two 32-bit numbers.
+///
+/// It has the first of four usual numerators that represents the rate to within 1e-6 of it, else a large one.
 pub(super) fn interval_of_rate(rate_hz: f64) -> sys::v4l2_fract {
     // Film and television rates are exact only over 1001.
     let numerators = [1, 1001, 1000, 1_000_000];
@@ -164,7 +166,7 @@ impl fmt::Display for Rates {
     }
 }
 
-/// Writes the entries of a list, separated by commas.
+/// Writes the entries of a list, separated by commas; `not listed` for an empty one.
 fn write_list(formatter: &mut fmt::Formatter<'_>, list: &[impl fmt::Display]) -> fmt::Result {
     if list.is_empty() {
         return write!(formatter, "not listed");

@@ -25,6 +25,7 @@ enum Packing {
     Jpeg,
 }
 
+/// Returns the layout of a pixel format of the kernel, by its four-character code.
 const fn layout(fourcc: u32, format: PixelFormat, packing: Packing) -> Layout {
     Layout { fourcc, format, packing }
 }
@@ -80,8 +81,9 @@ impl BufferLayout {
             && self.image_bytes as usize == self.slot_bytes()
     }
 
-    /// Returns the minimum size of a complete frame, bytes; padding and colour behind its last row may be
-    /// missing.
+    /// Returns the minimum size of a complete frame in the driver's buffer, bytes; the height must not be 0.
+    ///
+    /// Padding and colour behind the last row may be missing. A compressed frame has at least its two markers.
     pub fn min_bytes(&self) -> usize {
         let row = match self.layout.packing {
             Packing::Plane => self.row_bytes(),
@@ -97,6 +99,10 @@ impl BufferLayout {
     /// # Errors
     ///
     /// The defect of a compressed image.
+    ///
+    /// # Panics
+    ///
+    /// If the slot is smaller than that, or a plane of grey levels ends within a row.
     pub fn extract_grey(&self, from: &[u8], to: &mut [u8]) -> Result<(), String> {
         let to = &mut to[..self.slot_bytes()];
         if self.layout.packing == Packing::Jpeg {
@@ -114,7 +120,7 @@ impl BufferLayout {
     }
 }
 
-/// Returns a format's code as text.
+/// Returns a four-character code as text; characters that cannot be printed become spaces.
 pub(super) fn fourcc_text(fourcc: u32) -> String {
     let letters = fourcc.to_le_bytes().map(|byte| if byte.is_ascii_graphic() { char::from(byte) } else { ' ' });
     letters.iter().collect::<String>().trim_end().to_owned()

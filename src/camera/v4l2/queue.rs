@@ -71,17 +71,17 @@ impl Queue {
         }
     }
 
-    /// Whether frames are copied from buffers of the driver.
+    /// Whether frames are copied from buffers of the driver; also `true` before the start.
     pub fn copies(&self) -> bool {
         self.memory == Memory::Mapped
     }
 
-    /// Returns when the stream started, ns on the kernel's monotonic clock.
+    /// Returns when the stream started, ns on the kernel's monotonic clock; 0 before.
     pub fn start_ns(&self) -> u64 {
         self.start_ns
     }
 
-    /// Accepts a slot of at least the layout's `slot_bytes`.
+    /// Accepts a slot of at least the layout's `slot_bytes`, and queues free buffers if the stream has started.
     ///
     /// # Panics
     ///
@@ -94,7 +94,7 @@ impl Queue {
         }
     }
 
-    /// Allocates buffers and starts the stream.
+    /// Allocates buffers and starts the stream: with the slots as buffers if possible, else with the driver's.
     ///
     /// # Errors
     ///
@@ -110,7 +110,9 @@ impl Queue {
         Ok(())
     }
 
-    /// Tries to queue slots directly, and returns whether the driver accepts them.
+    /// Tries to queue the waiting slots as `count` buffers, and returns whether the driver accepts them.
+    ///
+    /// If not, the slots wait again, unless the driver keeps those that it accepted.
     fn lend_slots(&mut self, device: &Device, count: u32) -> bool {
         let Ok(count) = device.request_buffers(Memory::User, count) else { return false };
         self.memory = Memory::User;
@@ -131,7 +133,11 @@ impl Queue {
         false
     }
 
-    /// Allocates, maps and queues buffers of the driver.
+    /// Allocates, maps and queues about `count` buffers of the driver, as many as it gives.
+    ///
+    /// # Errors
+    ///
+    /// The driver's error; or that it has no buffers, too small ones, or keeps slots that it refused to use.
     fn map_buffers(&mut self, device: &Device, count: u32) -> io::Result<()> {
         if !self.lent.is_empty() {
             return Err(io::Error::other("the driver keeps memory that it refused to use"));
@@ -150,7 +156,7 @@ impl Queue {
         (0..count).try_for_each(|index| device.enqueue_mapped(index))
     }
 
-    /// Queues every buffer that the driver can fill.
+    /// Queues the free buffers until one is refused, which counts as a refusal, or no slot is left for the next.
     fn queue_free(&mut self, device: &Device) {
         while let Some(index) = self.free.pop() {
             if let Err(error) = self.queue_buffer(device, index) {
@@ -167,8 +173,11 @@ impl Queue {
         }
     }
 
-    /// Queues a mapped buffer, or a slot as the buffer of this index if one is waiting. A refused slot goes to
-    /// `refused`.
+    /// Queues the buffer of this index: the mapped one, or a waiting slot. Queues nothing if no slot is waiting.
+    ///
+    /// # Errors
+    ///
+    /// The driver's error. A slot that it refused goes to `refused`.
     fn queue_buffer(&mut self, device: &Device, index: u32) -> io::Result<()> {
         if self.memory == Memory::Mapped {
             return device.enqueue_mapped(index);
@@ -189,11 +198,12 @@ impl Queue {
         }
     }
 
-    /// Waits at most `timeout` for the next buffer.
+    /// Waits at most `timeout` for the next filled buffer or refused slot, after queueing the free buffers.
     ///
     /// # Errors
     ///
-    /// If the stream is broken.
+    /// If the driver reports an error, has refused more than [`MAX_REFUSALS`] buffers in a row, or returns a buffer
+    /// that was not queued.
     pub fn next(&mut self, device: &Device, timeout: Duration) -> io::Result<Dequeued> {
         self.queue_free(device);
         if self.refusals > MAX_REFUSALS {
@@ -223,9 +233,11 @@ impl Queue {
     /// Returns the slot of a dequeued buffer, after copying the frame if it is in the driver's memory, and queues the
     /// next buffers.
     ///
+    /// An incomplete or damaged frame is not copied; `info` shows the defect.
+    ///
     /// # Errors
     ///
-    /// If the driver returns a buffer that was not queued.
+    /// If the driver returns a buffer that was not queued, or no slot waits for the copy.
     fn accept(&mut self, device: &Device, buffer: &sys::v4l2_buffer) -> io::Result<Dequeued> {
         let unknown = || io::Error::other(format!("the driver returned buffer {}, which was not queued", buffer.index));
         let index = buffer.index as usize;
@@ -255,7 +267,7 @@ impl Queue {
         Ok(Dequeued::Filled(slot, info))
     }
 
-    /// Stops the stream, as far as the driver still can.
+    /// Stops the stream if it has started. An error of the driver is ignored.
     pub fn stop(&mut self, device: &Device) {
         if self.started {
             // A driver that refuses is closed next, which ends its stream.

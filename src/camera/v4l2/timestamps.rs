@@ -28,7 +28,9 @@ pub(super) struct Sequences {
 }
 
 impl Sequences {
-    /// Returns the sequence number of a frame; `None` if it is not later than the previous one.
+    /// Returns the sequence number of a frame with this count of the driver.
+    ///
+    /// `None` if it is not later than the previous one; half of the range or more ahead counts as earlier.
     pub fn sequence_of(&mut self, count: u32) -> Option<u64> {
         let sequence = match self.last {
             None => 0,
@@ -89,7 +91,8 @@ impl HostClock {
         if !has_stamp(info) {
             return Stamps { stamp_ns: self.epoch_of_monotonic_ns + arrival_ns, device_ns: 0 };
         }
-        let start_ns = if stamps_start(info) { info.stamp_ns } else { info.stamp_ns.saturating_sub(self.frame_ns) };
+        let start_ns =
+            if is_stamped_at_start(info) { info.stamp_ns } else { info.stamp_ns.saturating_sub(self.frame_ns) };
         Stamps { stamp_ns: self.epoch_of_monotonic_ns.saturating_add(start_ns), device_ns: info.stamp_ns }
     }
 
@@ -98,7 +101,7 @@ impl HostClock {
     ///
     /// A frame stamped at its start is complete one frame period later.
     pub fn completed_ns(&self, info: &BufferInfo) -> Option<u64> {
-        let after_ns = if stamps_start(info) { self.frame_ns } else { 0 };
+        let after_ns = if is_stamped_at_start(info) { self.frame_ns } else { 0 };
         has_stamp(info).then(|| info.stamp_ns.saturating_add(after_ns))
     }
 }
@@ -106,7 +109,9 @@ impl HostClock {
 /// Maximum age of a timestamp of unknown clock that may be of the monotonic one.
 const MAX_UNKNOWN_AGE_NS: u64 = 10_000_000_000;
 
-/// Whether a frame was captured before the stream started at `start_ns`.
+/// Whether a frame was captured before the stream started at `start_ns` on the kernel's monotonic clock.
+///
+/// A timestamp of unknown clock counts if it is earlier by less than [`MAX_UNKNOWN_AGE_NS`].
 ///
 /// A driver that several programs share (v4l2loopback) delivers such a frame first, with count 0 and a timestamp of an
 /// unspecified clock.
@@ -123,8 +128,8 @@ fn has_stamp(info: &BufferInfo) -> bool {
     clock == sys::V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC && info.stamp_ns > 0
 }
 
-/// Whether a buffer's timestamp is that of the frame's start, not of its end.
-fn stamps_start(info: &BufferInfo) -> bool {
+/// Whether a buffer's flags declare its timestamp as that of the frame's start, not of its end.
+fn is_stamped_at_start(info: &BufferInfo) -> bool {
     info.flags & sys::V4L2_BUF_FLAG_TSTAMP_SRC_MASK == sys::V4L2_BUF_FLAG_TSTAMP_SRC_SOE
 }
 
@@ -133,7 +138,7 @@ pub fn monotonic_ns() -> u64 {
     clock_ns(ClockId::Monotonic)
 }
 
-/// Reads a clock of the kernel, ns.
+/// Reads a clock of the kernel, ns; 0 if it is negative.
 fn clock_ns(clock: ClockId) -> u64 {
     let time = clock_gettime(clock);
     u64::try_from(time.tv_sec * 1_000_000_000 + time.tv_nsec).unwrap_or(0)

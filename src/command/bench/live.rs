@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use serde_json::json;
 
-use super::{BenchOptions, rate_per_s, timed};
+use super::{BenchOptions, rate_per_s, time_call};
 use crate::ball::{BallFinder, BallParams, Presence};
 use crate::camera::simulated;
 use crate::dic::grid;
@@ -43,8 +43,8 @@ const BLOCK_FRAMES: u32 = 16;
 pub(super) fn run(options: &BenchOptions) -> Result<(), Failure> {
     let duration = Duration::from_secs_f64(options.seconds.clamp(0.01, 60.0));
     let film = Film::new()?;
-    let whole = film.frame_us(Rotation::Rigid, duration)?;
-    let alone = film.frame_us(Rotation::Field, duration)?;
+    let whole = film.time_frame_us(Rotation::Rigid, duration)?;
+    let alone = film.time_frame_us(Rotation::Field, duration)?;
     let (subsets, parts) = film.time_parts_us(duration)?;
     let mut rows = vec![("frame, whole ball and subsets", whole.all)];
     let rest = whole.all - parts.per_frame.iter().map(|(_, us)| us).sum::<f64>();
@@ -106,8 +106,9 @@ impl Film {
         Ok(Self { frames: drawn.collect(), ball: BallParams::new(50.0, 70.0) })
     }
 
-    /// Measures the time a worker needs per frame, us.
-    fn frame_us(&self, rotation: Rotation, duration: Duration) -> Result<Frames, Failure> {
+    /// Measures the time a worker needs per frame, us, by repeating the film for `duration`. Each frame counts with its
+    /// median.
+    fn time_frame_us(&self, rotation: Rotation, duration: Duration) -> Result<Frames, Failure> {
         let params = MeasureParams {
             correlation: CorrelationParams { step_px: STEP_PX, ..CorrelationParams::default() },
             intervals_frames: vec![1],
@@ -125,7 +126,7 @@ impl Film {
             measurer.reset();
             for ((meta, bytes), seconds) in self.frames.iter().zip(&mut seconds) {
                 measured.clear();
-                let (result, spent) = timed(|| measurer.push(&Frame { meta: *meta, bytes }, &mut measured));
+                let (result, spent) = time_call(|| measurer.push(&Frame { meta: *meta, bytes }, &mut measured));
                 failed = result.err().or(failed.take());
                 seconds.push(spent);
             }
@@ -143,7 +144,11 @@ impl Film {
         Ok(Frames { all: mean(&|_| true), following: mean(&|frame| !is_finding(frame)), finding: mean(&is_finding) })
     }
 
-    /// Measures the durations of the parts of a frame, us; also returns the number of subsets.
+    /// Measures the durations of the parts of a frame, us, each over `duration`; also returns the number of subsets.
+    ///
+    /// # Errors
+    ///
+    /// When the ball is not found in the film, or cannot be matched.
     fn time_parts_us(&self, duration: Duration) -> Result<(usize, Rows), Failure> {
         let (mut first, mut second) = (Image::new(512, 512), Image::new(512, 512));
         for (image, (meta, bytes)) in [(&mut first, &self.frames[20]), (&mut second, &self.frames[21])] {
@@ -262,7 +267,7 @@ mod tests {
     #[test]
     fn every_part_of_a_frame_takes_time() {
         let film = Film::new().unwrap();
-        let frame = film.frame_us(Rotation::Rigid, Duration::from_millis(1)).unwrap();
+        let frame = film.time_frame_us(Rotation::Rigid, Duration::from_millis(1)).unwrap();
         assert!([frame.all, frame.following, frame.finding].iter().all(|us| us.is_finite() && *us > 0.0));
         let (subsets, parts) = film.time_parts_us(Duration::from_millis(1)).unwrap();
         assert!((55..75).contains(&subsets), "{subsets}");

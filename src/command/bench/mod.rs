@@ -70,9 +70,9 @@ fn rate_per_s(duration: Duration, mut round: impl FnMut() -> usize) -> f64 {
     points as f64 / start.elapsed().as_secs_f64()
 }
 
-/// Returns the result of a call and its duration, s.
+/// Calls a function once and returns its result and its duration, s.
 #[expect(clippy::disallowed_methods, reason = "a benchmark reads the clock")]
-fn timed<T>(call: impl FnOnce() -> T) -> (T, f64) {
+fn time_call<T>(call: impl FnOnce() -> T) -> (T, f64) {
     let start = Instant::now();
     let result = call();
     (result, start.elapsed().as_secs_f64())

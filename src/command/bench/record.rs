@@ -171,7 +171,7 @@ fn now() -> Instant {
     Instant::now()
 }
 
-/// Returns the processor time of this process, including the disk thread.
+/// Returns the processor time of all threads of this process, user and system, including the disk thread, s.
 fn cpu_s() -> f64 {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
     time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9

@@ -12,9 +12,10 @@ const MIN_FULL_SCALE_SHARE: f64 = 0.06;
 /// The minimum fraction of the frames in which a defective pixel stands out.
 const MIN_FRAMES_SHARE: f64 = 0.9;
 
-/// Returns column and row of the pixels that stand out from their neighbours in nearly every kept frame.
+/// Returns column and row of the pixels that stand out from their neighbours in at least [`MIN_FRAMES_SHARE`] of the
+/// kept frames.
 ///
-/// `noise_dn` is the temporal noise and `full_dn` full scale, both in DN.
+/// `noise_dn` is the standard deviation of the temporal noise, and `full_dn` full scale, both in DN.
 pub(super) fn find_defects(
     grabbed: &Grabbed,
     correction: &Correction,
@@ -40,7 +41,7 @@ pub(super) fn find_defects(
     Ok(found.map(|(at, _)| [(at % width) as u32, (at / width) as u32]).collect())
 }
 
-/// Whether a pixel is brighter, or darker, than all but one of its neighbours by `min_dn`.
+/// Whether a pixel is brighter, or darker, than all but one of its eight neighbours by more than `min_dn`.
 fn stands_out(data: &[f32], (x, y): (usize, usize), width: usize, min_dn: f32) -> bool {
     let height = data.len() / width;
     let level = data[y * width + x];
@@ -58,7 +59,7 @@ fn stands_out(data: &[f32], (x, y): (usize, usize), width: usize, min_dn: f32) -
     brighter[1] < -min_dn || darker[1] < -min_dn
 }
 
-/// Adds a number to the two largest ones, the largest first.
+/// Puts a number among the two largest so far, the largest first, if it is one of them.
 fn keep_largest_two(largest: &mut [f32; 2], number: f32) {
     if number > largest[0] {
         *largest = [number, largest[0]];

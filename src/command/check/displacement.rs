@@ -46,7 +46,7 @@ impl Floor {
     }
 }
 
-/// Measures the kept frames with the rig's own configuration.
+/// Measures the kept frames with the rig's own configuration, and evaluates the steps over the shortest interval.
 ///
 /// # Errors
 ///
@@ -96,7 +96,7 @@ pub(super) fn measure_floor(config: &Config, grabbed: &Grabbed) -> Result<Floor,
     })
 }
 
-/// Returns the mean of each component: dx and dy in px, rotation in deg.
+/// Returns the mean of each component: dx and dy in px, rotation in deg; NaN without steps.
 fn means(steps: &[[f64; 3]]) -> [f64; 3] {
     std::array::from_fn(|axis| steps.iter().map(|step| step[axis]).sum::<f64>() / steps.len() as f64)
 }
@@ -108,7 +108,11 @@ fn standard_deviations(steps: &[[f64; 3]]) -> Option<[f64; 3]> {
     (steps.len() >= 2).then(|| std::array::from_fn(|axis| (squares(axis) / (steps.len() as f64 - 1.0)).sqrt()))
 }
 
-/// Returns the mean motion per frame, px and deg, if it is significant.
+/// Returns the magnitudes of the mean displacement, px, and the mean rotation, deg, per frame; `None` if the body is
+/// static.
+///
+/// It moves if one component exceeds both [`STILL_PX`] or [`STILL_DEG`] and [`STILL_SIGMAS`] standard errors of its
+/// mean.
 fn significant_motion(steps: &[[f64; 3]]) -> Option<(f64, f64)> {
     let (means, spreads) = (means(steps), standard_deviations(steps)?);
     let clear = |axis: usize, still: f64| {
@@ -118,7 +122,8 @@ fn significant_motion(steps: &[[f64; 3]]) -> Option<(f64, f64)> {
         .then(|| (means[0].hypot(means[1]), means[2].abs()))
 }
 
-/// Returns the scatter of the subset displacements over all frames, root mean square over both axes, px.
+/// Returns the sample standard deviation of the subset displacements over all frames, root mean square over both axes,
+/// px.
 ///
 /// `None` for fewer than [`MIN_POINTS`] valid displacements.
 fn subset_scatter_px(measured: &[Measured]) -> Option<f64> {

@@ -74,7 +74,7 @@ fn verdict_by_limits(value: f64, fair: f64, bad: f64) -> Verdict {
     }
 }
 
-/// Returns a finding. Without a value its verdict is `Unknown`.
+/// Returns a finding with its advice, `words`. Without a value its verdict is `Unknown`.
 fn finding(name: &'static str, value: Option<f64>, unit: &'static str, verdict: Verdict, words: &str) -> Finding {
     Finding {
         name,

@@ -41,12 +41,12 @@ impl Fixed {
 /// Estimates the standard deviation of the constant pixel-to-pixel differences, DN. Returns `None` if the scene moves
 /// or too little of it is visible.
 ///
-/// It is estimated where the image is flattest, so that neighbouring pixels differ by the sensor and not by the
-/// scene.
+/// `noise_dn` is the standard deviation of the temporal noise, `None` for a moving scene, and `full_dn` full scale, DN.
+/// It is estimated where the image is flattest, so that neighbouring pixels differ by the sensor and not by the scene.
 pub(super) fn fixed_pattern_dn(stack: &Stack, region: &Region, noise_dn: Option<f64>, full_dn: f64) -> Option<f64> {
     let data = stack.mean.view().data();
     let seen = |at: usize| region.mask[at] && f64::from(stack.highest[at]) < full_dn && stack.lowest[at] > 0.0;
-    let whole = |at: usize| around(at, region.width).all(seen);
+    let whole = |at: usize| window_indices(at, region.width).all(seen);
     let rows = REACH..region.height.saturating_sub(REACH);
     let places = rows.flat_map(|y| (REACH..region.width.saturating_sub(REACH)).map(move |x| y * region.width + x));
     let residuals: Vec<[f32; 2]> =
@@ -60,18 +60,19 @@ pub(super) fn fixed_pattern_dn(stack: &Stack, region: &Region, noise_dn: Option<
     Some((spread_dn.powi(2) - noise_dn?.powi(2) / stack.frames as f64).max(0.0).sqrt())
 }
 
-/// Returns the indices of the 5 x 5 pixels around a pixel that is at least [`REACH`] from the edge, row by row.
-fn around(at: usize, width: usize) -> impl Iterator<Item = usize> {
-    let first = at - REACH * width - REACH;
+/// Returns the indices of the 5 x 5 pixels around `center`, which is at least [`REACH`] from the edge, row by row.
+fn window_indices(center: usize, width: usize) -> impl Iterator<Item = usize> {
+    let first = center - REACH * width - REACH;
     (0..=2 * REACH).flat_map(move |y| (0..=2 * REACH).map(move |x| first + y * width + x))
 }
 
-/// Returns the unevenness of the 5 x 5 pixels around a pixel, and the magnitude of their fourth difference.
+/// Returns the unevenness of the 5 x 5 pixels around the pixel `at`, and the magnitude of their fourth difference, DN.
 ///
-/// The unevenness is the sum of the squared coefficients of their slopes, curvatures and twist, DN^2.
+/// The unevenness is the sum of the squared coefficients of their slopes, curvatures and twist, DN^2. The fourth
+/// difference is [`GAIN`] times as large as the noise of a pixel.
 fn unevenness_and_residual(data: &[f32], at: usize, width: usize) -> [f32; 2] {
     let (mut terms, mut fourth) = ([0.0_f64; 5], 0.0);
-    for (k, near) in around(at, width).enumerate() {
+    for (k, near) in window_indices(at, width).enumerate() {
         let (column, row) = (k % FOURTH.len(), k / FOURTH.len());
         let (x, y) = (column as f64 - REACH as f64, row as f64 - REACH as f64);
         let level = f64::from(data[near]);

@@ -41,7 +41,10 @@ impl Grabbed {
     }
 }
 
-/// Films for `seconds`.
+/// Films with the rig's camera for `seconds`, and until [`KEPT`] frames have come. A source on demand gives up to
+/// [`ON_DEMAND_MAX`] frames instead.
+///
+/// It ends earlier at the end of the source, after a silence of 5 s, or on a stop.
 ///
 /// # Errors
 ///
@@ -117,7 +120,8 @@ pub(super) fn grab(config: &Config, seconds: f64, stop: &Stop) -> Result<Grabbed
 }
 
 impl Grabbed {
-    /// Adds the mean grey level of a frame, and keeps one of the first [`KEPT`] frames.
+    /// Adds the time and the mean grey level of a frame, and keeps the frame if it is among the first [`KEPT`].
+    /// `first_ns` is the stamp of the first.
     fn add_frame(&mut self, meta: &FrameMeta, bytes: &[u8], first_ns: u64) {
         let since_s = meta.stamp_ns.saturating_sub(first_ns) as f64 * 1e-9;
         self.means.push((since_s, mean_dn(meta, bytes)));

@@ -38,8 +38,9 @@ pub(super) fn estimate_flicker(means: &[(f64, f64)]) -> Option<Flicker> {
 
 /// Returns the frequency of the strongest oscillation, Hz, from one and a half periods up to half the frame rate.
 ///
-/// `share` is half of the range of the levels relative to their `mean`. `None` for a slow drift, or if no single
-/// frequency explains most of it.
+/// It is the maximum of the Fourier transform at the given times, over at most [`MAX_FREQUENCIES`] frequencies a
+/// quarter of the inverse duration apart, or farther. `share` is half of the range of the levels relative to their
+/// `mean`. `None` for a slow drift, or if no single frequency explains most of it.
 fn strongest_frequency_hz(means: &[(f64, f64)], mean: f64, share: f64) -> Option<f64> {
     let means = &means[..means.len().min(MAX_FRAMES)];
     let seen_s = means[means.len() - 1].0 - means[0].0;

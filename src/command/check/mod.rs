@@ -110,7 +110,8 @@ struct Inspection {
     defective_px: Vec<[u32; 2]>,
 }
 
-/// Computes the findings from the frames and from the noise floor measured in them.
+/// Computes the findings from the frames and from the noise floor measured in them. Of a moving scene only the first
+/// frame counts.
 fn inspect(config: &Config, grabbed: &Grabbed, floor: &Floor) -> Result<Inspection, Failure> {
     let format = grabbed.format;
     let subset_px = config.correlation.subset_size_px;
@@ -146,7 +147,7 @@ fn inspect(config: &Config, grabbed: &Grabbed, floor: &Floor) -> Result<Inspecti
     Ok(Inspection { findings, stack, region, defective_px })
 }
 
-/// Formats the value of a finding with its unit, or as a percentage.
+/// Formats the value of a finding with its unit; a fraction as a percentage, a missing value as `-`.
 fn value_text(finding: &Finding) -> String {
     match finding.value {
         None => "-".into(),

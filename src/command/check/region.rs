@@ -14,7 +14,7 @@ pub(super) struct Region {
 }
 
 impl Region {
-    /// Returns the pixels covered by the subsets, or all pixels if there are no subsets.
+    /// Returns the pixels covered by subsets of `subset_px`, or all pixels of the image if there are no subsets.
     pub(super) fn from_subsets(fields: &[&PairField], subset_px: u32, width: usize, height: usize) -> Self {
         let mut mask = vec![false; width * height];
         let half = f64::from(subset_px) / 2.0;
@@ -33,8 +33,8 @@ impl Region {
         Self { width, height, mask }
     }
 
-    /// Iterates over the indices of pixels whose four neighbours are in the region too.
-    pub(super) fn inner(&self) -> impl Iterator<Item = usize> {
+    /// Iterates over the indices, row by row, of the region's pixels whose four neighbours belong to it too.
+    pub(super) fn inner_pixels(&self) -> impl Iterator<Item = usize> {
         let width = self.width;
         let rows = 1..self.height.saturating_sub(1);
         let places = rows.flat_map(move |y| (1..width.saturating_sub(1)).map(move |x| y * width + x));
@@ -46,7 +46,7 @@ impl Region {
         data.iter().zip(&self.mask).filter(|(_, inside)| **inside).map(|(value, _)| *value)
     }
 
-    /// Returns the first column and row, and one past the last.
+    /// Returns the first column and row of the region, and one past the last; those of the image without a pixel.
     pub(super) fn bounds(&self) -> [usize; 4] {
         let places = || self.mask.iter().enumerate().filter(|(_, inside)| **inside).map(|(at, _)| at);
         let columns = || places().map(|at| at % self.width);
@@ -75,7 +75,10 @@ pub(super) struct Stack {
 }
 
 impl Stack {
-    /// Computes the statistics of the first corrected frames, normalised to the same brightness.
+    /// Computes the statistics of the first `max_frames` frames after their correction.
+    ///
+    /// For mean and noise, the frames are scaled to the same mean grey level, so that flicker does not count. The
+    /// extremes are not scaled.
     ///
     /// # Errors
     ///
@@ -117,7 +120,7 @@ fn mean(data: &[f32]) -> f64 {
     data.iter().map(|value| f64::from(*value)).sum::<f64>() / data.len().max(1) as f64
 }
 
-/// Returns the quantile of the values; 0 for none.
+/// Returns the quantile of the values at `share`, 0 to 1, whose order may change; 0 for none.
 pub(super) fn quantile(values: &mut [f32], share: f64) -> f64 {
     numeric::quantile(values, share).map_or(0.0, f64::from)
 }

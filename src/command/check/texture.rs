@@ -50,10 +50,12 @@ pub(super) fn measure_levels(stack: &Stack, region: &Region, full_dn: f64) -> Le
 }
 
 /// Returns the root mean square of the image gradient along x and y, DN/px.
+///
+/// The part that noise of the standard deviation `noise_dn` in each frame adds to it is subtracted.
 pub(super) fn slope_dn_px(stack: &Stack, region: &Region, noise_dn: f64) -> f64 {
     let data = stack.mean.view().data();
     let (mut sum, mut count) = (0.0, 0.0);
-    for at in region.inner() {
+    for at in region.inner_pixels() {
         let (x, y) = central_differences(data, at, region.width);
         sum += (x * x + y * y) / 2.0;
         count += 1.0;
@@ -63,7 +65,8 @@ pub(super) fn slope_dn_px(stack: &Stack, region: &Region, noise_dn: f64) -> f64 
     (sum / f64::max(count, 1.0) - of_noise).max(0.0).sqrt()
 }
 
-/// Returns the image gradient along x and y at an inner pixel by central differences, DN/px.
+/// Returns the image gradient along x and y by central differences, DN/px. `at` is the index of a pixel inside the
+/// border.
 fn central_differences(data: &[f32], at: usize, width: usize) -> (f64, f64) {
     let half = |after: f32, before: f32| 0.5 * f64::from(after - before);
     (half(data[at + 1], data[at - 1]), half(data[at + width], data[at - width]))
@@ -75,7 +78,7 @@ fn central_differences(data: &[f32], at: usize, width: usize) -> (f64, f64) {
 pub(super) fn edge_blur_px(stack: &Stack, region: &Region) -> Option<f64> {
     let data = stack.mean.view().data();
     let steep: Vec<(usize, f64)> = region
-        .inner()
+        .inner_pixels()
         .map(|at| {
             let (x, y) = central_differences(data, at, region.width);
             (at, x.hypot(y))
@@ -91,7 +94,7 @@ pub(super) fn edge_blur_px(stack: &Stack, region: &Region) -> Option<f64> {
     (!blurs.is_empty()).then(|| quantile(&mut blurs, 0.5))
 }
 
-/// Returns the range of the grey levels around an edge, DN.
+/// Returns the range of the grey levels within [`SIDE_PX`] of the pixel `at` on an edge, DN; above 0.
 fn edge_height_dn(data: &[f32], at: usize, region: &Region) -> f64 {
     let (x, y) = (at % region.width, at / region.width);
     let columns = x.saturating_sub(SIDE_PX)..(x + SIDE_PX + 1).min(region.width);
@@ -101,7 +104,8 @@ fn edge_height_dn(data: &[f32], at: usize, region: &Region) -> f64 {
     f64::from(high - low).max(f64::MIN_POSITIVE)
 }
 
-/// Returns the standard deviation of the Gaussian that blurs a unit step to this slope in central differences, px.
+/// Returns the standard deviation of the Gaussian that blurs a unit step to this slope in central differences, px,
+/// within [`BLUR_PX`].
 ///
 /// Solves `erf(1 / (sigma sqrt 2)) / 2 = slope` for sigma by bisection.
 fn blur_of_step_px(relative_slope: f64) -> f64 {
@@ -128,7 +132,8 @@ pub(super) struct Speckles {
 
 /// Measures size and density of the speckles from the autocorrelation up to `reach_px`.
 ///
-/// The size follows from the lag at which the autocorrelation falls to one half, interpolated linearly.
+/// The size follows from the lag at which the autocorrelation falls to one half, interpolated linearly. Its mean beyond
+/// half of `reach_px` counts as 0, and noise of the standard deviation `noise_dn` is taken out of its peak.
 pub(super) fn measure_speckles(stack: &Stack, region: &Region, noise_dn: f64, reach_px: usize) -> Speckles {
     let data = stack.mean.view().data();
     let values: Vec<f32> = region.values(data).collect();
@@ -148,7 +153,7 @@ pub(super) fn measure_speckles(stack: &Stack, region: &Region, noise_dn: f64, re
     Speckles { size_px: size, coverage: bright.min(1.0 - bright) }
 }
 
-/// Computes the autocovariance of the grey levels at a lag along x and y, DN^2.
+/// Computes the autocovariance of the grey levels at a lag of whole pixels, pooled over x and y, DN^2.
 fn covariance(data: &[f32], region: &Region, mean: f64, lag: usize) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for y in 0..region.height {
@@ -171,7 +176,7 @@ fn covariance(data: &[f32], region: &Region, mean: f64, lag: usize) -> f64 {
     sum / f64::max(count, 1.0)
 }
 
-/// Returns the threshold between dark and bright by Otsu's method, DN.
+/// Returns the threshold between dark and bright by Otsu's method over 256 steps of the range of the values, DN.
 fn speckle_threshold_dn(values: &[f32]) -> f32 {
     let (low, high) = values.iter().fold((f32::INFINITY, 0.0_f32), |(low, high), v| (low.min(*v), high.max(*v)));
     if high <= low {

@@ -21,7 +21,7 @@ const BUILT_IN: [(&str, &str); 3] = [
     ("rod", include_str!("../../../config/rod.toml")),
 ];
 
-/// Returns the rig file of a built-in experiment.
+/// Returns the rig file of a built-in experiment; `None` for an unknown name.
 pub(super) fn built_in_config(name: &str) -> Option<&'static str> {
     BUILT_IN.iter().find(|(known, _)| *known == name).map(|(_, text)| *text)
 }
@@ -122,7 +122,11 @@ pub fn run(options: &DemoOptions, stop: &Stop) -> Result<Outcome, Failure> {
     Ok(Outcome::from_rig(&summary))
 }
 
-/// Returns the rig of the experiment under a name of its own, as fast as it measures.
+/// Returns the rig of the experiment with the options, under a name of its own, as fast as it measures.
+///
+/// # Errors
+///
+/// [`UsageError`] for an unknown experiment, and an option that the rig file does not allow.
 fn demo_config(options: &DemoOptions) -> Result<Config, Failure> {
     let name = &options.experiment;
     let Some(text) = built_in_config(name) else {
@@ -142,6 +146,10 @@ fn demo_config(options: &DemoOptions) -> Result<Config, Failure> {
 }
 
 /// Draws the paper's figures of the experiment next to its recording; returns their paths.
+///
+/// # Errors
+///
+/// When the recording cannot be read, the rig has no `scale.mm_per_px`, or a figure exists or cannot be written.
 fn write_figures(config: &Config, experiment: &str, path: &Path) -> Result<Vec<PathBuf>, Failure> {
     let recording = Recording::open(path)?;
     let shot = Shot::read(&recording)?;
@@ -156,7 +164,7 @@ fn write_figures(config: &Config, experiment: &str, path: &Path) -> Result<Vec<P
     };
     let surface_angle_deg = config.surface.angle_deg;
     let comparisons = if experiment == "rod" {
-        paper_settings::velocities(&recording, &Setup { rod: &config.rod(0), mm_per_px, surface_angle_deg })?
+        paper_settings::measure_velocities(&recording, &Setup { rod: &config.rod(0), mm_per_px, surface_angle_deg })?
     } else {
         Vec::new()
     };
@@ -171,6 +179,10 @@ fn write_figures(config: &Config, experiment: &str, path: &Path) -> Result<Vec<P
 }
 
 /// Prints the measured numbers next to the true ones; returns whether every number is within tolerance.
+///
+/// # Errors
+///
+/// When the recording has not exactly one impact and one true one.
 fn print_comparison(path: &Path, figures: &[PathBuf], lines: &[Line], json: bool) -> Result<bool, Failure> {
     let recording = Recording::open(path)?;
     let measured = last_revisions(&recording)?;
@@ -213,7 +225,9 @@ struct Compared {
 }
 
 impl Compared {
-    /// Compares a number of two impacts; `frame_s` is the duration of a frame, s.
+    /// Compares a number of two impacts with its tolerance; `frame_s` is the duration of a frame, s.
+    ///
+    /// A number that one of them lacks is within tolerance only if it has no limit.
     fn new(line: &Line, measured: &Impact, truth: &Impact, frame_s: f64) -> Self {
         let (column, heading, unit, factor, tolerance) = *line;
         let (measured, truth) = (measured.get(column), truth.get(column).map(|estimate| estimate.value));
@@ -231,7 +245,8 @@ impl Compared {
         Self { column, heading, unit, factor, measured, truth, within }
     }
 
-    /// Returns the cells of the printed table.
+    /// Returns the cells of the printed table: heading, measured value, its uncertainty, true value, error, unit, and
+    /// `off` if it is out of tolerance.
     fn as_row(&self) -> Vec<String> {
         let number =
             |value: Option<f64>| value.map_or_else(|| "-".into(), |value| format!("{:.4}", value * self.factor));

@@ -52,7 +52,7 @@ struct Still {
 /// # Errors
 ///
 /// When the recording cannot be read, or no rod is found in any frame.
-pub(super) fn velocities(recording: &Recording, setup: &Setup<'_>) -> Result<Vec<Comparison>, Failure> {
+pub(super) fn measure_velocities(recording: &Recording, setup: &Setup<'_>) -> Result<Vec<Comparison>, Failure> {
     let mut film = Vec::new();
     let mut finder = None;
     for frame in recording.frames()? {
@@ -72,7 +72,7 @@ pub(super) fn velocities(recording: &Recording, setup: &Setup<'_>) -> Result<Vec
     }
     let bar = progress::frame_bar((INTERVALS.len() * film.len()) as u64, "compare");
     let curves = INTERVALS.map(|(interval, label)| {
-        let points = normal_velocities(&film, SPLINE_POINTS, interval, setup, || bar.inc(1))?;
+        let points = measure_normal_velocities(&film, SPLINE_POINTS, interval, setup, || bar.inc(1))?;
         Ok(Comparison { label, points })
     });
     bar.finish_and_clear();
@@ -88,10 +88,12 @@ fn tape_bounds_px(observation: &RodObservation) -> [u32; 4] {
     [left, top, whole(x + right + 1.0).saturating_sub(left), whole(y + low + 1.0).saturating_sub(top)]
 }
 
-/// Computes the normal velocity, m/s, of each pair of frames `interval` frames apart, as the paper does.
+/// Computes the velocity along the surface's outward normal, m/s, of each pair of frames `interval` frames apart, as
+/// the paper does.
 ///
-/// Each value comes with the time midway between its two frames, ns. `on_pair` is called before each pair.
-fn normal_velocities(
+/// Each value comes with the time midway between its two frames, ns. Pairs without a tape or a valid subset are left
+/// out. `on_pair` is called before each pair.
+fn measure_normal_velocities(
     film: &[Still],
     spline_points: u32,
     interval: usize,
@@ -170,7 +172,7 @@ mod tests {
         // those times: half a step of the grid.
         for (points, interval, least, fast_m_s) in [(5, 1, 100, 0.9), (5, 5, 8, 0.18), (10, 5, 5, 0.1), (5, 15, 1, 0.0)]
         {
-            let curve = normal_velocities(&film, points, interval, &setup, || {}).unwrap();
+            let curve = measure_normal_velocities(&film, points, interval, &setup, || {}).unwrap();
             assert!(curve.len() + interval == film.len(), "{} of {}", curve.len(), film.len());
             let still: Vec<f64> = curve.iter().filter(|(_, v)| v.abs() < 1e-9).map(|(at, _)| true_at(*at)).collect();
             let fastest = still.iter().fold(0.0_f64, |fastest, v| fastest.max(v.abs()));

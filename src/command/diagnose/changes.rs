@@ -13,7 +13,9 @@ const RADIUS_RANGE: [f64; 2] = [0.8, 1.25];
 /// The share of white pixels from which a body is overexposed.
 const MAX_WHITE: f64 = 0.05;
 
-/// Returns the changes for the most frequent reason, the most certain first.
+/// Returns the change that the evidence advises for the most frequent reason, or else all keys that change that reason.
+///
+/// It is empty if the body was measured in every frame.
 pub(super) fn advise_changes(
     summary: &BodySummary,
     evidence: &[Evidence],
@@ -32,6 +34,8 @@ pub(super) fn advise_changes(
 }
 
 /// Advises the radii or the region that include a ball outside of the search, or names what moves instead of a ball.
+///
+/// `None` if the ball is within both, or nothing can be said about what moves.
 fn advise_ball_search(refused: &[&Evidence], config: &Config, body: usize, surveyed: &Surveyed) -> Option<Change> {
     let [width, height] = surveyed.size_px.map(|size| size as u32);
     let search = config.ball(body, width, height);
@@ -71,7 +75,7 @@ fn advise_ball_search(refused: &[&Evidence], config: &Config, body: usize, surve
     describe_other_mover(surveyed)
 }
 
-/// Describes what moves where no ball does.
+/// Describes what moves where no ball does; `None` if nothing can be said about it.
 fn describe_other_mover(surveyed: &Surveyed) -> Option<Change> {
     let note = |reason: String| Some(Change { lines: "# no key helps with this film".into(), reason });
     match surveyed.bodies.first().map(|body| &body.kind) {
@@ -94,9 +98,9 @@ fn describe_other_mover(surveyed: &Surveyed) -> Option<Change> {
     }
 }
 
-/// Advises a subset size that fits into the ball, if fewer than three subsets do.
+/// Advises a subset size that fits into the ball, if fewer than three subsets do; `None` if that is not smaller.
 fn advise_subset_size(refused: &[&Evidence], config: &Config) -> Option<Change> {
-    let none_fits = |evidence: &&&Evidence| evidence.subsets().is_some_and(|(count, _)| count < 3);
+    let none_fits = |evidence: &&&Evidence| evidence.count_subsets().is_some_and(|(count, _)| count < 3);
     let circle = refused.iter().find(none_fits)?.circle()?;
     let (now, fitting) = (config.correlation().subset_size_px, (0.35 * circle.radius_px) as u32 * 2 + 1);
     let fitting = fitting.max(9);
@@ -115,7 +119,7 @@ fn advise_exposure(refused: &[&Evidence]) -> Option<Change> {
     })
 }
 
-/// Advises a larger search if the ball moves farther per frame than the present one reaches.
+/// Advises a larger search if the ball moves farther per frame than `correlation.search_px` reaches.
 fn advise_search_range(config: &Config, surveyed: &Surveyed) -> Option<Change> {
     let speeds = surveyed.bodies.iter().filter_map(|body| Some(body.path.as_ref()?.speed_px_frame));
     let (speed_px, now) = (speeds.fold(0.0, f64::max), config.correlation().search_px);
@@ -133,11 +137,11 @@ fn general_advice(summary: &BodySummary) -> Vec<Change> {
         None => format!("# {}", key.name),
     };
     let lines = keys.iter().map(line).collect::<Vec<_>>().join("\n");
-    vec![Change { lines, reason: format!("{}: {}.", capitalized(reason.text), reason.advice) }]
+    vec![Change { lines, reason: format!("{}: {}.", capitalize(reason.text), reason.advice) }]
 }
 
 /// Returns a text with its first letter in upper case.
-fn capitalized(text: &str) -> String {
+fn capitalize(text: &str) -> String {
     let mut letters = text.chars();
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }

@@ -48,7 +48,8 @@ pub(super) fn draw_frame(
     })
 }
 
-/// Draws what moves in the film over the frame that shows the largest of it; `None` for fewer than three frames.
+/// Draws what moves in the film over the frame in which most of it moves; `None` if the film has fewer than three
+/// frames.
 pub(super) fn draw_movement(film: &FilmFiles, surveyed: &Surveyed, stop: &Stop) -> Result<Option<Panel>, Failure> {
     let Some(movement) = &surveyed.movement else { return Ok(None) };
     let busiest = surveyed.bodies.iter().flat_map(|body| &body.mover.appearances);
@@ -140,7 +141,8 @@ impl View<'_> {
         Some((canvas, format!("Enlarged {zoom} times; the square is a subset of {size_px} px")))
     }
 
-    /// Returns a circle around the largest thing that moves in this frame.
+    /// Returns a circle around what moves in the sampled frame nearest to this one; `None` if nothing moves in the
+    /// film.
     fn moving_circle(&self) -> Option<Circle> {
         let appearances = self.surveyed.bodies.iter().flat_map(|body| &body.mover.appearances);
         let nearest = appearances.min_by_key(|appearance| appearance.index.abs_diff(self.evidence.index))?;
@@ -191,7 +193,7 @@ impl View<'_> {
             findings.push(format!("Outside of these limits: an outline of {}.", place(circle)));
         }
         let size_px = self.config.correlation().subset_size_px;
-        if let Some((count, counts)) = evidence.subsets() {
+        if let Some((count, counts)) = evidence.count_subsets() {
             let shares: Vec<String> =
                 counts.iter().map(|(status, count)| format!("{count} {}", status.as_str())).collect();
             findings.push(match count {
@@ -230,7 +232,7 @@ fn center_px(circle: &Circle) -> [f32; 2] {
     [circle.x_px as f32, circle.y_px as f32]
 }
 
-/// Tints the marked pixels of an image that is reduced by the factor of the movement.
+/// Tints the pixels whose reduced pixel is marked. `marked` is row-major, reduced by the factor of the movement.
 fn tint_marked(canvas: &mut Canvas, marked: &[bool], surveyed: &Surveyed) {
     let Some(movement) = &surveyed.movement else { return };
     let (factor, width) = (movement.factor as u32, movement.background.width as u32);

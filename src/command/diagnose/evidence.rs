@@ -47,12 +47,12 @@ pub(super) struct Searched {
 }
 
 impl Evidence {
-    /// Returns the circle to show: the measured one, else one that was found.
+    /// Returns the circle to show: the measured one, else one that was found within the limits, else one outside.
     pub(super) fn circle(&self) -> Option<Circle> {
         self.measured_circle().or(self.searched.inside).or(self.searched.outside)
     }
 
-    /// Returns the circle of the track row.
+    /// Returns the circle of the track row; `None` without a row or a circle in it.
     pub(super) fn measured_circle(&self) -> Option<Circle> {
         let track = self.track?;
         Some(Circle {
@@ -65,8 +65,8 @@ impl Evidence {
         })
     }
 
-    /// Returns the number of subsets, and the number of each status, the most frequent first; `None` without a field.
-    pub(super) fn subsets(&self) -> Option<(usize, Vec<(PointStatus, usize)>)> {
+    /// Counts the subsets: all of them, and those of each status, the most frequent first; `None` without a field.
+    pub(super) fn count_subsets(&self) -> Option<(usize, Vec<(PointStatus, usize)>)> {
         let points = &self.field.as_ref()?.points;
         let count = |status: PointStatus| points.iter().filter(|point| point.status == status).count();
         let mut counts: Vec<_> = PointStatus::ALL.into_iter().map(|status| (status, count(status))).collect();
@@ -87,6 +87,14 @@ pub(super) struct Examiner<'s> {
 
 impl<'s> Examiner<'s> {
     /// Plans the search of one body: within the limits of the rig file, and for a ball without them as well.
+    ///
+    /// # Errors
+    ///
+    /// When the finder does not take the limits or the size of the image.
+    ///
+    /// # Panics
+    ///
+    /// If there is no body of this index.
     pub(super) fn new(config: &Config, body: usize, surveyed: &'s Surveyed) -> Result<Self, Failure> {
         let [width, height] = surveyed.size_px;
         let format = crate::camera::StreamFormat {
@@ -110,6 +118,8 @@ impl<'s> Examiner<'s> {
     }
 
     /// Searches the body in a frame, whose `image` it corrects. `index` is the number of the frame in the film.
+    ///
+    /// A ball is searched without limits only if none is found within them. Then it counts only where something moves.
     pub(super) fn search(&mut self, image: &mut Image, index: u64, meta: FrameMeta) -> Searched {
         let white_dn = ((1_u32 << meta.format.bits()) - 1) as f32;
         let is_white: Vec<bool> = image.view().data().iter().map(|level| *level >= white_dn).collect();
@@ -134,7 +144,7 @@ impl<'s> Examiner<'s> {
 }
 
 impl Surveyed {
-    /// Whether the centre of a circle lies where something moves in the film.
+    /// Whether the centre of a circle lies in a region that something sweeps in the film.
     fn is_moving_at(&self, circle: &Circle) -> bool {
         let (x, y) = (circle.x_px, circle.y_px);
         self.bodies.iter().any(|body| {
@@ -157,7 +167,7 @@ fn fraction_in(circle: &Circle, marked: &[bool], width: usize) -> f64 {
     f64::from(inside) / f64::from(total.max(1))
 }
 
-/// Returns one line about each thing that moves.
+/// Returns one line about each thing that moves, after a line if nothing, or most of the image, moves.
 pub(super) fn mover_lines(surveyed: &Surveyed) -> Vec<String> {
     let Some(movement) = &surveyed.movement else { return vec!["fewer than three frames: nothing can move".into()] };
     let mut lines = Vec::new();

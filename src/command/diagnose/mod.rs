@@ -111,6 +111,10 @@ impl Drop for Scratch {
 }
 
 /// Whether there is a rig file: the given one, or an attached one.
+///
+/// # Errors
+///
+/// When a recording cannot be opened.
 fn has_config(options: &DiagnoseOptions) -> Result<bool, Failure> {
     if options.config.is_some() {
         return Ok(true);
@@ -119,7 +123,11 @@ fn has_config(options: &DiagnoseOptions) -> Result<bool, Failure> {
     Ok(!import::is_importable(first) && Recording::open(first)?.config_toml().is_some())
 }
 
-/// Measures the film into a file and reads its rows, by body and frame.
+/// Measures the film into a file, with one worker at least, and reads its rows, by body and frame.
+///
+/// # Errors
+///
+/// When the film or the rig file cannot be used, or the file cannot be written.
 fn measure_film(options: &DiagnoseOptions, results: &Path, stop: &Stop) -> Result<Measured, Failure> {
     let (camera, config) = (options.camera.as_deref(), options.config.as_deref());
     let mut film = Film::open(&options.film, camera, config, options.fps, options.order.order())?;
@@ -149,7 +157,7 @@ fn film_facts(surveyed: &Surveyed, measured: Option<&Measured>) -> Vec<String> {
     facts
 }
 
-/// Diagnoses every body, in the `wanted` frames or in chosen ones.
+/// Diagnoses every body, in the `wanted` frames, counted from 0, or in chosen ones if there are none.
 fn diagnose_bodies(
     film: &FilmFiles,
     measured: &Measured,

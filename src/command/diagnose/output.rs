@@ -14,7 +14,11 @@ pub(super) struct Target {
 }
 
 impl Target {
-    /// Checks that nothing is overwritten, and creates the folder.
+    /// Chooses the page, or a folder for it, from `-o` or the film's name, and creates the folder.
+    ///
+    /// # Errors
+    ///
+    /// When the page would replace an input, or another file without `--force`, or the folder cannot be created.
     pub(super) fn new(options: &DiagnoseOptions) -> Result<Self, Failure> {
         let output = options.output.clone().unwrap_or_else(|| options.film[0].with_extension("diagnosis"));
         let is_page = output.extension().is_some_and(|extension| extension == "html");

@@ -23,7 +23,7 @@ impl Host {
         std::fs::read_to_string(self.path(path)).ok().map(|text| text.trim().to_owned())
     }
 
-    /// Reads a file that holds one number.
+    /// Reads a file that holds one whole number; `None` for any other.
     pub fn number(&self, path: &str) -> Option<u64> {
         self.read(path)?.parse().ok()
     }

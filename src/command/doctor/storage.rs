@@ -28,7 +28,8 @@ pub(super) fn examine(host: &Host, config: Option<&Config>, directory: &Path) ->
     examine_shared_memory(host, config).into_iter().chain(examine_folder(config, directory)).collect()
 }
 
-/// Returns the number of bytes per second of the frames of all cameras; `None` if the file states no size or rate.
+/// Returns the number of bytes per second of the frames of all cameras; `None` if the file leaves out a size or rate of
+/// one.
 fn bytes_per_second(config: &Config) -> Option<f64> {
     let cameras = std::iter::once(&config.camera).chain(config.views.iter().map(|view| &view.config.camera));
     let of_camera = |camera: &Camera| {
@@ -40,6 +41,8 @@ fn bytes_per_second(config: &Config) -> Option<f64> {
 }
 
 /// Examines the free shared memory, which the topics and twice the pre-trigger time of frames need.
+///
+/// A rig file that is not given, or states no size or rate, counts as [`RING_BYTES`] of frames.
 fn examine_shared_memory(host: &Host, config: Option<&Config>) -> Option<Finding> {
     let place = host.path(SHARED_MEMORY);
     let Ok(stat) = statvfs(&place) else {
@@ -94,13 +97,13 @@ fn examine_folder(config: Option<&Config>, directory: &Path) -> Vec<Finding> {
 /// Writes a file, syncs and removes it; returns the speed, bytes/s.
 fn measure_write_speed(directory: &Path) -> std::io::Result<f64> {
     let path = directory.join(format!(".ricochet-trial-{}", std::process::id()));
-    let written = write_timed(&path);
+    let written = write_trial_file(&path);
     let removed = std::fs::remove_file(&path);
     written.and_then(|speed| removed.map(|()| speed))
 }
 
 /// Writes and syncs a new file of [`TRIAL_BYTES`]; returns the speed, bytes/s.
-fn write_timed(path: &Path) -> std::io::Result<f64> {
+fn write_trial_file(path: &Path) -> std::io::Result<f64> {
     let mut file = File::options().write(true).create_new(true).open(path)?;
     // Some disks compress, so the bytes must not be equal.
     let chunk: Vec<u8> = (0..CHUNK_BYTES as u32).map(|k| (k.wrapping_mul(0x9E37_79B9) >> 24) as u8).collect();

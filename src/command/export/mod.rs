@@ -89,9 +89,9 @@ impl ExportOptions {
         Recording::open(&self.file)?.select_view(self.camera.as_deref())
     }
 
-    /// Opens the frames of the film, or of the recording itself.
+    /// Opens the frames of the film that the options name, or of the recording itself.
     fn frames(&self, results: &Recording) -> Result<Frames, ExportError> {
-        result_film::frames(results, &self.film, self.camera.as_deref()).map_err(ExportError::Film)
+        result_film::open_frames(results, &self.film, self.camera.as_deref()).map_err(ExportError::Film)
     }
 }
 
@@ -211,7 +211,7 @@ fn write_topic(options: &ExportOptions) -> Result<u64, ExportError> {
     }
 }
 
-/// Writes a file that has its name only once it is complete; returns the number of rows or frames.
+/// Calls `write` with a new output file, which gets its name once it is complete; returns the number of rows or frames.
 fn write_whole(
     options: &ExportOptions,
     path: &Path,
@@ -223,7 +223,9 @@ fn write_whole(
     Ok(count)
 }
 
-/// Writes one of [`TABLES`] of several recordings as one CSV table, whose first column names the recording.
+/// Writes one of [`TABLES`] of several recordings as one CSV table, and returns the number of its rows.
+///
+/// The first column names the recording, by its file without the ending. Errors call the target `name`.
 ///
 /// # Errors
 ///

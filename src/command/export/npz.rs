@@ -15,7 +15,7 @@ const ALIGNMENT: usize = 64;
 /// The date of all entries, 1 January 1980, so that the same table gives the same file.
 const DATE: u16 = 1 << 5 | 1;
 
-/// Writes a table and returns the number of its rows. All columns are held in memory.
+/// Writes a table and returns the number of its rows. All columns are held in memory. Errors call the file `name`.
 pub(super) fn write(recording: &Recording, topic: &str, file: &mut OutputFile, name: &str) -> Result<u64, ExportError> {
     let mut table = Table { name, columns: Vec::new(), rows: 0 };
     rows::send_table(recording, topic, &mut table)?;
@@ -96,7 +96,7 @@ impl Values {
         Ok(())
     }
 
-    /// Returns the array: the header, then the values.
+    /// Returns the array of `rows` elements: the header, then the values.
     fn array(&self, rows: u64) -> Vec<u8> {
         match self {
             Self::Numbers(kind, bytes) => {
@@ -141,7 +141,7 @@ struct Archive<W: Write> {
 }
 
 impl<W: Write> Archive<W> {
-    /// Writes an entry, and adds its record to the directory.
+    /// Writes an entry under a name, without compression, and adds its record to the directory.
     fn add(&mut self, name: &str, content: &[u8]) -> io::Result<()> {
         let offset = size(self.written)?;
         // The common part of the header of an entry and of its record in the directory.

@@ -18,7 +18,9 @@ use std::sync::Arc;
 /// The number of rows per group, which are held in memory.
 const GROUP_ROWS: usize = 1 << 16;
 
-/// Writes a table and returns the number of its rows. The metadata of the recording become those of the file.
+/// Writes a table and returns the number of its rows. Errors call the file `name`.
+///
+/// The metadata of the recording become those of the file, as `ricochet.KEY`.
 pub(super) fn write(recording: &Recording, topic: &str, file: &mut OutputFile, name: &str) -> Result<u64, ExportError> {
     let entries = recording.metadata().iter();
     let metadata = entries.map(|(key, value)| KeyValue::new(format!("ricochet.{key}"), value.clone())).collect();
@@ -27,7 +29,7 @@ pub(super) fn write(recording: &Recording, topic: &str, file: &mut OutputFile, n
     rows::send_table(recording, topic, &mut table)?;
     table.write_group()?;
     if let Some(writer) = table.writer.take() {
-        writer.close().map_err(|error| failure(name, error))?;
+        writer.close().map_err(|error| write_error(name, error))?;
     }
     Ok(table.count)
 }
@@ -45,7 +47,7 @@ struct Table<'a> {
 }
 
 /// Returns the error of a write to the target `name`.
-fn failure(name: &str, error: ParquetError) -> ExportError {
+fn write_error(name: &str, error: ParquetError) -> ExportError {
     ExportError::Write { to: name.into(), source: io::Error::other(error) }
 }
 
@@ -57,7 +59,7 @@ impl Sink for Table<'_> {
             .set_key_value_metadata(Some(std::mem::take(&mut self.metadata)))
             .build();
         let writer = schema(columns).and_then(|schema| SerializedFileWriter::new(file, schema, Arc::new(properties)));
-        self.writer = Some(writer.map_err(|error| failure(self.name, error))?);
+        self.writer = Some(writer.map_err(|error| write_error(self.name, error))?);
         self.columns = columns.to_vec();
         Ok(())
     }
@@ -104,7 +106,7 @@ impl Table<'_> {
             }
             group.close().map(|_| ())
         };
-        write().map_err(|error| failure(self.name, error))
+        write().map_err(|error| write_error(self.name, error))
     }
 }
 
@@ -154,7 +156,8 @@ fn whole_number(cell: &Cell) -> Result<i64, ParquetError> {
     }
 }
 
-/// Writes the numbers that are present, and for each cell whether it is.
+/// Writes the numbers that are present, and for each cell whether it is. `number` returns that of a cell; `None` is
+/// missing.
 fn write_numbers<'a, T: DataType>(
     writer: &mut SerializedColumnWriter<'_>,
     cells: impl Iterator<Item = &'a Cell>,

@@ -63,7 +63,14 @@ fn other_film_error(recording: &Recording, sequence: u64) -> ExportError {
     RecordingError::Invalid { path: recording.path().to_path_buf(), reason }.into()
 }
 
-/// Draws frames in order, with the content of one of [`PICTURES`](super::PICTURES), and hands them to `take`.
+/// Draws frames in order, with the content of one of [`PICTURES`](super::PICTURES), and hands them to `take` with their
+/// sequence numbers.
+///
+/// It ends with the first frame that cannot be unpacked, whose error `take` gets.
+///
+/// # Errors
+///
+/// [`ExportError`] when a file cannot be read, the film is not that of the results, or `take` fails.
 pub(super) fn draw_frames(
     recording: &Recording,
     frames: Frames,
@@ -108,7 +115,8 @@ pub(super) fn draw_frames(
 
 /// Returns the gain of the arrows over the shortest interval, and that interval, frames.
 ///
-/// The gain is the same in all frames. The longest displacement spans about the distance of two subsets.
+/// The gain is the same in all frames. It makes the longest displacement twice the smallest distance of two subsets; 1
+/// if nothing moves.
 fn arrow_gain(recording: &Recording) -> Result<(f32, u64), RecordingError> {
     let (mut scale, mut interval) = (ArrowScale::default(), u64::MAX);
     for field in recording.fields()? {

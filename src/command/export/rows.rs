@@ -10,7 +10,7 @@ use crate::results::{
     Cell, Column, FieldPoint, Heading, Impact, Kind, PairField, PointStatus, Rod, Sample, TrackSample, VelocitySample,
 };
 
-/// Sends the header and the rows of one of [`TABLES`](super::TABLES) to a sink.
+/// Sends the header and the rows of one of [`TABLES`](super::TABLES) to a sink. Any other topic counts as the events.
 pub(super) fn send_table(recording: &Recording, topic: &str, table: &mut dyn Sink) -> Result<(), ExportError> {
     match topic {
         "velocity" => send_velocities(recording, recording.velocities()?.collect::<Result<_, _>>()?, table),
@@ -54,7 +54,7 @@ impl Origin {
         Cell::Integer(i128::from(sequence) - i128::from(self.frame))
     }
 
-    /// Converts a stamp to seconds from the first frame.
+    /// Converts a stamp, ns since the Unix epoch, to seconds from the first frame; negative before it.
     fn seconds(self, stamp_ns: u64) -> f64 {
         (i128::from(stamp_ns) - i128::from(self.stamp_ns)) as f64 / 1e9
     }

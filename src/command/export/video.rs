@@ -11,7 +11,11 @@ use std::thread::JoinHandle;
 /// The number of bytes kept of the messages of ffmpeg.
 const MESSAGE_BYTES: u64 = 64 << 10;
 
-/// Writes the frames as a video and returns their number. No other file is written.
+/// Writes the frames as a video to a path and returns their number. No other file is written.
+///
+/// # Errors
+///
+/// [`ExportError`] when a file cannot be read, the frames differ in size, or ffmpeg is missing or fails.
 pub(super) fn write(options: &ExportOptions, to: &Path) -> Result<u64, ExportError> {
     let recording = options.recording()?;
     let frames = options.frames(&recording)?;
@@ -88,7 +92,7 @@ impl Video {
         Ok(Self { size, frames: ffmpeg.stdin.take(), ffmpeg, messages })
     }
 
-    /// Writes the pixels of the next frame to ffmpeg.
+    /// Writes the pixels of the next frame to ffmpeg; nothing once it has exited.
     fn push(&mut self, pixels: &[u8]) -> io::Result<()> {
         let Some(frames) = &mut self.frames else { return Ok(()) };
         match frames.write_all(pixels) {

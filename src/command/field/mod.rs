@@ -90,7 +90,7 @@ fn measure_pair(options: &FieldOptions) -> Result<(), Failure> {
         Some(path) => save_picture(options, a, &field, path)?,
         None => None,
     };
-    let notes: Vec<String> = [Some(summary(&field)), start, legend].into_iter().flatten().collect();
+    let notes: Vec<String> = [Some(summarize_field(&field)), start, legend].into_iter().flatten().collect();
     eprintln!("{}", notes.join("; "));
     Ok(())
 }
@@ -100,7 +100,7 @@ fn standard_output_error(reason: impl std::fmt::Display) -> WriteError {
     WriteError::new("standard output", reason)
 }
 
-/// Draws the vectors or the colour map; returns the legend of the map.
+/// Draws the vectors or the colour map over the reference and writes them as PNG; returns the legend of the map.
 fn save_picture(
     options: &FieldOptions,
     reference: ImageView<'_>,
@@ -121,7 +121,8 @@ fn save_picture(
 }
 
 impl FieldOptions {
-    /// Returns the region that subsets are cut to; `None` if none is cut.
+    /// Returns the region that subsets are cut to: the polygon, or the rectangle if subsets may be partial. `None` if
+    /// none is cut.
     fn cut_region(&self) -> Option<Region> {
         let rectangle = |roi: [u32; 4]| start::rectangle_region(roi.map(f64::from));
         self.region.clone().or_else(|| self.roi_px.filter(|_| self.partial).map(rectangle))
@@ -130,6 +131,10 @@ impl FieldOptions {
 
 /// Correlates two images over the region of interest; returns the field and a description of the initial guess, if
 /// searched.
+///
+/// # Errors
+///
+/// When an option is invalid, no subset fits, or the initial guess is not found.
 fn correlate_pair(
     options: &FieldOptions,
     reference: ImageView<'_>,
@@ -147,8 +152,9 @@ fn correlate_pair(
     Ok((field, found.note))
 }
 
-/// Summarises a field in one line: counts, mean displacement and uncertainty.
-fn summary(field: &[FieldPoint]) -> String {
+/// Summarises a field in one line: counts by status, and the means of the displacement and of its standard uncertainty,
+/// px.
+fn summarize_field(field: &[FieldPoint]) -> String {
     let valid: Vec<_> = field.iter().filter_map(|point| point.displacement).collect();
     let mut line = format!("{} of {} subsets valid", valid.len(), field.len());
     if !valid.is_empty() {

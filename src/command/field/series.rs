@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::stills::Still;
 use super::table::Layout;
-use super::{Begin, FieldOptions, Size, save_picture, standard_output_error, start, stills, summary};
+use super::{Begin, FieldOptions, Size, save_picture, standard_output_error, start, stills, summarize_field};
 use crate::console::{Outcome, UsageError, check_no_input, create_directory, progress};
 use crate::dic::{Correlator, Series};
 use crate::failure::Failure;
@@ -13,14 +13,14 @@ use crate::image::ImageView;
 use crate::process::Stop;
 use crate::results::FieldPoint;
 
-/// Measures every target and prints one summary line each.
+/// Measures every target and prints one summary line each. After a stop, the remaining targets count as lost.
 pub(super) fn run(options: &FieldOptions, stop: &Stop) -> Result<Outcome, Failure> {
     check_options(options)?;
     let targets: Vec<&Path> = std::iter::once(&options.target).chain(&options.later).map(PathBuf::as_path).collect();
     // All sizes are checked first, so that a wrong image is reported before the first measurement.
-    let reference = Still { path: &options.reference, size: stills::size_px(&options.reference)? };
+    let reference = Still { path: &options.reference, size: stills::read_size(&options.reference)? };
     for target in &targets {
-        reference.check_size(&Still { path: target, size: stills::size_px(target)? })?;
+        reference.check_size(&Still { path: target, size: stills::read_size(target)? })?;
     }
     let Size { width, height } = reference.size;
     let mut correlator = Correlator::new(&options.params, width, height)?;
@@ -45,7 +45,7 @@ pub(super) fn run(options: &FieldOptions, stop: &Stop) -> Result<Outcome, Failur
         bar.suspend(|| -> Result<(), Failure> {
             let legend = outputs.write(index, target, first.view(), &field)?;
             let renewed = is_renewed.then(|| "reference updated".to_owned());
-            let notes: Vec<String> = [Some(summary(&field)), renewed, legend].into_iter().flatten().collect();
+            let notes: Vec<String> = [Some(summarize_field(&field)), renewed, legend].into_iter().flatten().collect();
             eprintln!("{}: {}", target.display(), notes.join("; "));
             Ok(())
         })?;
@@ -124,13 +124,14 @@ impl<'a> Outputs<'a> {
         self.numbered_path(self.options.picture.as_ref(), index, "png")
     }
 
-    /// Returns `field_0001.csv` and so on in a directory, for targets counted from 0.
+    /// Returns `field_0001.csv` and so on in a directory, for targets counted from 0; `None` without a directory.
     fn numbered_path(&self, directory: Option<&PathBuf>, index: usize, extension: &str) -> Option<PathBuf> {
         let digits = self.digits;
         directory.map(|directory| directory.join(format!("field_{:0digits$}.{extension}", index + 1)))
     }
 
-    /// Writes the table and the picture of one target; returns the legend of a map.
+    /// Writes the table and the picture of the target of this index, from 0, over the `first` image; returns the legend
+    /// of a map.
     fn write(
         &self,
         index: usize,

@@ -71,7 +71,7 @@ pub(super) fn check_turns(needed: &str, params: &CorrelationParams) -> Result<()
     Ok(())
 }
 
-/// Finds the initial guess.
+/// Finds the initial guess that the options ask for; only `any-angle` searches one here.
 ///
 /// # Errors
 ///
@@ -89,6 +89,8 @@ pub(super) fn find_start(
 }
 
 /// Searches the region at every angle in the whole target: first as a whole, then parts of it.
+///
+/// It takes the match with the highest ZNCC, and searches no further from [`CERTAIN_ZNCC`] on.
 ///
 /// # Errors
 ///
@@ -157,7 +159,7 @@ pub(super) fn rectangle_region(rectangle: [f64; 4]) -> Region {
     }
 }
 
-/// Returns the rectangle and parts of it, the largest first.
+/// Returns the rectangle and parts of it, the largest first; none with a radius below [`MIN_RADIUS_PX`].
 ///
 /// The whole rectangle determines the angle best but fits into the image at few angles only. Discs can rotate freely,
 /// and small ones are still visible when a part has left the image.

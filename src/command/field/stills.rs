@@ -95,12 +95,12 @@ pub(crate) fn read_pair(reference: &Path, target: &Path) -> Result<(Image, Image
 /// # Errors
 ///
 /// When the file cannot be read.
-pub(super) fn size_px(path: &Path) -> Result<Size, Failure> {
+pub(super) fn read_size(path: &Path) -> Result<Size, Failure> {
     let (width, height) = open_image(path)?.into_dimensions().map_err(|error| read_error(path, &error))?;
     Ok(Size { width: width as usize, height: height as usize })
 }
 
-/// Returns the subset centres of an image or a region of it, at least one.
+/// Returns the subset centres of an image or a region of it, at least one. `name` is the image in errors.
 ///
 /// # Errors
 ///
@@ -111,7 +111,7 @@ pub(crate) fn grid_points(
     roi_px: Option<[u32; 4]>,
     params: &CorrelationParams,
 ) -> Result<Vec<GridPoint>, UsageError> {
-    let roi = checked_roi(name, size, roi_px)?;
+    let roi = check_roi(name, size, roi_px)?;
     let points = grid::rectangle(roi, params.step_px, params.subset_size_px);
     if points.is_empty() {
         let ([_, _, width, height], subset_px) = (roi, params.subset_size_px);
@@ -123,12 +123,12 @@ pub(crate) fn grid_points(
     Ok(points)
 }
 
-/// Returns the given rectangle, or the whole image.
+/// Checks that the rectangle (x, y, width, height, px) lies in the image, and returns it; the whole image without one.
 ///
 /// # Errors
 ///
-/// Returns [`UsageError`] if the rectangle exceeds the image.
-fn checked_roi(name: &Path, size: Size, roi_px: Option<[u32; 4]>) -> Result<[u32; 4], UsageError> {
+/// [`UsageError`] naming the image `name` if the rectangle exceeds it.
+fn check_roi(name: &Path, size: Size, roi_px: Option<[u32; 4]>) -> Result<[u32; 4], UsageError> {
     let roi = roi_px.unwrap_or([0, 0, size.width as u32, size.height as u32]);
     let inside = |start: u32, extent: u32, size: usize| u64::from(start) + u64::from(extent) <= size as u64;
     if !(inside(roi[0], roi[2], size.width) && inside(roi[1], roi[3], size.height)) {
@@ -150,7 +150,7 @@ pub(super) fn field_points(options: &FieldOptions, size: Size) -> Result<Vec<Gri
         if !options.partial {
             return Ok(whole);
         }
-        Ok(grid::partial(checked_roi(name, size, roi_px)?, params.step_px, params.subset_size_px))
+        Ok(grid::partial(check_roi(name, size, roi_px)?, params.step_px, params.subset_size_px))
     };
     let Some(region) = &options.region else { return all(options.roi_px) };
     let mut found = all(None)?;
@@ -161,7 +161,12 @@ pub(super) fn field_points(options: &FieldOptions, size: Size) -> Result<Vec<Gri
     Ok(found)
 }
 
-/// Reads a BMP, PNG, TIFF or PGM image of 8 or 16 bit; converts colours to luma with a note on standard error.
+/// Reads a BMP, PNG, TIFF or PGM image as grey levels of 8 or 16 bits; converts colours to luma with a note on standard
+/// error.
+///
+/// # Errors
+///
+/// When the file cannot be read or decoded.
 pub(crate) fn read_still(path: &Path) -> Result<Image, Failure> {
     let picture = open_image(path)?.decode().map_err(|error| read_error(path, &error))?;
     let color = picture.color();

@@ -120,7 +120,7 @@ fn collect_answers(options: &InitOptions) -> Result<Answers, Failure> {
     Ok(answers)
 }
 
-/// Returns the kind of camera with this name.
+/// Returns the source of a camera by its name: `simulated`, the name of a V4L2 camera, or else of a GenICam one.
 fn source_of(camera: &str) -> Source {
     match camera {
         "simulated" => Source::Simulated,

@@ -36,7 +36,9 @@ impl Questions {
         self.unanswered == Unanswered::TakeDefault
     }
 
-    /// Asks for a camera by its number in the list of those found, or by its name.
+    /// Asks for a camera by its number, from 1, in the list of those found, or by its name; returns its name.
+    ///
+    /// The default is the first one found, else the simulated one.
     pub fn ask_camera(&mut self, given: Option<&str>, found: &[FoundCamera]) -> Result<String, Failure> {
         if given.is_none() && !self.takes_defaults() {
             let names = found.iter().enumerate().map(|(k, camera)| format!("  {}  {}", k + 1, camera.description));
@@ -55,7 +57,7 @@ impl Questions {
         .ok_or_else(|| UsageError("no camera is named".into()).into())
     }
 
-    /// Asks for width and height of the image, px.
+    /// Asks for width and height of the image, each 16 to 65535 px; the default is [`SIZE`].
     pub fn ask_size(&mut self, given: Option<&str>) -> Result<[u32; 2], Failure> {
         let size = self.ask("Size of the image, WIDTHxHEIGHT in px", given, Some(SIZE), |answer| {
             let sides: Option<Vec<u32>> = answer.split(['x', 'X']).map(|side| side.trim().parse().ok()).collect();
@@ -67,7 +69,7 @@ impl Questions {
         size.ok_or_else(|| UsageError("no size is given".into()).into())
     }
 
-    /// Asks for the kind of the body.
+    /// Asks for the kind of the body; the default is a ball.
     pub fn ask_body(&mut self, given: Option<&str>) -> Result<BodyKind, Failure> {
         let body = self.ask("Body: ball, rod or patch", given, Some("ball"), |answer| {
             answer.parse().map_err(|_| format!("body {answer:?}: must be ball, rod or patch"))
@@ -75,7 +77,7 @@ impl Questions {
         Ok(body.unwrap_or(BodyKind::Ball))
     }
 
-    /// Asks for a number in the range of a key of the rig file; `None` if it is left open.
+    /// Asks for a number in the range of a key of the rig file, `TABLE.KEY`; `None` if it is left open.
     pub fn ask_number(
         &mut self,
         key: &str,
@@ -103,8 +105,13 @@ impl Questions {
         Ok(folder.filter(|folder| folder != "-"))
     }
 
-    /// Asks until an answer is accepted. A given answer is only checked. Returns `None` for an empty answer without a
-    /// default.
+    /// Asks until an answer is accepted. A given answer is only checked, and so is the default if defaults are taken.
+    ///
+    /// Returns `None` for an empty answer without a default.
+    ///
+    /// # Errors
+    ///
+    /// When standard input ends, or the given answer is not accepted.
     fn ask<T>(
         &mut self,
         question: &str,
@@ -141,7 +148,7 @@ impl Questions {
     }
 }
 
-/// Returns the key of the rig file with this path.
+/// Returns the key of the rig file with this path, `TABLE.KEY`.
 fn find_key(name: &str) -> Result<&'static Key, UsageError> {
     match find(name) {
         Ok(Entry::Key(_, key)) => Ok(key),

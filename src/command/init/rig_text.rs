@@ -81,7 +81,7 @@ fn write_record(text: &mut String, answers: &Answers) {
     }
 }
 
-/// Writes a key below its meaning.
+/// Writes a key below its meaning and its range as a comment; nothing for a path that is not in the reference.
 fn write_key(text: &mut String, path: &str, value: &str) {
     if let Ok(Entry::Key(_, key)) = find(path) {
         let comment = wrapped(&format!("{} Must be {}.", key.meaning(), key.allowed), 2);

@@ -17,6 +17,10 @@ const NAP: Duration = Duration::from_millis(50);
 const PATIENCE: Duration = Duration::from_secs(2);
 
 /// Runs a rig per stream and releases the frames in time order; also returns whether the user ended the replay.
+///
+/// # Errors
+///
+/// When a recording cannot be read or a rig cannot run. Then the other rigs are stopped.
 pub(super) fn play_in_order(played: &[Played], tempo: Tempo, stop: &Stop) -> Result<(Vec<Summary>, bool), Failure> {
     let mut runs = Vec::new();
     let mut players = Vec::new();
@@ -99,12 +103,13 @@ struct Leader {
 }
 
 impl Leader {
-    /// Releases all frames; returns `true` if it was ended before the last.
+    /// Releases all frames of the rigs that become ready, the earliest first; returns `true` if it was ended before the
+    /// last.
     fn lead(mut self, players: Vec<Player>, stop: &Stop) -> Result<bool, RecordingError> {
         let mut rigs = Vec::new();
         for mut player in players {
             let Ok(mut control) = player.control.recv() else { continue };
-            if let (true, Some(next)) = (control.is_ready(), player.next_frame()?) {
+            if let (true, Some(next)) = (control.wait_until_ready(), player.next_frame()?) {
                 rigs.push(Ready { player, control, next });
             }
         }
@@ -124,7 +129,9 @@ impl Leader {
         Ok(false)
     }
 
-    /// Waits until a frame may be released; returns `false` to end the replay.
+    /// Waits until the next frame of a rig may be released; returns `false` to end the replay.
+    ///
+    /// `first_ns` is the stamp of the first frame of all rigs, from which a prompt counts the time.
     fn wait_for_release(&mut self, rig: &Ready, first_ns: u64, stop: &Stop) -> bool {
         match self.tempo {
             Tempo::Rate(Rate::Max) => {}
@@ -139,7 +146,8 @@ impl Leader {
         !stop.requested()
     }
 
-    /// Waits until a frame is due at a multiple of real time since the first one, or a stop is requested.
+    /// Waits until a frame with this stamp, ns, is due, or a stop is requested. It is played at `times` real time since
+    /// the first one.
     #[expect(clippy::disallowed_methods, reason = "playing at a given pace is what a clock is for")]
     fn wait_for_time(&mut self, stamp_ns: u64, times: f64, stop: &Stop) {
         let (start, first_ns) = *self.origin.get_or_insert((Instant::now(), stamp_ns));
@@ -155,7 +163,7 @@ impl Leader {
     }
 }
 
-/// Prompts for the number of frames to release; returns `None` to end.
+/// Prompts for the number of frames to release; returns `None` to end, also at the end of standard input.
 fn ask_count(rig: &Ready, first_ns: u64) -> Option<u64> {
     let at_s = rig.next.stamp_ns.saturating_sub(first_ns) as f64 * 1e-9;
     let mut stderr = std::io::stderr();

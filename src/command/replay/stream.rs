@@ -16,7 +16,9 @@ pub(super) struct Streamed {
     pub(super) span: TimeRange,
 }
 
-/// Joins recordings that continue each other, separately for each camera, in time order.
+/// Joins recordings that continue each other, separately for each camera, and returns the streams in time order.
+///
+/// Further cameras without frames are left out.
 pub(super) fn join_streams(files: &[PathBuf]) -> Result<Vec<Streamed>, RecordingError> {
     let mut parts = Vec::new();
     for recording in Recording::open_all(files)? {
@@ -82,7 +84,12 @@ pub(super) fn first_ns(streams: &[Streamed]) -> Result<u64, RecordingError> {
     Ok(first_ns)
 }
 
-/// Returns the streams that have frames in an interval of the whole, restricted to it.
+/// Returns the streams that have frames in an interval, restricted to it. `whole` counts from the earliest frame of all
+/// streams.
+///
+/// # Errors
+///
+/// [`UsageError`] when no stream has a frame in it, and [`RecordingError`] when one cannot be read.
 pub(super) fn restrict_streams(streams: Vec<Streamed>, whole: TimeRange) -> Result<Vec<Streamed>, Failure> {
     let origin_ns = first_ns(&streams)?;
     let mut latest_ns = origin_ns;

@@ -70,7 +70,7 @@ impl Gravity {
         }
     }
 
-    /// Returns one line about it.
+    /// Describes the gravity that the film shows in one line; `frame_rate_hz` is the assumed rate of the film, Hz.
     pub(super) fn describe(self, frame_rate_hz: f64) -> String {
         match self {
             Self::Unclear => "not visible in this film; 9.81 m/s^2 downwards is assumed".into(),

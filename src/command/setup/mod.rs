@@ -102,7 +102,7 @@ pub fn run(options: &SetupOptions, stop: &Stop) -> Result<Outcome, Failure> {
     }
 }
 
-/// Checks that nothing is overwritten.
+/// Checks that no file is overwritten, and that the picture does not lie among the images of the film.
 fn check_outputs(options: &SetupOptions, picture_path: &Path) -> Result<(), UsageError> {
     for path in [options.output.as_path(), picture_path] {
         check_no_input(path, &options.film)?;
@@ -123,7 +123,11 @@ fn check_outputs(options: &SetupOptions, picture_path: &Path) -> Result<(), Usag
     Ok(())
 }
 
-/// Asks for the diameter at a terminal; `None` elsewhere, or for an empty answer.
+/// Asks for the diameter, mm, at a terminal; `None` elsewhere, or for an empty answer.
+///
+/// # Errors
+///
+/// [`UsageError`] for an answer that is not above 0 and at most 10000 mm.
 fn ask_diameter() -> Result<Option<f64>, Failure> {
     if !(std::io::stdin().is_terminal() && std::io::stderr().is_terminal()) {
         return Ok(None);

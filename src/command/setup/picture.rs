@@ -62,7 +62,7 @@ pub(super) fn draw(proposal: &Proposal, surveyed: &Surveyed, frame: &Frame<'_>) 
     Ok(canvas.into_picture())
 }
 
-/// Draws the surface below the ball where it bounces, with its normal.
+/// Draws the surface below the ball where it bounces, with its normal; nothing without a bounce or a radius.
 fn draw_surface(canvas: &mut Canvas, proposal: &Proposal) {
     let surface = &proposal.surface;
     let radius_px = proposal.bodies.iter().find_map(ProposedBody::radius_px);
@@ -84,7 +84,9 @@ fn draw_surface(canvas: &mut Canvas, proposal: &Proposal) {
     canvas.draw_line(point(0.0, 0.0), point(0.0, 0.6 * radius_px), SURFACE);
 }
 
-/// Draws a bar of a round length in the lower left corner.
+/// Draws a bar in the lower left corner with its length: 1, 2 or 5 times a power of ten, mm, or px without a scale.
+///
+/// It is at most a quarter of the image long.
 fn draw_scale(canvas: &mut Canvas, proposal: &Proposal) {
     let [width, height] = proposal.size_px.map(|size| size as f64);
     let (mm_per_px, unit) = proposal.mm_per_px.map_or((1.0, "px"), |mm_per_px| (mm_per_px, "mm"));

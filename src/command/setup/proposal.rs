@@ -80,7 +80,8 @@ pub(super) fn needs_diameter(surveyed: &Surveyed) -> bool {
 }
 
 impl Proposal {
-    /// Derives a proposal from a survey.
+    /// Derives a proposal from a survey, and the scale from the true diameter of the ball, or width of the rod, if it
+    /// is given.
     ///
     /// # Errors
     ///
@@ -165,7 +166,7 @@ impl ProposedSurface {
 }
 
 impl ProposedBody {
-    /// Returns the radius of a ball, or half the width of a rod, px.
+    /// Returns the radius of a ball, or half the width of a rod, px; `None` for a patch.
     pub(super) fn radius_px(&self) -> Option<f64> {
         match self {
             Self::Ball { radius_px, .. } => Some(*radius_px),
@@ -175,7 +176,11 @@ impl ProposedBody {
     }
 }
 
-/// Returns the bodies to follow: all balls, else one rod, else one patch.
+/// Returns the bodies to follow: all balls, else one rod, else one patch unless everything moves.
+///
+/// # Errors
+///
+/// The reason why nothing can be followed.
 fn choose_bodies(surveyed: &Surveyed) -> Result<Vec<&SurveyedBody>, String> {
     let Some(movement) = &surveyed.movement else { return Err("fewer than three frames; nothing can move".into()) };
     let is_ball = |body: &&SurveyedBody| matches!(body.kind, Identified::Ball { .. });
@@ -260,7 +265,8 @@ fn enclosing_region(spans: impl Iterator<Item = [f64; 4]>, size_px: [usize; 2]) 
 
 /// Returns the surface that the ball strikes, from an edge of the background or from the bounce.
 ///
-/// Nearly level surfaces and upright walls are rounded. Without a bounce a level surface is assumed.
+/// Nearly level surfaces and upright walls are rounded. Without a bounce a level surface is assumed. `radius_px` is
+/// that of the ball; without it no edge is searched.
 fn propose_surface(surveyed: &Surveyed, bounce: Option<Bounce>, radius_px: Option<f64>) -> ProposedSurface {
     let Some(bounce) = bounce else {
         return ProposedSurface { angle_deg: 0.0, source: SurfaceSource::Assumed, edge: None, bounce: None };
@@ -283,12 +289,12 @@ fn propose_surface(surveyed: &Surveyed, bounce: Option<Bounce>, radius_px: Optio
     ProposedSurface { angle_deg, source: SurfaceSource::Bounce, edge: None, bounce: Some(bounce) }
 }
 
-/// Returns the angle of the nearest level surface or wall, deg.
+/// Returns the nearest multiple of 90 deg, which is the angle of a level surface or a wall.
 fn nearest_upright_deg(angle_deg: f64) -> f64 {
     (angle_deg / 90.0).round() * 90.0
 }
 
-/// Warns of a rate that contradicts gravity, of movement everywhere, and of other things that move.
+/// Returns warnings about a rate that contradicts gravity, movement everywhere, and other things that move.
 fn collect_warnings(surveyed: &Surveyed, chosen: &[&SurveyedBody], gravity: Gravity) -> Vec<String> {
     let mut warnings = Vec::new();
     if let Gravity::Contradicts { value_m_s2, rate_factor } = gravity {

@@ -46,9 +46,13 @@ pub(super) fn parse_numbers(text: &str) -> Result<Numbers, String> {
 
 /// A file of named values.
 trait Named {
-    /// Returns a single number or word.
+    /// Returns a single number or word; `None` without this name.
     fn scalar(&self, name: &str) -> Option<String>;
-    /// Returns a list of numbers, also one within a matrix, or the reason why it is none.
+    /// Returns at most [`NUMBERS_MAX`] numbers of a list, also one within a matrix; `None` without this name.
+    ///
+    /// # Errors
+    ///
+    /// The reason why it is no list of numbers.
     fn list(&self, name: &str) -> Result<Option<Vec<f64>>, String>;
 }
 

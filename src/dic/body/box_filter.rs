@@ -10,7 +10,7 @@ pub(in crate::dic) const RESIDUAL_REACH: usize = 3;
 /// The side of that neighbourhood, px.
 const SIDE: usize = 2 * RESIDUAL_REACH + 1;
 
-/// Sums each column over the [`SIDE`] rows of one row of neighbourhoods.
+/// Sums each column of `rows`, with this row stride, over [`SIDE`] rows into `columns`.
 #[inline(always)]
 fn sum_columns<V: Vector>(rows: &[f32], stride: usize, columns: &mut [f32]) {
     for x in (0..stride / LANES * LANES).step_by(LANES) {
@@ -34,8 +34,10 @@ fn sum_neighbourhoods<V: Vector>(columns: &[f32]) -> V {
 }
 
 vectorized! {
-    /// Computes the sum over the neighbourhood of every value whose neighbourhood lies inside. `columns` is scratch
-    /// memory.
+    /// Computes the sum over the [`SIDE`] x [`SIDE`] neighbourhood of every value whose neighbourhood lies inside.
+    ///
+    /// `values` and `out` are planes with this row stride. All other values of `out` are kept, and so are those of the
+    /// last one to eight columns with a neighbourhood, which must be padding. `columns` is scratch memory for one row.
     pub(in crate::dic) fn neighbourhood_sums(values: &[f32], stride: usize, columns: &mut [f32], out: &mut [f32]) =
         neighbourhood_sums_with
 }
@@ -54,8 +56,10 @@ fn neighbourhood_sums_with<V: Vector>(values: &[f32], stride: usize, columns: &m
 }
 
 vectorized! {
-    /// Whether every neighbourhood sum is less than `limit` times the number of its pixels. `columns` is scratch
-    /// memory.
+    /// Whether every neighbourhood sum of `values` is less than `limit` times the number of its pixels.
+    ///
+    /// `pixels` holds that number for each value. The same columns are left out as by [`neighbourhood_sums`]. `columns`
+    /// is scratch memory for one row.
     pub(in crate::dic) fn are_within(
         values: &[f32],
         pixels: &[f32],
@@ -84,7 +88,7 @@ fn are_within_with<V: Vector>(values: &[f32], pixels: &[f32], stride: usize, lim
 /// The number of neighbourhood rows that one strip covers.
 const STRIP: usize = 4;
 
-/// Computes the column minima over strips of the rows that have a whole neighbourhood.
+/// Computes the column minima over strips of [`STRIP`] rows among the rows that have a whole neighbourhood.
 pub(in crate::dic) fn strip_minima(values: &[f32], stride: usize, minima: &mut Vec<f32>) {
     let rows = (values.len() / stride).saturating_sub(2 * RESIDUAL_REACH);
     minima.clear();
@@ -99,6 +103,8 @@ pub(in crate::dic) fn strip_minima(values: &[f32], stride: usize, minima: &mut V
 vectorized! {
     /// Whether the sums over the union of the neighbourhoods in each strip are less than `limit` times the smallest
     /// pixel count of one of them. This is sufficient for [`are_within`].
+    ///
+    /// `pixels` holds the [`strip_minima`] of the pixel counts. `columns` is scratch memory for one row.
     pub(in crate::dic) fn are_strips_within(
         values: &[f32],
         pixels: &[f32],

@@ -64,7 +64,8 @@ impl LightCorrection {
 }
 
 impl LightField {
-    /// Computes the sums of a rigid body; `None` if its pixels do not determine both the field and the motion.
+    /// Computes the sums of a rigid body over the pixels of `window`; `None` if these do not determine both the field
+    /// and the motion.
     pub(in crate::dic) fn new(subset: &ReferenceSubset, window: &SubsetMask) -> Option<Self> {
         let unit_px = f64::from(window.half.max(1));
         let mask = polynomial_moments(&window.mask, window, unit_px, POWERS);
@@ -96,6 +97,8 @@ impl LightField {
     }
 
     /// Returns the correction of a match with this residual, DN; `None` if the residual holds no significant light.
+    ///
+    /// The field is significant if its chi^2 exceeds the expectation by more than [`SIGNIFICANT`] standard deviations.
     pub(in crate::dic) fn correction(&self, window: &SubsetMask, residual: &[Lanes]) -> Option<LightCorrection> {
         let sums = polynomial_moments(residual, window, self.unit_px, ORDER + 1);
         let sums: [f64; TERMS] = EXPONENTS.map(|[i, j]| sums[j][i]);

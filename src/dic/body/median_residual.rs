@@ -5,9 +5,10 @@ use crate::numeric::{LANES, Lanes, Vector, vectorized};
 /// The width of the final bracket of [`median_absolute`], as a difference of bit patterns: less than 1 % of a square.
 const BRACKET_BITS: u32 = 65536;
 
-/// Returns the median absolute residual of `pixels` pixels. Lanes off the window are 0.
+/// Returns the median absolute residual of `pixels` pixels, rounded down by less than 0.5 %. Lanes off the window are
+/// 0.
 ///
-/// `mean_square` is the mean of their squares.
+/// `mean_square` is the mean of their squares, which only speeds up the search.
 pub(in crate::dic) fn median_absolute(residual: &[Lanes], pixels: usize, mean_square: f64) -> f32 {
     let rank = (residual.len() * LANES - pixels + pixels / 2) as f32;
     let below = |bits: u32| squares_below(residual, f32::from_bits(bits)) > rank;
@@ -28,7 +29,9 @@ pub(in crate::dic) fn median_absolute(residual: &[Lanes], pixels: usize, mean_sq
 /// The number of low bits that [`nth_smallest`] does not resolve: a relative error of 1 in 4000.
 const DROPPED_BITS: u32 = 11;
 
-/// Returns the value that `rank` others are smaller than, rounded down, of non-negative values.
+/// Returns the value at `rank` (0 for the smallest) in ascending order, rounded down by at most one part in 4096.
+///
+/// The values are not negative.
 ///
 /// The search is faster the closer `near` is to the result.
 pub(in crate::dic) fn nth_smallest(values: &[Lanes], rank: usize, near: f32) -> f32 {

@@ -28,7 +28,7 @@ pub struct BodyMotion {
 }
 
 impl BodyMotion {
-    /// Whether the reference should be renewed, because the body rotated too far or the correlation dropped.
+    /// Whether the reference should be renewed: the body rotated by more than 3 deg, or the ZNCC is below 0.8.
     pub fn is_stale(&self) -> bool {
         self.motion.angle_deg.abs() > STALE_DEG || self.zncc < STALE_ZNCC
     }
@@ -60,8 +60,8 @@ fn pad_to_six(inverse: &[[f64; 3]; 3]) -> [[f64; 6]; 6] {
 
 /// Returns the motion of the point at an offset from the centre, with its uncertainty.
 ///
-/// `pool` holds the texture of the matched pixels, and `residual` is the residual of the match. `light` removes a
-/// smooth light field.
+/// `pool` holds the texture of the matched pixels and gets the `residual` of the match. `light` removes a smooth light
+/// field. The uncertainty is not yet corrected by the gradient gain.
 pub(super) fn motion(
     refiner: &Refiner<'_>,
     found: &Match,

@@ -95,8 +95,9 @@ impl OcclusionSearch {
     ///
     /// # Errors
     ///
-    /// [`PointStatus::OutOfFrame`], [`PointStatus::Occluded`] if less than 15 % is visible, or
-    /// [`PointStatus::LowCorrelation`] if the visible pixels do not match.
+    /// [`PointStatus::OutOfFrame`], [`PointStatus::Occluded`] if less than 15 % is visible,
+    /// [`PointStatus::LowContrast`] if the visible pixels have no texture, or [`PointStatus::LowCorrelation`] if they
+    /// do not match.
     pub(in crate::dic) fn find(
         &mut self,
         body: &Refiner<'_>,
@@ -144,6 +145,12 @@ impl OcclusionSearch {
 
     /// Checks that the residual of a match is noise and its ZNCC high enough. Otherwise a small part of the body may
     /// fit by chance. `noise` is the standard deviation of the residual, DN.
+    ///
+    /// The residual need not be noise if at least half of the body is visible with a ZNCC of 0.9.
+    ///
+    /// # Errors
+    ///
+    /// [`PointStatus::LowCorrelation`] otherwise.
     fn check_match(&self, body: &Refiner<'_>, found: Match, noise: f32) -> Result<Match, PointStatus> {
         let is_most = self.window.pixels as f64 >= MIN_CHANGED_FRACTION * body.window.pixels as f64;
         // Changed shading, or background within a polygon, leave a residual that is no noise.
@@ -152,7 +159,8 @@ impl OcclusionSearch {
         if is_sound { Ok(found) } else { Err(PointStatus::LowCorrelation) }
     }
 
-    /// Computes the motion, its uncertainty and the visible fraction from a match by [`Self::find`].
+    /// Computes the motion of the point at `offset`, px from the centre, its uncertainty and the visible fraction from
+    /// the last match by [`Self::find`].
     pub(in crate::dic) fn body_motion(&mut self, body: &Refiner<'_>, found: &Match, offset: Point) -> BodyMotion {
         let (mut pool, mut residual) = (std::mem::take(&mut self.pool), std::mem::take(&mut self.residual));
         pool.clear();
@@ -187,7 +195,7 @@ impl OcclusionSearch {
     ///
     /// # Errors
     ///
-    /// [`PointStatus::Occluded`] below 15 % visible.
+    /// [`PointStatus::Occluded`] below 15 % visible, [`PointStatus::LowContrast`] if these pixels have no texture.
     fn restrict_to_visible(&mut self, body: &Refiner<'_>) -> Result<(), PointStatus> {
         if (self.window.pixels as f64) < MIN_VISIBLE_FRACTION * body.window.pixels as f64 {
             return Err(PointStatus::Occluded);

@@ -16,7 +16,7 @@ pub struct OcclusionMap {
 }
 
 impl OcclusionMap {
-    /// Builds the table of the body's pixels that are not `visible`.
+    /// Builds the table of the body's pixels that are not `visible`: 1 where visible, packed like the mask.
     pub(in crate::dic) fn new(window: &SubsetMask, visible: &[Lanes]) -> Self {
         let Size { width, height } = window.extent.size();
         let (left, top) = (window.extent.left, window.extent.top);
@@ -41,7 +41,8 @@ impl OcclusionMap {
         Self { left, top, width, height, sums }
     }
 
-    /// Returns the number of occluded pixels in an upright square about a position, px from the body's centre.
+    /// Returns the number of occluded pixels in an upright square of side `size_px` about a position, px from the
+    /// body's centre. Pixels off the body do not count.
     pub fn occluded_pixels(&self, at: Point, size_px: u32) -> u32 {
         let Point { x_px: x, y_px: y } = at;
         let half = 0.5 * f64::from(size_px);

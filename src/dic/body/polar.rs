@@ -194,7 +194,9 @@ impl PolarCorrelator {
         Ok((angle, product / energy))
     }
 
-    /// Rotates the target back by `angle` and returns the gain that matches it to the reference.
+    /// Rotates the target back by `angle`, rad, into `aligned`, with its derivative by the angle in `slope`.
+    ///
+    /// Returns the gain that matches it to the reference.
     fn align(&mut self, grid: Grid, angle: f64, backward: &dyn ComplexToReal<f32>) -> f64 {
         let harmonics = grid.harmonics();
         for polar in [&mut self.aligned, &mut self.slope] {
@@ -227,7 +229,9 @@ impl PolarCorrelator {
         gain * f64::from(self.aligned.levels[place]) - f64::from(self.from.levels[place])
     }
 
-    /// Returns the number of rows from the inner radius to the first occluded row.
+    /// Returns the number of rows from the inner radius to the first occluded band of [`CELL_ROWS`] rows.
+    ///
+    /// A band is occluded if the residual of more than one of its cells is too large ([`MAX_CELL_RATIO`]).
     fn visible_rows(&self, grid: Grid, gain: f64) -> usize {
         let bands = grid.rows.div_ceil(CELL_ROWS);
         let mut cells = Vec::new();
@@ -347,13 +351,15 @@ impl Grid {
 }
 
 impl CenteredFrame<'_> {
-    /// Returns the centre relative to the corner of the prepared part of the frame.
+    /// Returns the centre relative to the corner of the prepared part of the frame, px.
     fn local_center(&self) -> Point {
         let Pixel { x, y } = self.frame.local(GridPoint { x: 0, y: 0 });
         Point::new(self.center.x_px + f64::from(x), self.center.y_px + f64::from(y))
     }
 
     /// Returns the radius of the largest circle around the centre inside the prepared part of the frame, px.
+    ///
+    /// Negative if the centre lies outside, minus infinity if it is NaN.
     fn inscribed_radius(&self) -> f64 {
         let Point { x_px: x, y_px: y } = self.local_center();
         if x.is_nan() || y.is_nan() {

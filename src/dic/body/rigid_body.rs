@@ -41,8 +41,8 @@ impl RigidBody {
     ///
     /// # Errors
     ///
-    /// [`PointStatus::OutOfFrame`] if the region extends over the edge of the frame or holds too few pixels,
-    /// [`PointStatus::LowContrast`] if it has no texture.
+    /// [`PointStatus::OutOfFrame`] if the region extends over the edge of the prepared part or holds fewer than 81
+    /// pixels, [`PointStatus::LowContrast`] if it has no texture or is mostly saturated.
     pub fn new(reference: &PreparedFrame, region: &Region) -> Result<Self, PointStatus> {
         let mut body = Self::default();
         body.renew(reference, region)?;
@@ -146,7 +146,8 @@ impl RigidBody {
     ///
     /// # Errors
     ///
-    /// The errors of [`Self::find`], or [`PointStatus::Occluded`] if less than 15 % of the body is visible.
+    /// The errors of [`Self::find`], [`PointStatus::Occluded`] if less than 15 % of the body is visible, or
+    /// [`PointStatus::LowContrast`] if that part has no texture.
     pub fn find_visible(
         &mut self,
         target: &PreparedFrame,
@@ -174,7 +175,7 @@ impl RigidBody {
                 searched.map(|found| {
                     let visible = occlusion.body_motion(&self.refiner(target), &found, offset);
                     // The visible pixels are a part of the body's.
-                    BodyMotion { motion: visible.motion.with_sigmas(self.gradient_gain), ..visible }
+                    BodyMotion { motion: visible.motion.with_scaled_sigmas(self.gradient_gain), ..visible }
                 })
             }
         };
@@ -194,18 +195,23 @@ impl RigidBody {
         (near.at_offset(center.relative_to(point)).to_warp(), point.relative_to(center))
     }
 
-    /// Computes the motion and its uncertainty from a match of all pixels and its residual.
+    /// Computes the motion of the point at `offset`, px from the centre, and its uncertainty, from a match of all
+    /// pixels and its residual.
     fn body_motion(&mut self, target: &PreparedFrame, found: &Match, offset: Point, residual: &[Lanes]) -> BodyMotion {
         let Self { subset, window, at, pool, light, .. } = self;
         let light = light.as_ref().and_then(|light| light.correction(window, residual));
         let refiner =
             Refiner { subset, window, shape: Shape::Rigid, target: &target.interpolated, at: target.local(*at) };
         let light_deg = LightCorrection::rotation_deg(light.as_ref());
-        let motion = motion(&refiner, found, offset, pool, residual, light).with_sigmas(self.gradient_gain);
+        let motion = motion(&refiner, found, offset, pool, residual, light).with_scaled_sigmas(self.gradient_gain);
         BodyMotion { motion, zncc: found.zncc, visible_fraction: 1.0, light_deg }
     }
 
     /// Runs the match of all pixels from an initial warp.
+    ///
+    /// # Errors
+    ///
+    /// See [`Self::find`].
     pub(in crate::dic) fn refine(&self, target: &PreparedFrame, start: Warp) -> Result<Match, PointStatus> {
         self.refiner(target).refine(start).map_err(status_of)
     }

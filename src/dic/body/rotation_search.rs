@@ -85,8 +85,8 @@ pub fn find_at_any_angle(
 
 /// Finds the motion of a partly occluded body among rotations of at most `max_deg` either way.
 ///
-/// Works like [`find_at_any_angle`] and returns the match with the largest visible part. The cost is proportional to
-/// the range of rotations.
+/// Works like [`find_at_any_angle`] and returns the match with the largest product of visible fraction and ZNCC. The
+/// cost is proportional to the range of rotations.
 ///
 /// # Errors
 ///
@@ -171,7 +171,10 @@ impl SubsampledPair {
     }
 }
 
-/// Returns the subsampling factor along each axis: small images are fast, but the body must keep some pixels.
+/// Returns the subsampling factor along each axis, at least 1.
+///
+/// The image gets [`COARSE_SIDE`] pixels along its longer side, unless the body would become smaller than
+/// [`COARSE_RADIUS`].
 fn coarse_factor(frame: &PreparedFrame, body: &RigidBody) -> usize {
     let radius = (body.pixels() as f64 / std::f64::consts::PI).sqrt();
     let side = frame.width().max(frame.height());
@@ -216,7 +219,8 @@ fn subsampled_region(region: &Region, factor: usize) -> Region {
     }
 }
 
-/// Returns the best position at each rotation up to `max_rad` that scores higher than its neighbours, best first.
+/// Returns the best position at each rotation up to `max_rad` either way that scores higher than the rotations next to
+/// it: at most [`MAX_CANDIDATES`], best first.
 fn search_angles(body: &RigidBody, reference: &PreparedFrame, target: &PreparedFrame, max_rad: f64) -> Vec<Candidate> {
     let radius = f64::from(body.window().half);
     let count = ((std::f64::consts::TAU * radius / RIM_STEP).ceil() as usize).clamp(12, 720);
@@ -233,7 +237,7 @@ fn search_angles(body: &RigidBody, reference: &PreparedFrame, target: &PreparedF
     candidates
 }
 
-/// Refines the candidates to sub-pixel precision and sorts them, best first.
+/// Refines the candidates to sub-pixel precision and sorts them by ZNCC, best first. Drops those that fail.
 fn refine_candidates(body: &RigidBody, target: &PreparedFrame, candidates: &[Candidate]) -> Vec<Match> {
     let center = body.center();
     let refined = |candidate: &Candidate| {
@@ -245,7 +249,7 @@ fn refine_candidates(body: &RigidBody, target: &PreparedFrame, candidates: &[Can
     matches
 }
 
-/// Whether two matches are different motions rather than one motion found twice.
+/// Whether two matches are different motions rather than one motion found twice: more than 2 px or some 6 deg apart.
 fn are_different(a: &Match, b: &Match) -> bool {
     let (a, b) = (a.warp, b.warp);
     let turned = (a.ux - b.ux).hypot(a.uy - b.uy);

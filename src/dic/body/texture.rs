@@ -65,6 +65,8 @@ pub struct BallDisc {
 
 /// Whether a ball carries marks over enough of its disc for its rotation to be seen.
 ///
+/// At least a third of the cells must have contrast. False for a ball of fewer than six cells.
+///
 /// Cells of the disc are compared with planes fitted to them, which remove shading. The noise comes from second
 /// differences (J. Immerkaer, Comput. Vis. Image Underst. 64 (1996) 300, <https://doi.org/10.1006/cviu.1996.0060>).
 pub fn has_texture(frame: &PreparedFrame, disc: BallDisc) -> bool {
@@ -124,7 +126,8 @@ impl Cell {
     }
 }
 
-/// Returns the standard deviation of the noise in a disc, DN; `None` without a prepared pixel.
+/// Returns the standard deviation of the noise in a disc, DN, at least that of rounding; `None` without a prepared
+/// pixel.
 fn noise_dn(frame: &PreparedFrame, disc: BallDisc) -> Option<f64> {
     let at = |x: i32, y: i32| frame.levels.data()[frame.levels.index(x as isize, y as isize)];
     let second = |(x, y): (i32, i32)| {

@@ -137,7 +137,9 @@ impl VisibilityMap {
         }
     }
 
-    /// Sets `kept` to 1 where the local ZNCC between reference and target is high enough, else to 0.
+    /// Sets `kept` to 1 where the local ZNCC between reference and target is above [`MIN_LOCAL_ZNCC`], else to 0.
+    ///
+    /// The target is the reference minus the residual, both packed like the mask, DN.
     pub(in crate::dic) fn mask_by_zncc(
         &mut self,
         window: &SubsetMask,
@@ -221,6 +223,8 @@ impl VisibilityMap {
     }
 
     /// Returns the standard deviation of the residual where `kept` is 1, DN, estimated robustly from its median.
+    ///
+    /// 0 without a residual or a kept pixel.
     pub(in crate::dic) fn noise(&mut self, residual: &[Lanes], kept: &[Lanes]) -> f32 {
         self.sizes.resize(residual.len(), Lanes::splat(0.0));
         for (size, (residual, kept)) in self.sizes.iter_mut().zip(residual.iter().zip(kept)) {
@@ -241,7 +245,8 @@ impl VisibilityMap {
 ///
 /// These errors are proportional to the gradient, so a residual is uneven where sharp print stands next to smooth
 /// paper. Their size is estimated from the pixels with the largest gradients among those where `kept` is 1, relative to
-/// those with the smallest. `min_noise` is the lower limit of the noise, DN.
+/// those with the smallest. With fewer than [`MIN_COMPARED`] of each, `out` is a plain copy. `min_noise` is the lower
+/// limit of the noise, DN.
 pub(in crate::dic) fn flatten_registration_errors(
     gradients: [&[Lanes]; 2],
     residual: &[Lanes],
@@ -289,7 +294,8 @@ pub(in crate::dic) fn flatten_registration_errors(
 /// The minimum number of pixels of each kind that are compared.
 const MIN_COMPARED: usize = 20;
 
-/// Whether the residual where `kept` is 1 is consistent with white noise of the standard deviation `noise`, DN.
+/// Whether the root mean square of the residual where `kept` is 1 is at most [`MAX_RMS_RATIO`] times `noise`, DN, as
+/// that of white noise is.
 ///
 /// If half of a body is occluded, the median no longer represents the visible pixels and does not reveal the rest.
 pub(in crate::dic) fn is_noise(residual: &[Lanes], noise: f32, kept: &[Lanes]) -> bool {

@@ -35,12 +35,12 @@ const SUMS: usize = 10;
 /// Runs a thousand rounds of fused multiply-adds without memory access, which saturate a core.
 ///
 /// The throughput gained by further threads shows the true number of cores: two threads on one core gain nothing.
-pub fn arithmetic(start: f32) -> f32 {
+pub fn run_arithmetic(start: f32) -> f32 {
     multiply_add(start)
 }
 
 vectorized! {
-    /// Runs a thousand rounds of ten independent fused multiply-adds: see [`arithmetic`].
+    /// Runs a thousand rounds of ten independent fused multiply-adds: see [`run_arithmetic`].
     fn multiply_add(start: f32) -> f32 = multiply_add_with
 }
 
@@ -96,19 +96,19 @@ impl KernelBenchmark {
         GridPoint { x: self.frames.0.width() as u32 / 2, y: self.frames.0.height() as u32 / 2 }
     }
 
-    /// Computes grey levels, gradients and spline coefficients of a frame.
+    /// Computes grey levels, gradients and spline coefficients of a frame and makes it the target.
     pub fn prepare(&mut self, frame: ImageView<'_>) {
         self.frames.1.fill(frame, Interpolation::Optimised);
     }
 
-    /// Extracts a subset: mean, energy, gradients and Hessian. Returns whether it is usable.
+    /// Extracts the subset centred at `at`: mean, energy, gradients and Hessian. Returns whether it is usable.
     pub fn extract(&mut self, at: GridPoint) -> bool {
         self.subset.fill(&self.frames.0, &self.window, Shape::Affine, at).is_ok()
     }
 
     /// Runs the FFT correlation of the last subset with the same 32 x 32 pixels of the target, and the sub-pixel peak
     /// fit. Returns whether it found a peak.
-    pub fn peak(&mut self, at: GridPoint) -> bool {
+    pub fn find_peak(&mut self, at: GridPoint) -> bool {
         self.search.find_near(&self.subset, &self.window, &self.frames.1.levels, self.frames.1.local(at)).is_some()
     }
 

@@ -73,7 +73,7 @@ pub struct Correlator {
 
 /// A reference frame with its subsets, kept for matching against many frames.
 ///
-/// Created by [`Correlator::keep`]. Renew it when the body has rotated by about 3 deg or the ZNCC drops.
+/// Created by [`Correlator::keep_reference`]. Renew it when the body has rotated by about 3 deg or the ZNCC drops.
 #[derive(Debug, Clone)]
 pub struct KeptReference {
     frame: PreparedFrame,
@@ -107,7 +107,7 @@ struct FramePair<'a> {
 
 impl<'a> FramePair<'a> {
     /// Pairs a kept reference with a target.
-    fn kept(kept: &'a KeptReference, target: &'a PreparedFrame) -> Self {
+    fn from_kept(kept: &'a KeptReference, target: &'a PreparedFrame) -> Self {
         Self { reference: &kept.frame, target, points: &kept.points, kept: Some(kept) }
     }
 
@@ -259,7 +259,7 @@ impl Correlator {
         self.median_test.mark(points, self.params.step_px, field);
     }
 
-    /// Whether any subset of the last [`Self::correlate`] was searched for because it was not found at its start.
+    /// Whether any subset of the last field was searched for, because it had no start or was not found there.
     pub fn has_searched(&self) -> bool {
         self.searches.pixel.is_used
     }
@@ -295,11 +295,16 @@ impl Correlator {
     ) {
         self.predicted.clear();
         let guess = |correlator: &Self, index: usize| correlator.guess(&kept.points, index, start);
-        self.measure(&FramePair::kept(kept, target), guess, field);
+        self.measure(&FramePair::from_kept(kept, target), guess, field);
         self.median_test.mark(&kept.points, self.params.step_px, field);
     }
 
-    /// Measures the displacements from a kept reference, with one start per subset and without the outlier test.
+    /// Measures the displacements from a kept reference, with one start per subset and without the outlier test. A
+    /// subset without a start, or without a match of [`TRUSTED_ZNCC`] from it, is searched for.
+    ///
+    /// # Panics
+    ///
+    /// As [`Self::correlate_kept`] does, or if there are fewer starts than subsets.
     pub(in crate::dic) fn correlate_from(
         &mut self,
         kept: &KeptReference,
@@ -309,16 +314,16 @@ impl Correlator {
     ) {
         self.predicted.clear();
         let guess = |_: &Self, index: usize| Guess { warp: starts[index], min_zncc: TRUSTED_ZNCC };
-        self.measure(&FramePair::kept(kept, target), guess, field);
+        self.measure(&FramePair::from_kept(kept, target), guess, field);
     }
 
-    /// Returns the warps of the last field, `None` for invalid points.
+    /// Returns the warps of the last field, `None` for subsets without a valid match. Outliers keep theirs.
     pub(in crate::dic) fn warps(&self) -> impl Iterator<Item = Option<Warp>> {
         let valid = |solution: &&SubsetMatch| solution.status == PointStatus::Valid;
         self.solutions.iter().map(move |solution| Some(solution).filter(valid)?.found.map(|found| found.warp))
     }
 
-    /// Matches every subset, starting from `guess`, and writes the field.
+    /// Matches every subset and writes the field. `guess` returns the initial guess of the subset with an index.
     ///
     /// The noise of the images is estimated from a few subsets spread over the field.
     fn measure(&mut self, pair: &FramePair<'_>, guess: impl Fn(&Self, usize) -> Guess, field: &mut Vec<FieldPoint>) {
@@ -375,9 +380,8 @@ impl Correlator {
         Ok(memory)
     }
 
-    /// Returns the initial warp of a subset if its motion is predicted and one update may find it.
-    ///
-    /// `None` for clipped subsets, and for shape functions that one update does not cover.
+    /// Returns the initial warp of a subset if its motion is predicted and one update may find it. `None` for clipped
+    /// subsets, and for shape functions that one update does not cover.
     fn predicted_start(&self, point: GridPoint, start: Start) -> Option<Warp> {
         let shape = self.params.refined_shape();
         let is_free = self.is_inside(point)
@@ -386,11 +390,7 @@ impl Correlator {
         start.warp(point, shape).filter(|_| is_free && turns)
     }
 
-    /// Checks that a frame has the planned size.
-    ///
-    /// # Panics
-    ///
-    /// If it has another one.
+    /// Panics unless a frame has the planned size.
     fn check_size(&self, frame: &PreparedFrame) {
         assert_eq!(
             (frame.width(), frame.height()),
@@ -453,7 +453,7 @@ impl Correlator {
 
     /// Clears the noise pool and returns the indices of at most [`POOLED`] valid matches, spread over the field.
     ///
-    /// The list reuses the memory of `pooled`, which gets it back afterwards.
+    /// The list has the memory of `pooled`, which gets it back afterwards.
     fn select_pooled(&mut self) -> Vec<usize> {
         let mut pooled = std::mem::take(&mut self.pooled);
         let valid = |index: &usize| self.solutions[*index].status == PointStatus::Valid;

@@ -45,6 +45,9 @@ pub(in crate::dic) struct PredictedUpdate {
 
 impl PredictedUpdate {
     /// Resamples the target for the subsets that `starts` has warps for. All warps must belong to one rigid motion.
+    ///
+    /// `starts` follows the order of `points`. Subsets that leave a frame, deform too much or are half saturated lose
+    /// their start.
     pub(in crate::dic) fn resample(
         &mut self,
         reference: &PreparedFrame,
@@ -80,11 +83,13 @@ impl PredictedUpdate {
         } else {
             resample_rows(&target.interpolated, strips, &motion, &mut self.plane);
         }
-        row_spans(strips, size, &mut self.spans);
+        fill_row_spans(strips, size, &mut self.spans);
         self.gradient_gain = GradientGain::from_spans(reference, &self.spans).gain();
     }
 
-    /// Returns the match of a subset after one update, or `None` if it is not close enough to the predicted motion.
+    /// Returns the match of the subset with this index after one update.
+    ///
+    /// `None` if it has no start, no texture or too low a ZNCC, or if the update is longer than [`MAX_UPDATE_PX`].
     pub(in crate::dic) fn solve(&mut self, matcher: &SubsetMatcher<'_>, index: usize) -> Option<SubsetMatch> {
         let warp = (*self.starts.get(index)?)?;
         let (reference, window) = (matcher.reference, matcher.window);
@@ -121,12 +126,14 @@ impl PredictedUpdate {
         self.fits.clear();
     }
 
-    /// Whether the subset was found by one update.
+    /// Whether the subset with this index was found by one update.
     pub(in crate::dic) fn is_found(&self, index: usize) -> bool {
         self.fits.get(index).is_some_and(Option::is_some)
     }
 
     /// Adds the texture, the residual and the gradient gain of a subset found by one update to the noise pool.
+    ///
+    /// Does nothing for another subset.
     ///
     /// `pairs` are those of [`count_pairs`](crate::dic::uncertainty::count_pairs) for the whole window.
     pub(in crate::dic) fn add_to_pool(
@@ -152,7 +159,7 @@ fn layers<'a>(reference: &'a PreparedFrame, target: &'a PaddedImage) -> Layers<'
 /// Computes the first and last column of the strips in each row of an image of the given size.
 ///
 /// In rows without a strip the first column is larger than the last.
-fn row_spans(strips: &[Strip], size: Size, spans: &mut Vec<(i32, i32)>) {
+fn fill_row_spans(strips: &[Strip], size: Size, spans: &mut Vec<(i32, i32)>) {
     spans.clear();
     spans.resize(size.height, (i32::MAX, i32::MIN));
     for strip in strips {

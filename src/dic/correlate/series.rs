@@ -155,7 +155,8 @@ impl Series {
         FieldPoint { x_px, y_px, displacement, ..*found }
     }
 
-    /// Whether the reference must be renewed: the median rotation or the median ZNCC is beyond its limit.
+    /// Whether the reference must be renewed: the median rotation is above [`RENEW_DEG`], or the median ZNCC below
+    /// [`RENEW_ZNCC`].
     fn needs_renewal(&self) -> bool {
         let turn = |warp: &Warp| (0.5 * (warp.uy - warp.vx)).atan().abs().to_degrees();
         let mut turns: Vec<f64> = self.warps.iter().flatten().map(turn).collect();
@@ -165,6 +166,8 @@ impl Series {
     }
 
     /// Makes the newest image the reference, with subsets at the current positions of the material.
+    ///
+    /// `field` has the total displacements in this image. The material of points without one is lost.
     fn renew(&mut self, field: &[FieldPoint]) {
         let mut points = Vec::new();
         for (index, point) in field.iter().enumerate() {

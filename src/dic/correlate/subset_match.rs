@@ -116,11 +116,12 @@ impl SubsetMatcher<'_> {
         if has_left_image { solution.without_answer(PointStatus::OutOfFrame) } else { solution }
     }
 
-    /// Refines the guess. If its ZNCC is too low, refines a peak of the quick search, then the peaks of the full search.
+    /// Refines the guess. If its ZNCC is too low, refines a peak of the quick search, then the peaks of the full
+    /// search.
     ///
-    /// The quick search covers displacements around zero, so it is skipped if the guess lies beyond the search range. Its
-    /// peak is accepted only if it is distinct, and either its ZNCC is high or it agrees with the refined guess. A match of
-    /// the full search is ambiguous if the image's edge limits the search range and the subset repeats itself.
+    /// The quick search covers displacements around zero, so it is skipped if the guess lies beyond the search range.
+    /// Its peak is accepted only if it is distinct, and either its ZNCC is high or it agrees with the refined guess. A
+    /// match of the full search is ambiguous if the image's edge limits the search range and the subset repeats itself.
     fn match_or_search(&self, search: &mut IntegerSearch, guess: Guess) -> SubsetMatch {
         let guessed = guess.warp.and_then(|warp| self.refiner().refine(warp).ok());
         if let Some(found) = guessed.filter(|found| found.zncc >= guess.min_zncc.max(self.params.min_zncc)) {
@@ -149,7 +150,9 @@ impl SubsetMatcher<'_> {
         solution
     }
 
-    /// Whether the subset occurs twice in the reference itself.
+    /// Whether the subset occurs twice in the reference itself, within the search range.
+    ///
+    /// The second peak must be more than [`EQUAL_PEAK`] times as high as the first. Replaces the surface of `search`.
     ///
     /// Near the edge of the image the true match may have left. A repetition of a regular pattern would then be
     /// accepted instead.
@@ -160,6 +163,8 @@ impl SubsetMatcher<'_> {
     }
 
     /// Finds the subset by its correlation peak alone: the methods `spline-fft`, `peak-gaussian` and `peak-spline`.
+    ///
+    /// The search is centred at the integer displacement of `guess`, zero without one.
     fn solve_peak(&self, searches: &mut Searches, guess: Option<&Warp>) -> SubsetMatch {
         let Searches { pixel: search, fine, peak_fit } = searches;
         let whole = |warp: &Warp| Pixel { x: warp.u.round() as i32, y: warp.v.round() as i32 };
@@ -199,7 +204,7 @@ impl SubsetMatcher<'_> {
         }
     }
 
-    /// Refines a valid first-order result with the second-order shape function.
+    /// Refines a valid first-order result with the second-order shape function. If that fails, the match is dropped.
     fn refine_second_order(&self, solution: SubsetMatch) -> SubsetMatch {
         let Some(found) = solution.found else { return solution };
         match self.refiner().refine_quadratic(&found) {
@@ -235,6 +240,9 @@ impl SubsetMatcher<'_> {
     }
 
     /// Refines the best peak and its rival, if there is one, and decides between them.
+    ///
+    /// The rival is the second peak if it is higher than [`RIVAL_PEAK`] times the first, or if the first does not
+    /// match. Two matches 1 px or more apart are ambiguous if the ZNCC of the worse is nearly as close to 1.
     fn refine_peaks(&self, peaks: &SearchResult) -> SubsetMatch {
         let refine = |peak: &Peak| self.refine_peak(peaks, peak);
         let first = refine(&peaks.best);
@@ -291,9 +299,9 @@ impl SubsetMatcher<'_> {
         if self.subset.roughness > MAX_ROUGHNESS { PointStatus::LowContrast } else { PointStatus::LowCorrelation }
     }
 
-    /// Returns the result of a match with a sufficient ZNCC: computes the variance of its residual.
+    /// Converts a match with a sufficient ZNCC to the result of the subset, with the variance of its residual.
     ///
-    /// A subset with texture along one direction only has low contrast.
+    /// The status is low contrast, and the match is kept, if the subset has texture along one direction only.
     pub(in crate::dic) fn accept(&self, found: Match, peak_ratio: Option<f64>) -> SubsetMatch {
         let subset = self.subset;
         let (pixels, parameters) = (self.window.pixels as f64, self.params.refined_shape().parameter_count());
@@ -312,7 +320,9 @@ impl SubsetMatcher<'_> {
         }
     }
 
-    /// Adds the texture and the residual of a match to the noise pool. `residual` is scratch memory.
+    /// Adds the texture, the residual and the gradient gain of a match to the noise pool. `residual` is scratch memory.
+    ///
+    /// Does nothing without a match or a residual.
     pub(in crate::dic) fn add_to_pool(&self, solution: &SubsetMatch, residual: &mut Vec<Lanes>, pool: &mut NoisePool) {
         let Some(found) = solution.found else { return };
         match self.params.refined_shape() {

@@ -33,7 +33,7 @@ pub struct CenterVector {
 }
 
 impl CenterVector {
-    /// Converts a valid point of a field; `None` for others.
+    /// Converts a valid point of a field, with its position relative to `center`, px; `None` for others.
     pub fn from_point(point: &FieldPoint, center: Point) -> Option<Self> {
         let displacement = point.displacement.filter(|_| point.status == PointStatus::Valid)?;
         let (sigma_u, sigma_v) = (f64::from(displacement.sigma_u_px), f64::from(displacement.sigma_v_px));
@@ -46,14 +46,14 @@ impl CenterVector {
         })
     }
 
-    /// Returns the position after the motion, relative to the moved centre.
-    fn final_position(&self, center: [f64; 2]) -> [f64; 2] {
-        [self.x_px + self.u_px - center[0], self.y_px + self.v_px - center[1]]
+    /// Returns the position after the motion, px, relative to the centre, which moved by `center_motion`, px.
+    fn final_position(&self, center_motion: [f64; 2]) -> [f64; 2] {
+        [self.x_px + self.u_px - center_motion[0], self.y_px + self.v_px - center_motion[1]]
     }
 
-    /// Returns the rotation about the moved centre, counter-clockwise on the screen, rad.
-    fn angle_rad(&self, center: [f64; 2]) -> f64 {
-        let [x, y] = self.final_position(center);
+    /// Returns the rotation about the centre, which moved by `center_motion`, px; counter-clockwise on the screen, rad.
+    fn angle_rad(&self, center_motion: [f64; 2]) -> f64 {
+        let [x, y] = self.final_position(center_motion);
         // y is down.
         (self.y_px * x - self.x_px * y).atan2(self.x_px * x + self.y_px * y)
     }
@@ -62,7 +62,8 @@ impl CenterVector {
 /// Estimates the motion at the origin: the interpolated displacement and the mean rotation about it.
 ///
 /// The vectors lie on a grid of `step_px`, row by row. The uncertainties account for the overlap of subsets of
-/// `subset_size_px`. Returns `None` for fewer than three vectors, or if there are none around the origin.
+/// `subset_size_px`. Returns `None` for fewer than three vectors, if those around the origin do not determine its
+/// displacement, or if none is far enough from it for a rotation.
 pub fn center_fit(vectors: &[CenterVector], step_px: u32, subset_size_px: u32) -> Option<RigidMotion> {
     let step_px = f64::from(step_px);
     let weights = origin_weights(vectors, step_px).filter(|_| vectors.len() >= MIN_VECTORS)?;
@@ -102,10 +103,12 @@ pub fn center_fit(vectors: &[CenterVector], step_px: u32, subset_size_px: u32) -
 }
 
 /// Returns the ratio of the scatter about the rigid motion to the stated uncertainties, at least 1.
-fn excess(vectors: &[CenterVector], center: [f64; 2], angle_rad: f64) -> f64 {
+///
+/// It is the square root of chi^2 per degree of freedom. `center_motion` is the displacement of the centre, px.
+fn excess(vectors: &[CenterVector], center_motion: [f64; 2], angle_rad: f64) -> f64 {
     let (sin, cos) = angle_rad.sin_cos();
     let square = |vector: &CenterVector| {
-        let [x, y] = vector.final_position(center);
+        let [x, y] = vector.final_position(center_motion);
         let (dx, dy) = (x - cos * vector.x_px - sin * vector.y_px, y - cos * vector.y_px + sin * vector.x_px);
         // A vector without a stated uncertainty does not count.
         if vector.sigma_px > 0.0 { (dx * dx + dy * dy) / (vector.sigma_px * vector.sigma_px) } else { 0.0 }

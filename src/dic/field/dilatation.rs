@@ -125,7 +125,7 @@ impl Fit {
     }
 }
 
-/// Returns the weighted mean position of the valid subsets, px; `None` for too few.
+/// Returns the weighted mean position (x, y) of the valid subsets, px; `None` for fewer than [`MIN_POINTS`].
 fn mean_position(field: &[FieldPoint]) -> Option<[f64; 2]> {
     let (mut count, mut total, mut sum) = (0, 0.0, [0.0; 2]);
     for (weight, place, _) in valid_vectors(field) {
@@ -137,6 +137,8 @@ fn mean_position(field: &[FieldPoint]) -> Option<[f64; 2]> {
 }
 
 /// Returns weight (1/px^2), position (px) and displacement (px) of the valid subsets.
+///
+/// The weight is the inverse sum of the variances of u and v, which counts as at least 1e-8 px^2.
 fn valid_vectors(field: &[FieldPoint]) -> impl Iterator<Item = (f64, [f64; 2], [f64; 2])> + '_ {
     field.iter().filter(|point| point.status == PointStatus::Valid).filter_map(|point| {
         let found = point.displacement?;

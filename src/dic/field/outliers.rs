@@ -42,7 +42,9 @@ pub(in crate::dic) struct MedianTest {
 const NO_POINT: u32 = u32::MAX;
 
 impl MedianTest {
-    /// Marks outliers among the valid points of a field and removes their displacement.
+    /// Marks outliers among the points of a field that have a displacement, and removes it.
+    ///
+    /// `field` has one point per grid point, in the order of `points`. All points are judged before any is removed.
     pub(in crate::dic) fn mark(&mut self, points: &[GridPoint], step_px: u32, field: &mut [FieldPoint]) {
         self.build_lattice(points, step_px);
         self.outliers.clear();
@@ -84,8 +86,10 @@ impl MedianTest {
         }
     }
 
-    /// Whether a point is inconsistent with the predictions from its neighbours, or most neighbours failed and its
-    /// match is poor.
+    /// Whether the point with this index is inconsistent with the predictions from its neighbours.
+    ///
+    /// With fewer than [`MIN_PREDICTIONS`], whether more than half of its neighbours failed and its ZNCC is below
+    /// [`MIN_LONE_ZNCC`].
     fn is_inconsistent(&self, index: usize, field: &[FieldPoint]) -> bool {
         let columns = self.columns as isize;
         let at = |(dx, dy): (isize, isize), times: isize| {
@@ -124,7 +128,10 @@ impl MedianTest {
     }
 }
 
-/// Whether `own` is further from the median of the predictions, px, than their scatter explains. Overwrites them.
+/// Whether `own`, px, is further from the median of the predictions, px, than their scatter explains. Overwrites them.
+///
+/// The scatter is the median distance of the predictions from their median, plus [`FLOOR_PX`]; [`THRESHOLD`] times it
+/// is tolerated.
 fn exceeds_scatter(own: f32, predictions: &mut [f32]) -> bool {
     // The median is no further off than the farthest prediction. Most vectors need no sorting.
     if predictions.iter().all(|prediction| (own - prediction).abs() <= THRESHOLD * FLOOR_PX) {

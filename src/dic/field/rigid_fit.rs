@@ -30,7 +30,7 @@ impl RigidMotion {
     }
 
     /// Returns the motion with its standard uncertainties multiplied by `factor`.
-    pub(in crate::dic) fn with_sigmas(self, factor: f64) -> Self {
+    pub(in crate::dic) fn with_scaled_sigmas(self, factor: f64) -> Self {
         Self {
             sigma_u_px: factor * self.sigma_u_px,
             sigma_v_px: factor * self.sigma_v_px,
@@ -88,7 +88,7 @@ struct RigidTransform {
 }
 
 impl RigidTransform {
-    /// Creates a displacement of the origin, px, with a rotation, counter-clockwise on the screen, rad.
+    /// Creates a displacement (u, v) of the origin, px, with a rotation about it, counter-clockwise on the screen, rad.
     fn new(u: f64, v: f64, angle: f64) -> Self {
         let (sin, cos) = angle.sin_cos();
         Self { u, v, angle, sin, cos }
@@ -111,16 +111,16 @@ impl RigidTransform {
 /// Fits one rigid motion to all valid vectors of a field.
 ///
 /// The displacement returned is that of the reference point (`x_px`, `y_px`). The rotation is exact, not the
-/// small-angle form. The initial guess is the motion of the pair of points that most others agree with, so almost half
-/// of the vectors may belong to something else (least median of squares, P. J. Rousseeuw, J. Am. Stat. Assoc. 79 (1984)
-/// 871, <https://doi.org/10.1080/01621459.1984.10477105>). Least squares follow, weighted by the uncertainty of each
-/// vector and by Tukey's biweight. Vectors that do not follow the body are marked as outliers and lose their
-/// displacement.
+/// small-angle form. The initial guess is the motion of that of 60 pairs of points that most others agree with, so
+/// almost half of the vectors may belong to something else (least median of squares, P. J. Rousseeuw, J. Am. Stat.
+/// Assoc. 79 (1984) 871, <https://doi.org/10.1080/01621459.1984.10477105>). Least squares follow, weighted by the
+/// uncertainty of each vector and by Tukey's biweight. Vectors that do not follow the body are marked as outliers and
+/// lose their displacement.
 ///
 /// The uncertainties account for overlapping subsets: two that share a part of their pixels share that part of their
 /// noise. `subset_size_px` is the full width of the subsets.
 ///
-/// Returns `None` if fewer than three vectors are left.
+/// Returns `None` if fewer than three vectors are left, or if they do not determine a motion.
 ///
 /// # Cost
 ///
@@ -130,6 +130,8 @@ pub fn rigid_fit(field: &mut [FieldPoint], x_px: f64, y_px: f64, subset_size_px:
 }
 
 /// Fits like [`rigid_fit`], with the motion `near` as the initial guess if three quarters of the vectors follow it.
+///
+/// `point` is the reference point of the result and of `near`.
 pub fn rigid_fit_near(
     field: &mut [FieldPoint],
     point: Point,
@@ -142,7 +144,7 @@ pub fn rigid_fit_near(
     }
     let predicted = near.map(|near| RigidTransform::new(near.u_px, near.v_px, near.angle_deg.to_radians()));
     let mut transform =
-        predicted.filter(|transform| is_followed(transform, &vectors)).or_else(|| first_guess(&vectors))?;
+        predicted.filter(|transform| is_followed(transform, &vectors)).or_else(|| guess_from_pairs(&vectors))?;
     let mut scatter = MIN_SCATTER_PX;
     for _ in 0..MAX_ROUNDS {
         scatter = robust_scatter(&transform, &vectors);
@@ -174,7 +176,7 @@ pub fn rigid_fit_near(
     with_uncertainty(&transform, &vectors, f64::from(subset_size_px))
 }
 
-/// Whether at least three quarters of the vectors follow a motion.
+/// Whether at least three quarters of the vectors follow a motion, within [`FOLLOWING_SIGMAS`] or [`FOLLOWING_PX`].
 fn is_followed(transform: &RigidTransform, vectors: &[Vector]) -> bool {
     let near = |vector: &&Vector| {
         let limit = (FOLLOWING_SIGMAS * FOLLOWING_SIGMAS * vector.variance).max(FOLLOWING_PX * FOLLOWING_PX);
@@ -208,9 +210,11 @@ fn collect_vectors(field: &[FieldPoint], origin: Point) -> Vec<Vector> {
     field.iter().enumerate().filter_map(vector).collect()
 }
 
-/// Returns the motion of the pair of vectors with the smallest median residual of all vectors; `None` if no pair is
-/// more than 1 px apart.
-fn first_guess(vectors: &[Vector]) -> Option<RigidTransform> {
+/// Returns the motion of one pair of vectors: of [`TRIALS`] pairs, that with the smallest median residual of all
+/// vectors.
+///
+/// The pairs are a fixed pseudo-random sequence. `None` if none is at least 1 px apart.
+fn guess_from_pairs(vectors: &[Vector]) -> Option<RigidTransform> {
     let count = vectors.len();
     let mut best: Option<(f64, RigidTransform)> = None;
     let mut distances = Vec::with_capacity(count);
@@ -245,7 +249,8 @@ fn first_guess(vectors: &[Vector]) -> Option<RigidTransform> {
     best.map(|(_, transform)| transform)
 }
 
-/// Returns the standard deviation of one residual component, px, from the median distance.
+/// Returns the standard deviation of one residual component, px, from the median distance; at least
+/// [`MIN_SCATTER_PX`].
 fn robust_scatter(transform: &RigidTransform, vectors: &[Vector]) -> f64 {
     let mut distances: Vec<f64> = vectors.iter().map(|vector| transform.squared_distance(vector)).collect();
     let median = quantile(&mut distances, 0.5).unwrap_or(0.0);
@@ -279,8 +284,9 @@ fn weighted_fit(vectors: &[Vector]) -> Option<RigidTransform> {
 
 /// Returns the motion with its uncertainty; `None` if the normal equations are singular.
 ///
-/// The influence of each vector on the weighted fit is propagated through the covariance of all vectors. `size` is the
-/// full width of the subsets, px.
+/// The influence of each vector on the weighted fit is propagated through the covariance of all vectors. The result
+/// grows with the scatter of the residuals where that exceeds the vectors' uncertainties. `size` is the full width of
+/// the subsets, px.
 fn with_uncertainty(transform: &RigidTransform, vectors: &[Vector], size: f64) -> Option<RigidMotion> {
     let RigidTransform { sin, cos, .. } = *transform;
     // The derivative of (x', y') by the angle.

@@ -25,8 +25,8 @@ pub fn rectangle(roi: [u32; 4], step_px: u32, subset_size_px: u32) -> Vec<GridPo
     along(roi[1], roi[3]).flat_map(|y| along(roi[0], roi[2]).map(move |x| GridPoint { x, y })).collect()
 }
 
-/// Returns the grid of [`rectangle`], continued to all centres inside the rectangle, although subsets near its edge
-/// extend beyond it.
+/// Returns the grid of [`rectangle`], continued to all centres inside the rectangle, row by row, although subsets near
+/// its edge extend beyond it.
 pub fn partial(roi: [u32; 4], step_px: u32, subset_size_px: u32) -> Vec<GridPoint> {
     let step = step_px.max(1);
     let along = |start: u32, extent: u32| (start + subset_size_px / 2 % step..start + extent).step_by(step as usize);
@@ -35,7 +35,8 @@ pub fn partial(roi: [u32; 4], step_px: u32, subset_size_px: u32) -> Vec<GridPoin
 
 /// Returns the centres whose square subsets lie wholly inside a disc and inside the image, row by row.
 ///
-/// The grid is anchored at the disc's centre, rounded to a whole pixel.
+/// The grid is anchored at the disc's centre, rounded to a whole pixel. It is empty if centre or radius is NaN or
+/// beyond a million pixels.
 #[expect(clippy::too_many_arguments, reason = "a disc, a grid and an image: six plain numbers and one more")]
 pub fn disc(
     x_px: f64,

@@ -29,13 +29,13 @@ pub(in crate::dic) struct Extent {
 }
 
 impl Extent {
-    /// Returns the width and height in pixels.
+    /// Returns the width and height in pixels, both ends included.
     pub(in crate::dic) fn size(&self) -> Size {
         let length = |first: i32, last: i32| (last - first + 1).max(0) as usize;
         Size { width: length(self.left, self.right), height: length(self.top, self.bottom) }
     }
 
-    /// Whether the box lies wholly in an image of this size when the subset's centre is at `at`.
+    /// Whether the box lies wholly in an image of the size `image` when the subset's centre is at the pixel `at`.
     pub(in crate::dic) fn fits(&self, at: Pixel, image: Size) -> bool {
         let (x, y) = (at.x as isize, at.y as isize);
         x + self.left as isize >= 0
@@ -65,7 +65,7 @@ impl SubsetMask {
     /// Creates a subset of the given outline and full width.
     ///
     /// The disc extends half a pixel past the outermost centres. The ring leaves out the inner half of the disc's
-    /// radius.
+    /// radius. `size_px` is odd; an even one gives the mask of the next odd number.
     pub(in crate::dic) fn new(shape: WindowShape, size_px: u32) -> Self {
         let half = size_px / 2;
         let outer = f64::from(half) + 0.5;
@@ -139,6 +139,10 @@ impl SubsetMask {
     /// `at`.
     ///
     /// In rows without a pixel the first column is larger than the last.
+    ///
+    /// # Panics
+    ///
+    /// If a pixel lies above or below the image.
     pub(in crate::dic) fn row_spans(&self, at: Pixel, rows: usize) -> Vec<(i32, i32)> {
         let mut spans = vec![(i32::MAX, i32::MIN); rows];
         for block in &self.blocks {
@@ -224,7 +228,9 @@ impl SubsetMask {
         })
     }
 
-    /// Whether the warped subset centred at `at` lies wholly in an image of this size.
+    /// Whether the bounds of the subset, centred at `at` and moved by `warp`, lie in an image of the size `image`.
+    ///
+    /// See [`Self::warped_bounds`]. False for a warp with NaN.
     pub(in crate::dic) fn fits_warped(&self, warp: &Warp, at: Pixel, image: Size) -> bool {
         let [left, top, right, bottom] = self.warped_bounds(warp);
         let (x, y) = (f64::from(at.x), f64::from(at.y));
@@ -252,7 +258,7 @@ impl SubsetMask {
     }
 }
 
-/// Returns the first and last lane that belong; `None` if no lane does.
+/// Returns the indices (0 to 7) of the first and last lane that belong; `None` if no lane does.
 fn first_and_last_lane(mask: &Lanes) -> Option<(i32, i32)> {
     let first = mask.0.iter().position(|value| *value > 0.5)?;
     let last = mask.0.iter().rposition(|value| *value > 0.5)?;

@@ -19,7 +19,9 @@ impl Patch {
         Region::Polygon { outline_px: self.outline_px.clone(), holes_px: self.holes_px.clone() }
     }
 
-    /// Returns the area, px^2, and the centroid, px, without the holes.
+    /// Returns the area, px^2, and the centroid (x, y), px, of the outline less its holes.
+    ///
+    /// The centroid is NaN if the area is 0. Holes are assumed to lie inside, without overlap.
     pub fn area_and_centroid(&self) -> (f64, [f64; 2]) {
         let (area, [x, y]) = polygon_area_and_centroid(&self.outline_px);
         let (mut area, mut sums) = (area, [area * x, area * y]);
@@ -32,7 +34,8 @@ impl Patch {
 
 /// Returns the area (px^2, positive in either direction) and the centroid (px) of a polygon by the shoelace formula.
 ///
-/// The centroid of a degenerate polygon is its first corner. The sums are taken about that corner to limit rounding.
+/// The centroid of a polygon without area is its first corner; without corners both are 0. The sums are taken about
+/// that corner to limit rounding.
 fn polygon_area_and_centroid(corners: &[[f64; 2]]) -> (f64, [f64; 2]) {
     let Some(origin) = corners.first() else { return (0.0, [0.0; 2]) };
     let (mut twice, mut sums) = (0.0, [0.0; 2]);

@@ -59,7 +59,7 @@ impl Region {
         matches!(self, Self::Disc { .. }) && corners.into_iter().all(|(x, y)| self.contains(x, y))
     }
 
-    /// Returns the bounding box: left, top, right and bottom, px; `None` for an empty region.
+    /// Returns the bounding box: left, top, right and bottom, px; `None` for an empty region or one that is not finite.
     pub fn bounds_px(&self) -> Option<[f64; 4]> {
         let bounds = match self {
             Self::Disc { x_px, y_px, radius_px: r } | Self::Ring { x_px, y_px, outer_px: r, .. } => {
@@ -81,6 +81,8 @@ fn squared_length(x: f64, y: f64) -> f64 {
 }
 
 /// Whether a closed polygon encloses the point (x, y): a ray to the right crosses it an odd number of times.
+///
+/// `corners` follow each other in either direction. A polygon without corners encloses nothing.
 fn encloses(corners: &[[f64; 2]], x: f64, y: f64) -> bool {
     let mut inside = false;
     let Some(mut before) = corners.last() else { return false };

@@ -27,7 +27,8 @@ pub struct PlanarMotion {
 }
 
 impl PlanarMotion {
-    /// Returns the motion of the point at an offset from the one that this motion refers to. The rotation is the same.
+    /// Returns the motion of the point at `offset`, px, from the one that this motion refers to. The rotation is the
+    /// same.
     pub(in crate::dic) fn at_offset(self, offset: Point) -> Self {
         let (dx, dy) = (offset.x_px, offset.y_px);
         let (x, y) = self.to_warp().apply(dx, dy);
@@ -105,7 +106,8 @@ impl Warp {
     /// Returns the component of this step along the step `before`, in units of its length. Negative if they are
     /// opposite.
     ///
-    /// The scalar product weights displacement gradients with `half`, the distance from the centre in px.
+    /// The scalar product weights displacement gradients with `half`, the distance from the centre in px. NaN or
+    /// infinite if `before` has no length.
     pub(in crate::dic) fn projection_ratio(&self, before: &Self, half: f64) -> f64 {
         let product = |a: &Self, b: &Self| {
             let gradients = a.ux * b.ux + a.uy * b.uy + a.vx * b.vx + a.vy * b.vy;

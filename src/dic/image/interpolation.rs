@@ -69,7 +69,7 @@ static BICUBIC: Kernel = Kernel {
 };
 
 impl Kernel {
-    /// Returns the weights of the taps at -2, -1, 0, 1, 2, 3 px for a position `t` (0 to 1) after tap 0.
+    /// Returns the weights of the taps at -2, -1, 0, 1, 2, 3 px for a position `t` (0 to 1 px) after the tap at 0 px.
     #[inline(always)]
     fn weights(&self, t: f32) -> [f32; 6] {
         let s = t - 0.5;
@@ -134,7 +134,9 @@ impl Default for InterpolatedImage {
 }
 
 impl InterpolatedImage {
-    /// Computes the interpolation coefficients of `levels`, reusing memory. The margin of `levels` must be mirrored.
+    /// Computes the interpolation coefficients of `levels`, reusing memory, and leaves `contrast` as it was.
+    ///
+    /// The margin of `levels` must be mirrored. For [`Interpolation::Bicubic`] they are the levels themselves.
     pub(in crate::dic) fn fill(&mut self, levels: &PaddedImage, interpolation: Interpolation) {
         match interpolation {
             Interpolation::Optimised => {
@@ -176,7 +178,8 @@ impl InterpolatedImage {
         self.kernel.taps
     }
 
-    /// Returns the coefficients, beginning at the first of the `N` x `N` taps of the cell at (x, y), and the row stride.
+    /// Returns the coefficients, beginning at the first of the `N` x `N` taps of the cell at (x, y), and the row
+    /// stride.
     #[inline(always)]
     pub(in crate::dic) fn taps<const N: usize>(&self, x: isize, y: isize) -> (&[f32], usize) {
         self.taps_from(self.first_tap::<N>(x, y))
@@ -216,7 +219,12 @@ impl InterpolatedImage {
         inner
     }
 
-    /// Returns the interpolated level at (x, y) px, DN; inside the image or a few pixels outside.
+    /// Returns the interpolated level at (x, y) px, DN; inside the image or at most 12 px outside, where it is
+    /// mirrored.
+    ///
+    /// # Panics
+    ///
+    /// If the taps reach beyond the memory of the image and its margin.
     #[inline(always)]
     pub(in crate::dic) fn value_at(&self, x: f64, y: f64) -> f32 {
         let (cell_x, cell_y) = (x.floor(), y.floor());
@@ -285,7 +293,9 @@ fn convolve_symmetric<const N: usize>(one: [f64; N], other: [f64; N]) -> [f64; N
 }
 
 vectorized! {
-    /// Filters along the rows by convolution: a recursion would proceed one pixel at a time.
+    /// Applies the quintic prefilter along the rows of `levels` into `out`, by convolution.
+    ///
+    /// A recursion would proceed one pixel at a time. The margin of `out` is unspecified afterwards.
     fn filter_rows(levels: &PaddedImage, out: &mut PaddedImage) = filter_rows_with
 }
 
@@ -329,7 +339,9 @@ fn filter_symmetric<V: Vector, const N: usize, const STEP: usize>(
 }
 
 vectorized! {
-    /// Filters down the columns by recursion, in strips of adjacent columns.
+    /// Applies the quintic prefilter down the columns in place, by recursion, in strips of adjacent columns.
+    ///
+    /// `plane` has at least two rows. Its margin is unspecified afterwards.
     fn filter_columns(plane: &mut PaddedImage) = filter_columns_with
 }
 

@@ -115,7 +115,7 @@ fn copy_mirrored(from: &[f32], to: &mut [f32]) {
     to[..MARGIN].copy_from_slice(&mirrored);
 }
 
-/// Reflects an index about the first and the last sample until it lies in `0..size`.
+/// Reflects an index about the first and the last sample until it lies in `0..size`; 0 for a size of 0 or 1.
 pub(in crate::dic) fn reflect_index(index: isize, size: usize) -> usize {
     let period = 2 * (size as isize - 1);
     if period <= 0 {

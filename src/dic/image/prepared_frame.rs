@@ -52,17 +52,20 @@ impl PreparedFrame {
         Pixel { x: point.x as i32 - self.origin.x as i32, y: point.y as i32 - self.origin.y as i32 }
     }
 
-    /// Returns the approximate gain from this frame to `target`: the ratio of their contrasts.
+    /// Returns the approximate gain from this frame to `target`: the ratio of their contrasts, 1 if it is undefined.
     pub(in crate::dic) fn gain_to(&self, target: &Self) -> f32 {
         relative_gain(self.contrast, target.contrast)
     }
 
-    /// Prepares `image`, reusing memory.
+    /// Prepares the whole of `image`, reusing memory. See [`Self::fill_part`].
     pub(in crate::dic) fn fill(&mut self, image: ImageView<'_>, interpolation: Interpolation) {
         self.fill_part(image, [0, 0, image.width() as u32, image.height() as u32], interpolation);
     }
 
-    /// Prepares a part of `image`, reusing memory: x, y, width and height, clipped to the image.
+    /// Prepares a part of `image`, reusing memory: x, y, width and height, px, clipped to the image.
+    ///
+    /// Computes levels, gradients, interpolation coefficients, offset, contrast and saturation level. A part without
+    /// pixels leaves the coefficients and the contrast as they were.
     pub(in crate::dic) fn fill_part(&mut self, image: ImageView<'_>, part: [u32; 4], interpolation: Interpolation) {
         self.size = (image.width(), image.height());
         let (left, top) = ((part[0] as usize).min(self.size.0), (part[1] as usize).min(self.size.1));
@@ -140,7 +143,10 @@ pub(in crate::dic) fn relative_gain(contrast: f32, target_contrast: f32) -> f32 
     if gain.is_finite() { gain } else { 1.0 }
 }
 
-/// Computes the gradient along one row, DN/px: fourth-order central differences, of lower order at both ends.
+/// Computes the gradient along one row, DN/px, by fourth-order central differences.
+///
+/// They are of second order one pixel from either end and one-sided at it. A row of fewer than five pixels has no
+/// others.
 fn gradient_along_row(row: &[f32], gradient: &mut [f32]) {
     let width = row.len();
     for x in (0..width.min(2)).chain(width.saturating_sub(2)..width) {
@@ -154,7 +160,7 @@ fn gradient_along_row(row: &[f32], gradient: &mut [f32]) {
     fourth_order_difference([row, &row[1..], &row[3..], &row[4..]], inner);
 }
 
-/// Computes the fourth-order central differences of rows of samples at -2, -1, 1 and 2 px.
+/// Computes derivatives per px by fourth-order central differences, from rows of samples at -2, -1, 1 and 2 px.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
 fn fourth_order_difference(samples: [&[f32]; 4], out: &mut [f32]) {
     let [a, b, c, d] = samples.map(|part| &part[..out.len()]);
@@ -163,7 +169,7 @@ fn fourth_order_difference(samples: [&[f32]; 4], out: &mut [f32]) {
     }
 }
 
-/// Returns the highest grey level of all rows and the sum of all levels, DN.
+/// Returns the highest grey level of all rows, minus infinity without pixels, and the sum of all levels, DN.
 fn highest_and_sum<'a>(rows: impl Iterator<Item = &'a [f32]>) -> (f32, f64) {
     rows.map(highest_and_sum_of_row)
         .fold((f32::NEG_INFINITY, 0.0), |(highest, sum), row| (highest.max(row.0), sum + row.1))

@@ -3,7 +3,7 @@
 use super::interpolation::InterpolatedImage;
 use crate::numeric::{LANES, Lanes, Vector};
 
-/// Samples the target at (x + lane (1 + ux), y + lane vx) for the eight lanes.
+/// Returns the levels of the target, DN, at (x + lane (1 + ux), y + lane vx) px for the eight lanes.
 ///
 /// In a mildly deformed subset neighbouring pixels read neighbouring cells. Each lane lies in the cell next to its left
 /// neighbour's, or one further along x or y. One contiguous load per tap therefore serves all lanes, and lanes one cell
@@ -52,7 +52,7 @@ pub(in crate::dic) fn lane_positions<V: Vector>(start: f64, drift: f64) -> V {
 
 /// Samples at the positions of [`sample_lanes`] lane by lane, for any deformation.
 ///
-/// Lanes off the mask may lie outside the image; their values are not used.
+/// Positions outside the image, which lanes off the mask may have, are clamped to its edge.
 #[inline(never)]
 fn sample_scattered(target: &InterpolatedImage, x: f64, y: f64, ux: f64, vx: f64) -> Lanes {
     let (right, bottom) = (target.width() as f64 - 1.0, target.height() as f64 - 1.0);

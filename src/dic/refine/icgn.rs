@@ -107,6 +107,10 @@ impl Refiner<'_> {
     }
 
     /// Runs [`Self::refine`] and stores the residual before the last step, which hardly changes it, in `residual`.
+    ///
+    /// # Errors
+    ///
+    /// See [`Self::refine`]. `residual` is then unspecified.
     pub(in crate::dic) fn refine_with_residual(
         &self,
         start: Warp,
@@ -121,7 +125,13 @@ impl Refiner<'_> {
         Ok(found)
     }
 
-    /// Runs one update if it is short enough, else [`Self::refine_with_residual`]. `gradient_gain` corrects its length.
+    /// Runs one update if it is at most [`NEAR_PX`] long, else [`Self::refine_with_residual`].
+    ///
+    /// `gradient_gain` multiplies the step. `residual` is that before the update.
+    ///
+    /// # Errors
+    ///
+    /// See [`Self::refine_with_residual`].
     pub(in crate::dic) fn refine_near(
         &self,
         start: Warp,
@@ -140,7 +150,11 @@ impl Refiner<'_> {
 
     /// Iterates with quick steps in tiles, then with the exact ones of `step_at`, until they are short enough.
     ///
-    /// `step_at` returns the step at a warp and the ZNCC there.
+    /// `step_at` returns the step at a warp and the ZNCC there. The match has the ZNCC before its last step.
+    ///
+    /// # Errors
+    ///
+    /// See [`Self::refine`].
     fn iterate(
         &self,
         start: Warp,
@@ -171,7 +185,12 @@ impl Refiner<'_> {
 
     /// Iterates with tiles that are only shifted, four times as fast. Returns the warp and the number of iterations.
     ///
-    /// The error is proportional to the deformation, some thousandths of a pixel.
+    /// The error is proportional to the deformation, some thousandths of a pixel. A translation, or a warp beyond
+    /// [`MAX_TILED_GRADIENT`], is returned as it is.
+    ///
+    /// # Errors
+    ///
+    /// See [`Self::refine`].
     fn iterate_in_tiles(&self, start: Warp) -> Result<(Warp, u32), MatchError> {
         let half = f64::from(self.window.half);
         let mut warp = start;
@@ -196,12 +215,20 @@ impl Refiner<'_> {
     }
 
     /// Returns the Gauss-Newton step of the reference at `warp`, and the ZNCC there.
+    ///
+    /// # Errors
+    ///
+    /// [`MatchError::OutOfFrame`], or [`MatchError::NotConverged`] if the target has no contrast.
     pub(in crate::dic) fn gauss_newton_step(&self, warp: &Warp) -> Result<(Warp, f64), MatchError> {
         self.solve_step(self.sums_at(warp, Sampling::Exact)?).map(|(step, zncc, _)| (step, zncc))
     }
 
     /// Returns the step of this part of `whole` from the [samples](Self::sample_target) of `whole`, the ZNCC, and its
     /// expected increase by the step.
+    ///
+    /// # Errors
+    ///
+    /// See [`Self::solve_step`].
     pub(in crate::dic) fn step_from(
         &self,
         whole: &Refiner<'_>,
@@ -251,7 +278,7 @@ impl Refiner<'_> {
         })
     }
 
-    /// Whether the warped subset lies wholly in the target.
+    /// Whether the warped subset lies wholly in the target, by its bounds.
     pub(in crate::dic) fn is_inside(&self, warp: &Warp) -> bool {
         self.window.fits_warped(warp, self.at, self.target.size())
     }

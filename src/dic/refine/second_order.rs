@@ -45,6 +45,8 @@ fn truncated_product(a: &Polynomial, b: &Polynomial) -> Polynomial {
 }
 
 /// Composes the warp with the inverse of a small step, to first order in the step; drops terms above the second order.
+///
+/// `step` has the coefficients of [`monomials`] for u, then for v.
 fn after_inverse(warp: &Warp, second: &Second, step: &[f64; PARAMETERS]) -> (Warp, Second) {
     let back = |axis: usize| -> Polynomial { std::array::from_fn(|k| -step[6 * axis + k]) };
     let (mut x, mut y) = (back(0), back(1));
@@ -79,7 +81,7 @@ struct Pass {
 }
 
 impl Refiner<'_> {
-    /// Returns the pixels of the subset: offset from the centre along x and y, packed row and lane.
+    /// Returns the pixels of the subset: offset from the centre along x and y, px, index of the packed row, and lane.
     fn pixels(&self) -> impl Iterator<Item = (f64, f64, usize, usize)> {
         self.window
             .blocks
@@ -94,7 +96,7 @@ impl Refiner<'_> {
             .filter(|(_, _, packed, lane)| self.window.mask[*packed].0[*lane] > 0.5)
     }
 
-    /// Refines a first-order match with the second-order shape function.
+    /// Refines a first-order match with the second-order shape function. The iterations of both are added.
     ///
     /// # Errors
     ///
@@ -141,8 +143,12 @@ impl Refiner<'_> {
         std::array::from_fn(|row| std::array::from_fn(|column| sums[row / 6 + column / 6][row % 6][column % 6]))
     }
 
-    /// Samples the target at every pixel into `values`, in the order of [`Self::pixels`].
-    fn quadratic_values(&self, warp: &Warp, second: &Second, values: &mut Vec<f64>) -> Result<(), MatchError> {
+    /// Samples the target at every pixel into `values`, DN, in the order of [`Self::pixels`].
+    ///
+    /// # Errors
+    ///
+    /// [`MatchError::OutOfFrame`] if a pixel leaves the image.
+    fn sample_quadratic(&self, warp: &Warp, second: &Second, values: &mut Vec<f64>) -> Result<(), MatchError> {
         values.clear();
         let (x, y) = (f64::from(self.at.x), f64::from(self.at.y));
         let (right, bottom) = (self.target.width() as f64 - 1.0, self.target.height() as f64 - 1.0);
@@ -159,8 +165,12 @@ impl Refiner<'_> {
     }
 
     /// Returns ZNCC and right-hand side at a second-order warp. `values` is scratch memory.
+    ///
+    /// # Errors
+    ///
+    /// [`MatchError::OutOfFrame`], or [`MatchError::NotConverged`] if the target has no contrast.
     fn quadratic_pass(&self, warp: &Warp, second: &Second, values: &mut Vec<f64>) -> Result<Pass, MatchError> {
-        self.quadratic_values(warp, second, values)?;
+        self.sample_quadratic(warp, second, values)?;
         let count = values.len() as f64;
         let mean = values.iter().sum::<f64>() / count;
         let energy: f64 = values.iter().map(|value| (value - mean) * (value - mean)).sum();
@@ -188,7 +198,7 @@ impl Refiner<'_> {
     pub(in crate::dic) fn quadratic_residual(&self, found: &Match, out: &mut Vec<Lanes>) {
         out.clear();
         let mut values = Vec::new();
-        if self.quadratic_values(&found.warp, &found.second, &mut values).is_err() {
+        if self.sample_quadratic(&found.warp, &found.second, &mut values).is_err() {
             return;
         }
         let mean = values.iter().sum::<f64>() / values.len() as f64;

@@ -22,13 +22,14 @@ pub(in crate::dic) trait RowSampler<V> {
     fn next(&mut self, gradient_x: V, gradient_y: V) -> V;
 }
 
-/// Stored samples, minus a mean.
+/// Stored samples, with the mean added that was subtracted when they were stored.
 pub(in crate::dic) struct StoredRows<'a, V> {
     samples: std::slice::Iter<'a, Lanes>,
     mean: V,
 }
 
 impl<'a, V: Vector> StoredRows<'a, V> {
+    /// Starts at the first of the stored rows of a block. `mean`, DN, is added to them.
     #[inline(always)]
     pub(in crate::dic) fn new(samples: &'a [Lanes], mean: f32) -> Self {
         Self { samples: samples.iter(), mean: V::splat(mean) }
@@ -92,13 +93,13 @@ impl<'a, V: Vector, const N: usize> TiledRows<'a, V, N> {
     #[inline(always)]
     pub(in crate::dic) fn new(warped: WarpedTarget<'a>, block: &Block) -> Self {
         let rows = tile_rows(block, MAX_SHIFTED_ROWS);
-        let tile = Self::tile(&warped, block.dx, block.dy, rows);
+        let tile = Self::start_tile(&warped, block.dx, block.dy, rows);
         Self { warped, dx: block.dx, dy: block.dy, rows, remaining: rows, tile }
     }
 
     /// Starts a tile of `rows` rows, the first at the offset (dx, dy), at the shift of its centre.
     #[inline(always)]
-    fn tile(warped: &WarpedTarget<'a>, dx: i32, dy: i32, rows: usize) -> ShiftedRows<'a, V, N> {
+    fn start_tile(warped: &WarpedTarget<'a>, dx: i32, dy: i32, rows: usize) -> ShiftedRows<'a, V, N> {
         let middle = (0.5 * (LANES as f64 - 1.0), 0.5 * (rows as f64 - 1.0));
         let (x, y) = warped.position(f64::from(dx) + middle.0, f64::from(dy) + middle.1);
         ShiftedRows::new(warped.target, x - middle.0, y - middle.1)
@@ -111,7 +112,7 @@ impl<V: Vector, const N: usize> RowSampler<V> for TiledRows<'_, V, N> {
         if self.remaining == 0 {
             self.dy += self.rows as i32;
             self.remaining = self.rows;
-            self.tile = Self::tile(&self.warped, self.dx, self.dy, self.rows);
+            self.tile = Self::start_tile(&self.warped, self.dx, self.dy, self.rows);
         }
         self.remaining -= 1;
         self.tile.next_row()
@@ -148,6 +149,7 @@ impl<'a, V: Vector, const N: usize, const M: usize> RotatedRows<'a, V, N, M> {
         warp.is_within(MAX_SLOPE) && warp.ux.abs() <= MAX_STRAIN && warp.vy.abs() <= MAX_STRAIN
     }
 
+    /// Starts at the first row of a block. The warp must be one that [`Self::applies_to`].
     #[inline(always)]
     pub(in crate::dic) fn new(warped: WarpedTarget<'a>, block: &Block) -> Self {
         let across = V::from_lanes(&Lanes::INDEX).sub(V::splat(0.5 * (LANES as f32 - 1.0)));

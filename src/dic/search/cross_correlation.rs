@@ -30,6 +30,8 @@ impl CrossCorrelation {
     /// Loads an area of the target, zero-padded, into the real parts and the subset into the imaginary parts, with the
     /// corners of both at the origin. The subset's mean is subtracted from both; its pixels that do not fit are
     /// dropped.
+    ///
+    /// The area starts at the pixel `corner` of the target and has the size `area`, at most that of the plan.
     pub(in crate::dic) fn load(
         &mut self,
         subset: &ReferenceSubset,
@@ -66,7 +68,9 @@ impl CrossCorrelation {
         }
     }
 
-    /// Loads two squares, `area` and `subset`, each with its side length.
+    /// Loads the square `area` into the real parts and the square `subset` into the imaginary parts, zero-padded.
+    ///
+    /// Both are row-major and at most as wide as the plan. The rest of `data` is 0.
     pub(in crate::dic) fn load_squares(&mut self, area: &[f32], area_side: usize, subset: &[f32], subset_side: usize) {
         let size = self.size();
         self.data.fill(Complex32::default());
@@ -78,7 +82,10 @@ impl CrossCorrelation {
         }
     }
 
-    /// Computes the cross-correlation of the area with the subset into the real parts of `data`.
+    /// Computes the cross-correlation of the loaded area with the loaded subset into the real parts of `data`.
+    ///
+    /// The value at (x, y) belongs to the shift (x, y), modulo the size. It is [`Self::size`] squared times the sum of
+    /// products.
     pub(in crate::dic) fn run(&mut self) {
         self.fft.forward(&mut self.data);
         cross_spectra(&self.data, &mut self.product, self.fft.size());
@@ -175,7 +182,9 @@ impl LocalContrast {
     }
 
     /// Computes the normalised correlation at each shift into `surface`, row by row: the correlation divided by the
-    /// local contrast of the target. It is 0 where the target has no contrast.
+    /// local contrast of the target. It is 0 where the variance of the target is at most 0.01 DN^2.
+    ///
+    /// `correlation` has been [run](CrossCorrelation::run), after [`Self::fill_tables`] for the same area.
     ///
     /// J. P. Lewis, Fast template matching, Vision Interface (1995) 120.
     pub(in crate::dic) fn normalise(&self, correlation: &CrossCorrelation, shifts: &Shifts, surface: &mut [f32]) {

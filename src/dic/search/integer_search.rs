@@ -76,7 +76,8 @@ impl IntegerSearch {
 
     /// Searches for `subset`, centred at `at` in the reference, at the same position in the target: the quick search.
     ///
-    /// Returns `None` if the peak lies beyond the range, or the place beyond the target.
+    /// Heights of its peaks are not normalised. Returns `None` if the peak lies beyond the range, or if the subset's
+    /// rectangle extends beyond the target.
     pub(in crate::dic) fn find_near(
         &mut self,
         subset: &ReferenceSubset,
@@ -120,7 +121,7 @@ impl IntegerSearch {
 
     /// Searches for `subset`, centred at `at` in the reference, around `at + around` in the target: the full search.
     ///
-    /// Returns `None` if no shift keeps the subset in the target.
+    /// It covers the planned range to each side. Returns `None` if no shift keeps the subset in the target.
     pub(in crate::dic) fn find(
         &mut self,
         subset: &ReferenceSubset,

@@ -36,7 +36,7 @@ impl Surface<'_> {
         self.data.len() / self.columns
     }
 
-    /// Returns the nine samples around (column, row); `None` at the border and next to missing samples.
+    /// Returns the nine samples around (column, row), row-major; `None` at the border and next to missing samples.
     fn neighbourhood(&self, column: usize, row: usize) -> Option<[f32; 9]> {
         if column == 0 || row == 0 || column + 1 >= self.columns || row + 1 >= self.rows() {
             return None;
@@ -48,7 +48,7 @@ impl Surface<'_> {
     /// Fits the top of the peak whose highest sample is at (column, row).
     ///
     /// The fit is a least-squares paraboloid, with the cross term, through the logarithm of the nine samples. Without a
-    /// maximum the sample itself is returned.
+    /// maximum, and next to samples that are missing or not positive, the sample itself is returned.
     pub(in crate::dic) fn fit_top(&self, column: usize, row: usize) -> Peak {
         let height = f64::from(self.data[row * self.columns + column]);
         let plain = Peak { column, row, dx: 0.0, dy: 0.0, height };
@@ -62,6 +62,8 @@ impl Surface<'_> {
     }
 
     /// Fits the top of a peak by a three-point Gaussian along each axis; the sample itself without a maximum.
+    ///
+    /// The height stays that of `peak`.
     ///
     /// C. E. Willert, M. Gharib, Exp. Fluids 10 (1991) 181, <https://doi.org/10.1007/BF00190388>.
     pub(in crate::dic) fn fit_gaussian(&self, peak: &Peak) -> Peak {
@@ -78,6 +80,8 @@ impl Surface<'_> {
     }
 
     /// Finds the top of a peak on a spline through the samples around the highest one; the sample itself at the border.
+    ///
+    /// The height stays that of `peak`.
     pub(in crate::dic) fn fit_spline(&self, peak: &Peak) -> Peak {
         let (column, row) = (peak.column, peak.row);
         if self.neighbourhood(column, row).is_none() {
@@ -126,7 +130,9 @@ impl Surface<'_> {
         high.is_finite().then_some((column, row))
     }
 
-    /// Returns the highest local maximum outside the neighbourhood of (column, row), without the border.
+    /// Returns the fitted top of the highest positive local maximum outside the neighbourhood of (column, row).
+    ///
+    /// Samples of the border do not count. `None` if there is no other maximum.
     ///
     /// `candidates` is scratch memory for at least one row.
     pub(in crate::dic) fn second_peak(&self, column: usize, row: usize, candidates: &mut [f32]) -> Option<Peak> {
@@ -149,7 +155,7 @@ impl Surface<'_> {
     }
 }
 
-/// Returns the highest value.
+/// Returns the highest value, minus infinity without any; NaN is skipped.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
 fn maximum(values: &[f32]) -> f32 {
     let mut lanes = [f32::NEG_INFINITY; LANES];

@@ -77,6 +77,8 @@ impl UpsampledSearch {
 
     /// Returns the displacement of a subset within 2 px of the integer displacement `near`, px; `None` without
     /// contrast.
+    ///
+    /// `fit` chooses between the fitted top of the correlation and its highest grid point.
     pub(in crate::dic) fn find(
         &mut self,
         reference: Subset<'_>,
@@ -120,7 +122,8 @@ impl UpsampledSearch {
         Some((place(fine_x, near.x), place(fine_y, near.y)))
     }
 
-    /// Subtracts the mean of the upsampled subset on the mask and returns the sum of squares.
+    /// Subtracts the mean of the upsampled subset on the mask, clears it off the mask, and returns the sum of squares,
+    /// DN^2.
     fn subtract_mean(&mut self) -> f64 {
         let inside = self.subset.iter().zip(&self.mask).map(|(value, mask)| f64::from(value * mask));
         let mean = (inside.sum::<f64>() / self.count.max(1) as f64) as f32;

@@ -67,7 +67,9 @@ vectorized! {
 }
 
 impl ColumnSums {
-    /// Plans the sums over subsets of the shape of `window` about these centres.
+    /// Plans the sums over subsets of the shape of `window` about these centres, px. Forgets earlier sums.
+    ///
+    /// Without a centre there are no strips.
     pub(in crate::dic) fn plan(&mut self, window: &SubsetMask, centers: impl Iterator<Item = Pixel> + Clone) {
         let extent = window.extent;
         self.size = extent.size();
@@ -96,7 +98,7 @@ impl ColumnSums {
         self.merge_strips();
     }
 
-    /// Returns the index in `tops` of the first subset row `top`.
+    /// Returns the index in `tops` of the subsets whose first row is `top`.
     fn row_of_top(&self, top: i32) -> usize {
         self.tops.partition_point(|other| *other < top)
     }
@@ -120,7 +122,14 @@ impl ColumnSums {
         &self.strips
     }
 
-    /// Returns the sums over a planned square subset centred at `at`. Access in row order is fastest.
+    /// Returns the sums over a planned square subset centred at `at`.
+    ///
+    /// Sums its columns first, with those of up to [`BAND`] rows of subsets, unless they are summed. Access in row
+    /// order is therefore fastest. `layers` must be the same since [`Self::plan`].
+    ///
+    /// # Panics
+    ///
+    /// If the centre lies beyond the planned columns or rows. Another centre that was not planned has wrong sums.
     pub(in crate::dic) fn moments(&mut self, layers: Layers<'_>, window: &SubsetMask, at: Pixel) -> Moments {
         let (left, top) = (at.x + window.extent.left, at.y + window.extent.top);
         let place = self.row_of_top(top);

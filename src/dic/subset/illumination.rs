@@ -73,7 +73,7 @@ impl IlluminationPlane {
         self.second.iter().zip(slopes).map(|(row, slope)| slope * (row[0] * slopes[0] + row[1] * slopes[1])).sum()
     }
 
-    /// Returns the sum over the pixels of component `k` of J times the plane of these slopes.
+    /// Returns the sum over the pixels of component `k` (0 to 5) of J times the plane of these slopes (DN/px).
     pub(in crate::dic) fn jacobian_product(&self, slopes: [f64; 2], k: usize) -> f64 {
         slopes[0] * self.jacobian[0][k] + slopes[1] * self.jacobian[1][k]
     }

@@ -43,7 +43,7 @@ pub(in crate::dic) struct Layers<'a> {
 }
 
 vectorized! {
-    /// Sums the columns of `window` about `at`, one kind of sum after the other.
+    /// Sums the columns of `window` about `at` into `sums`, one kind of sum after the other: see [`SUMS_PER_COLUMN`].
     ///
     /// The window must lie in the planes, and their values off the mask must be finite.
     fn sum_window(layers: Layers<'_>, window: &SubsetMask, at: Pixel, sums: &mut [f32]) = sum_window_with
@@ -68,7 +68,9 @@ impl Moments {
         collect_moments(sums, count, window)
     }
 
-    /// Returns the sums over the target's levels minus the mean of the reference. They do not include first moments.
+    /// Returns the sums over the target's levels minus the mean of the reference.
+    ///
+    /// `pixels` is the number of pixels of the window. First moments are not known and set to 0.
     pub(in crate::dic) fn target_sums(&self, pixels: usize) -> Sums {
         let (pixels, mean) = (pixels as f64, self.reference / pixels as f64);
         let [_, squares, product] = self.products;

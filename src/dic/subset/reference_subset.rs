@@ -99,7 +99,11 @@ impl ReferenceSubset {
         self.compute_sums(window, shape, Illumination::Uniform)
     }
 
-    /// Extracts a whole rigid body and removes its illumination plane. See [`Self::fill`].
+    /// Extracts a whole rigid body and removes its illumination plane, unless its pixels span none.
+    ///
+    /// # Errors
+    ///
+    /// See [`Self::fill`].
     pub(in crate::dic) fn fill_body(
         &mut self,
         reference: &PreparedFrame,
@@ -111,6 +115,8 @@ impl ReferenceSubset {
     }
 
     /// Restricts `whole` to the pixels of `window`, which must have the same blocks.
+    ///
+    /// If the illumination plane of `whole` was removed, that of the part is removed too.
     ///
     /// # Errors
     ///
@@ -137,7 +143,13 @@ impl ReferenceSubset {
         )
     }
 
-    /// Computes the sums from grey levels and gradients, after the illumination plane is removed if requested.
+    /// Computes the sums from grey levels and gradients. With [`Illumination::Gradient`] they are without the plane.
+    ///
+    /// The stored levels and gradients keep the plane.
+    ///
+    /// # Errors
+    ///
+    /// [`Unusable::LowContrast`] if the texture cannot be matched.
     fn compute_sums(&mut self, window: &SubsetMask, shape: Shape, illumination: Illumination) -> Result<(), Unusable> {
         self.check_contrast(window.pixels)?;
         let mut hessian = self.sum_gradients(window);
@@ -156,7 +168,9 @@ impl ReferenceSubset {
         self.analyse_texture(&hessian, window.pixels, shape)
     }
 
-    /// Computes the sums for one Gauss-Newton step from `moments` over `pixels` pixels. The pixels are not stored.
+    /// Computes the sums for one Gauss-Newton step from `moments` over `pixels` pixels.
+    ///
+    /// The pixels are not stored. `contrast` and `light` stay as they were.
     ///
     /// # Errors
     ///
@@ -176,14 +190,23 @@ impl ReferenceSubset {
         self.analyse_texture(&hessian_from_moments(&moments.second), pixels, shape)
     }
 
-    /// Checks that the standard deviation of the levels exceeds rounding.
+    /// Checks that the standard deviation of the levels is at least [`MIN_CONTRAST_DN`].
+    ///
+    /// # Errors
+    ///
+    /// [`Unusable::LowContrast`] otherwise.
     fn check_contrast(&self, pixels: usize) -> Result<(), Unusable> {
         let contrast = (self.energy / pixels as f64).sqrt();
         // Written so that NaN is refused.
         if contrast >= MIN_CONTRAST_DN { Ok(()) } else { Err(Unusable::LowContrast) }
     }
 
-    /// Checks whether the texture can be matched, and computes the quantities that follow from the Hessian.
+    /// Computes the quantities that follow from the Hessian, over `pixels` pixels: inverse, lever, isotropy, roughness
+    /// and weak gradient.
+    ///
+    /// # Errors
+    ///
+    /// [`Unusable::LowContrast`] if the Hessian is singular, or the texture lies in a corner ([`MAX_EXTRAPOLATION`]).
     fn analyse_texture(&mut self, hessian: &[[f64; 6]; 6], pixels: usize, shape: Shape) -> Result<(), Unusable> {
         let (projected, count) = project_matrix(shape, hessian);
         let Some(inverse) = invert(&projected, count) else { return Err(Unusable::LowContrast) };
@@ -412,6 +435,8 @@ fn hessian_from_moments(moments: &[[f64; 6]; 3]) -> [[f64; 6]; 6] {
 }
 
 /// Converts sums over the affine J to those for the parameters of the shape function, and returns their number.
+///
+/// The values beyond that number are 0. A quadratic shape function has the sums of the affine one.
 pub(in crate::dic) fn project(shape: Shape, affine: &[f64; 6]) -> ([f64; 6], usize) {
     match shape {
         Shape::Translation => ([affine[0], affine[3], 0.0, 0.0, 0.0, 0.0], 2),

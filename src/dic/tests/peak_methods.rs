@@ -7,8 +7,8 @@ use crate::results::PointStatus;
 /// Shifts off every 1/n grid, each along both axes.
 const SHIFTS: [f64; 6] = [0.05, 0.13, 0.37, 0.77, 1.23, 1.9];
 
-/// Returns the mean of u at each shift, over all subsets of a rendered ball at a noise of 2 DN.
-fn means(method: Method, spline_points: u32, fit: bool) -> Vec<f64> {
+/// Returns the mean of u at each shift, px, over all subsets of a disc of rendered speckle at a noise of 2 DN.
+fn mean_displacements(method: Method, spline_points: u32, fit: bool) -> Vec<f64> {
     let params = CorrelationParams {
         method,
         spline_points,
@@ -36,9 +36,9 @@ fn means(method: Method, spline_points: u32, fit: bool) -> Vec<f64> {
     SHIFTS.into_iter().enumerate().map(&mut mean_at).collect()
 }
 
-/// Returns the mean absolute error over the shifts.
+/// Returns the mean absolute error of [`mean_displacements`] over the shifts, px, with the peak fit.
 fn mean_error(method: Method, spline_points: u32) -> f64 {
-    let means = means(method, spline_points, true);
+    let means = mean_displacements(method, spline_points, true);
     means.iter().zip(SHIFTS).map(|(mean, shift)| (mean - shift).abs()).sum::<f64>() / SHIFTS.len() as f64
 }
 
@@ -64,7 +64,7 @@ fn peak_fits_on_plain_windows_err_by_a_hundredth() {
 /// notice.
 #[test]
 fn without_a_peak_fit_slow_motion_reads_zero() {
-    let means = means(Method::SplineFft, 5, false);
+    let means = mean_displacements(Method::SplineFft, 5, false);
     eprintln!("spline-fft, 5 points, no fit: {means:?}");
     assert!(means[0].abs() < 0.005, "0.05 px reads {}", means[0]);
     let errors: Vec<f64> = means.iter().zip(SHIFTS).map(|(mean, shift)| (mean - shift).abs()).collect();

@@ -54,7 +54,8 @@ fn scramble(mut z: u64) -> u64 {
 }
 
 impl Speckle {
-    /// Places discs of radius `low..high` over a `side` x `side` image and 30 px around it.
+    /// Places discs of radius `low..high`, px, over a `side` x `side` image and 30 px around it. Their areas add up to
+    /// half of that area.
     pub(in crate::dic) fn new(seed: u64, side: f64, (low, high): (f64, f64), edge: f64) -> Self {
         let mut sequence = Sequence::new(seed);
         let (margin, mean) = (30.0, 0.5 * (low + high));
@@ -72,7 +73,7 @@ impl Speckle {
         Self::new(seed, side, (1.5, 2.9), 0.6)
     }
 
-    /// Returns the discs moved by `motion`.
+    /// Returns the pattern with each disc displaced by `motion` of its centre (x, y), px.
     pub(in crate::dic) fn moved(&self, motion: impl Fn(f64, f64) -> (f64, f64)) -> Self {
         let discs = self.discs.iter().map(|disc| {
             let (u, v) = motion(disc.x, disc.y);
@@ -81,7 +82,7 @@ impl Speckle {
         Self { discs: discs.collect(), ..*self }
     }
 
-    /// Renders the pattern without noise and rounding: dark discs of 18 DN on 218 DN.
+    /// Renders the pattern without noise and rounding: discs that are `contrast` darker than their ground of 218 DN.
     pub(in crate::dic) fn draw(&self, width: usize, height: usize) -> Image {
         let mut clear = vec![1.0_f64; width * height * 9];
         let nodes = [-0.387_298_334_620_741_7, 0.0, 0.387_298_334_620_741_7];
@@ -112,7 +113,7 @@ impl Speckle {
     }
 }
 
-/// Adds noise and rounds to 8 bit.
+/// Returns an image with Gaussian noise of the standard deviation `sigma`, DN, rounded to 8 bit.
 pub(in crate::dic) fn record(clean: &Image, sigma: f64, seed: u64) -> Image {
     let mut sequence = Sequence::new(seed);
     let level = |value: &f32| (f64::from(*value) + sigma * sequence.normal()).round().clamp(0.0, 255.0) as f32;
@@ -120,7 +121,7 @@ pub(in crate::dic) fn record(clean: &Image, sigma: f64, seed: u64) -> Image {
     Image::from_vec(view.data().iter().map(level).collect(), view.width(), view.height()).unwrap()
 }
 
-/// Prepares an image.
+/// Returns an image prepared with [`Interpolation::Optimised`].
 pub(in crate::dic) fn prepared(image: &Image) -> PreparedFrame {
     let mut prepared = PreparedFrame::default();
     prepared.fill(image.view(), Interpolation::Optimised);

@@ -52,8 +52,9 @@ struct Strip {
 }
 
 impl FixedPattern {
-    /// Sets the first frame. `body` covers the body's pixels as rectangles of x, y, width and height, px, one below the
-    /// other.
+    /// Stores the eighth differences and the mean square slope of the body in the first frame.
+    ///
+    /// `body` covers its pixels as rectangles of x, y, width and height, px, one below the other.
     pub fn begin(&mut self, first: &PreparedFrame, body: &[[u32; 4]]) {
         self.strips.clear();
         self.values.clear();
@@ -72,8 +73,9 @@ impl FixedPattern {
 
     /// Returns the fraction by which steps far below one pixel come out short, estimated from a later frame.
     ///
-    /// `body` covers the body in that frame. The estimate scatters about its mean and may be negative. Returns `None`
-    /// if the two frames have too few pixels in common.
+    /// `body` covers the body in that frame, as in [`Self::begin`]. The estimate scatters about its mean and may be
+    /// negative. Returns `None` if fewer than 256 pixels belong to the body in both frames, or if they have
+    /// no slope.
     pub fn bias_fraction(&mut self, later: &PreparedFrame, body: &[[u32; 4]]) -> Option<f64> {
         let (mut sum, mut pixels) = (0.0, 0);
         for (y, columns) in clipped_rows(later, body) {
@@ -130,7 +132,7 @@ fn eighth_differences<'a>(
     across
 }
 
-/// Computes the eighth difference across nine rows of equal length.
+/// Computes the eighth difference across nine rows, at least as long as `out`, with the weights [`EIGHTH`].
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
 fn eighth_difference(rows: [&[f32]; EIGHTH.len()], out: &mut [f32]) {
     let rows = rows.map(|row| &row[..out.len()]);

@@ -26,7 +26,9 @@ pub(in crate::dic) struct GradientGain {
 }
 
 impl GradientGain {
-    /// Sums over the pixels between the first and the last column of every row; rows whose first is larger are empty.
+    /// Sums over the pixels between the first and the last column of every [`ROW_STEP`]th row.
+    ///
+    /// `spans` has one pair of columns for each row of the prepared part. Rows whose first column is larger are empty.
     pub(in crate::dic) fn from_spans(reference: &PreparedFrame, spans: &[(i32, i32)]) -> Self {
         let mut sums = Self::default();
         for (y, (left, right)) in spans.iter().enumerate().step_by(ROW_STEP).filter(|(_, span)| span.0 <= span.1) {
@@ -37,7 +39,7 @@ impl GradientGain {
         sums
     }
 
-    /// Sums over the pixels of a subset at a position in the reference.
+    /// Sums over every [`ROW_STEP`]th row of the pixels of a subset centred at `at` in the reference.
     pub(in crate::dic) fn from_subset(reference: &PreparedFrame, subset: &SubsetMask, at: GridPoint) -> Self {
         let Pixel { x, y } = reference.local(at);
         let mut sums = Self::default();
@@ -56,7 +58,7 @@ impl GradientGain {
         self.products += other.products;
     }
 
-    /// Returns the gradient gain: the factor that corrects one Gauss-Newton step.
+    /// Returns the gradient gain: the factor that corrects one Gauss-Newton step; 1 outside [`MIN_GAIN`] to 1.
     pub(in crate::dic) fn gain(&self) -> f64 {
         let gain = self.squares / self.products;
         // Without texture the gain is undefined, and no match succeeds anyway.
@@ -66,7 +68,7 @@ impl GradientGain {
 
 vectorized! {
     /// Returns the sums over `count` pixels of a row of the squared gradients, and of their products with those of
-    /// eighth order. `first` is the index of the first pixel.
+    /// eighth order. `first` is the index of the first pixel. The last `count` modulo 8 pixels are left out.
     fn add_gradients(reference: &PreparedFrame, first: usize, count: usize) -> [f64; 2] = add_gradients_with
 }
 

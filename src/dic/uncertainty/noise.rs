@@ -88,15 +88,17 @@ impl NoisePool {
         (self.slopes, self.gradient_gain) = (GradientNoise::default(), GradientGain::default());
     }
 
-    /// Adds one window with its residual, packed like the subset.
+    /// Adds the texture of one window, and the autocorrelation and slope weights of its residual, packed like the
+    /// subset.
     pub(in crate::dic) fn add_window(&mut self, subset: &ReferenceSubset, window: &SubsetMask, residual: &[Lanes]) {
         self.add_texture(subset, window);
         self.add_part(Part::Residual, window, residual);
         self.slopes.add(GradientNoise::from_window(subset, window, residual));
     }
 
-    /// Adds one window in planes about `at` with its fit. `pairs` are those of [`count_pairs`]. All windows added this
-    /// way must have one shape.
+    /// Adds texture and residual of one window about `at`, taken from planes, with the grey-level fit of its match.
+    ///
+    /// `pairs` are those of [`count_pairs`]. All windows added this way must have one shape.
     pub(in crate::dic) fn add_layers(
         &mut self,
         layers: Layers<'_>,
@@ -121,12 +123,12 @@ impl NoisePool {
         self.gradient_gain.add(gradient_gain);
     }
 
-    /// Returns the gradient gain, the correction of the inverse Hessian's standard uncertainties.
+    /// Returns the gradient gain of all windows added: the factor on the inverse Hessian's standard uncertainties.
     pub(in crate::dic) fn gradient_gain(&self) -> f64 {
         self.gradient_gain.gain()
     }
 
-    /// Adds the autocorrelation of one quantity of a window, packed like the window's mask.
+    /// Adds the autocorrelation of `rows`, one quantity of a window, packed like the window's mask.
     fn add_part(&mut self, part: Part, window: &SubsetMask, rows: &[Lanes]) {
         unpack_clean(window, rows, &mut self.dense);
         let sums = match part {
@@ -157,7 +159,8 @@ impl NoisePool {
 
     /// Returns the variance factors of the windows added; 1 without any.
     ///
-    /// They are the `q` of the module, corrected for noise that depends on the grey level.
+    /// They are the `q` of the module, limited to 0.1 to 10, times the correction for noise that depends on the grey
+    /// level ([`VarianceFactor::weighted_by_slopes`]).
     pub(in crate::dic) fn factor(&self) -> VarianceFactor {
         let correlated = |gradient: &Lags| {
             let zero = lag_index(0, 0);
@@ -187,7 +190,7 @@ fn lag_index(dx: isize, dy: usize) -> usize {
     dy * (2 * REACH + 1) + (dx + REACH as isize) as usize
 }
 
-/// Returns the number of pixel pairs of a window at each lag.
+/// Returns the number of pixel pairs of a window at each lag, counted in the rows that [`add_lags`] visits.
 pub(in crate::dic) fn count_pairs(window: &SubsetMask) -> Lags {
     let (mut dense, mut pairs) = (Vec::new(), [0.0; LAGS]);
     unpack_clean(window, &window.mask, &mut dense);
@@ -200,7 +203,7 @@ fn side_of(window: &SubsetMask) -> usize {
     2 * window.half as usize + 1
 }
 
-/// Returns the row stride of a square: each row is followed by zeros, as far as lags reach.
+/// Returns the row stride of a square, a multiple of eight: each row is followed by zeros, as far as lags reach.
 fn stride_of(side: usize) -> usize {
     (side + REACH).next_multiple_of(LANES)
 }
@@ -322,7 +325,8 @@ fn add_lags_with<V: Vector>(dense: &[f32], side: usize, sums: &mut Lags) {
 }
 
 vectorized! {
-    /// Adds the squares of a residual, those of the slopes along x and y, and the products of both.
+    /// Adds the squares of a residual, those of the slopes along x and y, and the products of both, in the order of
+    /// [`GradientNoise`].
     fn add_squares(gradients: [&[Lanes]; 2], residual: &[Lanes], sums: &mut [f64; 5]) = add_squares_with
 }
 
@@ -364,7 +368,9 @@ impl GradientNoise {
         self.pixels += other.pixels;
     }
 
-    /// Returns the ratio of the noise variance at pixels with slopes along x and along y to that of all pixels.
+    /// Returns the ratios, for x and y, of the noise variance weighted with the squared slopes to that of all pixels.
+    ///
+    /// They are limited to 0.25 to 25, and 1 without slopes or noise.
     fn noise_ratios(&self) -> (f64, f64) {
         let [squares, x_squared, y_squared, x_noisy, y_noisy] = self.sums;
         let noise_ratios = |noisy: f64, squared: f64| {
@@ -385,8 +391,9 @@ impl VarianceFactor {
 
     /// Returns the variances of u and v from the variance of the residual and the diagonal of the inverse Hessian.
     ///
-    /// They are not smaller than rounding allows. If the factor is so small that the pair must be called aliased, no
-    /// single formula is correct, and the uncertainty is increased by up to 1.5.
+    /// `residual` is its variance, DN^2, which counts with the factor as at least [`ROUNDING`]. A factor below 0.44 is
+    /// a sign of an aliased pair, for which no single formula is correct. The standard uncertainty is then multiplied
+    /// by 1 to 1.5, reached at 0.25.
     pub(in crate::dic) fn variances(&self, residual: f64, inverse_u: f64, inverse_v: f64) -> (f64, f64) {
         let along = |factor: f64, inverse: f64| {
             let naive = 1.0 / factor.sqrt();

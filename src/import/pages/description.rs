@@ -72,7 +72,7 @@ impl Description {
         }
     }
 
-    /// Reads the first `Pixels` element of OME-XML and the times of its planes.
+    /// Reads the first `Pixels` element of OME-XML, and the times of all planes if each has one and there are several.
     fn parse_ome(text: &str) -> Self {
         let Some(pixels) = opening_tags(text, "Pixels").next() else { return Self::default() };
         let number = |name: &str| attribute(pixels, name).and_then(|value| value.parse::<u64>().ok());
@@ -99,7 +99,7 @@ impl Description {
     }
 }
 
-/// Returns the tags of an XML document that open an element of this name.
+/// Returns the tags of an XML document that open an element of this name with attributes, without their closing `>`.
 fn opening_tags<'a>(xml: &'a str, name: &str) -> impl Iterator<Item = &'a str> {
     let opening = format!("<{name} ");
     xml.match_indices(&opening)
@@ -108,7 +108,7 @@ fn opening_tags<'a>(xml: &'a str, name: &str) -> impl Iterator<Item = &'a str> {
         .into_iter()
 }
 
-/// Returns the value of an attribute in a tag.
+/// Returns the value of an attribute in a tag; `None` without such an attribute.
 fn attribute<'a>(tag: &'a str, name: &str) -> Option<&'a str> {
     let (_, rest) = tag.split_once(&format!(" {name}=\""))?;
     rest.split_once('"').map(|(value, _)| value)
@@ -126,7 +126,7 @@ fn unit_seconds(unit: &str) -> Option<f64> {
     })
 }
 
-/// Returns the number of images in `"shape": [images, height, width]`.
+/// Returns the number of images in `"shape": [images, height, width]`; `None` for any other number of axes.
 fn image_count(json: &str) -> Option<u64> {
     let (_, rest) = json.split_once("\"shape\":")?;
     let (axes, _) = rest.trim_start().strip_prefix('[')?.split_once(']')?;

@@ -37,7 +37,7 @@ pub(super) fn check(reader: &mut BufReader<File>, file_bytes: u64) -> Result<(),
     rewind(reader)
 }
 
-/// Reads at a place of the file, as far as the file goes; returns the number of bytes.
+/// Fills `into` from byte `at` of the file on, as far as the file goes; returns the number of bytes read.
 fn read_at(reader: &mut BufReader<File>, at: u64, into: &mut [u8]) -> Result<usize, TiffError> {
     reader.seek(SeekFrom::Start(at))?;
     let mut length = 0;

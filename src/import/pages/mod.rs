@@ -48,12 +48,12 @@ struct Behind {
 }
 
 impl Stack {
-    /// Opens a file; `None` when it is no TIFF.
+    /// Opens a file and counts its pages; `None` when it is no TIFF.
     ///
     /// # Errors
     ///
-    /// [`ImportError::Invalid`] when the file ends within the directory of a page, its directories form a cycle, or more
-    /// images are announced than are there.
+    /// [`ImportError::Invalid`] when the file ends within the directory of a page, its directories form a cycle, or
+    /// more images are announced than are there, or when its images are channels or layers.
     pub(super) fn open(path: &Path) -> Result<Option<Self>, ImportError> {
         let (file, file_bytes) = open_file(path)?;
         let mut directories = 0;
@@ -98,7 +98,11 @@ impl Stack {
     }
 
     /// Finds the images that a program announces in the only directory and writes behind its image, without directories
-    /// of their own.
+    /// of their own. `None` when no more than one is announced.
+    ///
+    /// # Errors
+    ///
+    /// [`ImportError::Invalid`] when they are not stored uncompressed in one piece, or the file has fewer than two.
     fn find_behind(&mut self, file_bytes: u64) -> Result<Option<Behind>, ImportError> {
         let Some(announced) = self.description.images.filter(|images| *images > 1) else { return Ok(None) };
         let refused = |there: u64| {
@@ -128,7 +132,7 @@ impl Stack {
         missing.map(|announced| format!("{announced} images are announced, the file has {pages}")).into_iter().collect()
     }
 
-    /// Returns the rate that the description states.
+    /// Returns the rate that the description states, that of playback if it states no other.
     pub(super) fn rate(&self) -> Option<Rate> {
         self.description.rate.clone()
     }
@@ -139,7 +143,8 @@ impl Stack {
         (times.times_ns.len() as u64 == self.pages()).then(|| times.clone())
     }
 
-    /// Returns the date and time of the first page in ISO 8601, as the file states it without a time zone.
+    /// Returns the date and time of the current page, the first before any other is decoded, in ISO 8601 and without a
+    /// time zone, as the file states it. `None` where it states none.
     pub(super) fn date(&mut self) -> Option<String> {
         let text = self.decoder.find_tag(Tag::DateTime).ok()??.into_string().ok()?;
         let text = text.trim_matches(['\0', ' ']);
@@ -174,7 +179,7 @@ impl Stack {
         Still::new(&self.path, shape, grey, look)
     }
 
-    /// Returns the error of the next page with a reason.
+    /// Returns the error that the next page is refused, for the reason `why`.
     fn refused(&self, why: String) -> ImportError {
         ImportError::invalid(&self.path, format!("page {}: {why}", self.next))
     }
@@ -193,7 +198,7 @@ impl Iterator for Stack {
     }
 }
 
-/// Returns the error of the decoder at a page, which is counted from 0.
+/// Returns the import error of a decoder's error at a page, which is counted from 0.
 fn page_error(path: &Path, page: u64, error: &TiffError) -> ImportError {
     ImportError::invalid(path, format!("page {page}: {error}"))
 }

@@ -110,7 +110,8 @@ impl Page {
         Ok(Ok(Self { width_px, height_px, bits: 8, samples: 1, colors, planes: 1, is_swapped: false, is_stored: true }))
     }
 
-    /// Reads the layout of a page whose samples lie uncompressed in one piece, and the offset of that piece.
+    /// Reads the layout of a page whose samples of 8 or 16 bits lie uncompressed in one piece, and the offset of that
+    /// piece. `None` for any other page.
     pub(super) fn raw(decoder: &mut Tiff) -> TiffResult<Option<(Self, u64)>> {
         let Ok(page) = Self::new(decoder)? else { return Ok(None) };
         let compression = decoder.find_tag_unsigned::<u32>(Tag::Compression)?.unwrap_or(UNCOMPRESSED);
@@ -122,7 +123,7 @@ impl Page {
         Ok(offsets.first().filter(|_| is_raw).map(|start| (page, *start)))
     }
 
-    /// Returns the size of the stored samples of 8 or 16 bits, bytes, when they lie without gaps.
+    /// Returns the size of the stored samples, bytes, for 8 or 16 bits per sample and without gaps.
     pub(super) fn bytes(&self) -> u64 {
         let pixels = u64::from(self.width_px) * u64::from(self.height_px);
         pixels.saturating_mul(self.samples as u64 * u64::from(self.bits / 8))
@@ -133,13 +134,17 @@ impl Page {
         (self.width_px as usize * self.samples * self.bits as usize).div_ceil(8) * self.height_px as usize
     }
 
-    /// Returns the size of the samples in whole bytes, bytes.
+    /// Returns the size of the samples, bytes, when each takes one byte, or two above 8 bits.
     pub(super) fn decoded_bytes(&self) -> u64 {
         let pixels = u64::from(self.width_px) * u64::from(self.height_px);
         pixels.saturating_mul(self.samples as u64 * if self.bits > 8 { 2 } else { 1 })
     }
 
     /// Returns size and pixel layout of the grey image.
+    ///
+    /// # Errors
+    ///
+    /// [`ImportError::Invalid`] for an image without pixels, or a larger one than is supported.
     pub(super) fn shape(&self, path: &Path) -> Result<Shape, ImportError> {
         let format = match self.bits {
             ..=8 => PixelFormat::Mono8,
@@ -150,7 +155,12 @@ impl Page {
         Shape::new(path, self.width_px.into(), self.height_px.into(), format)
     }
 
-    /// Reads orientation, shape of a pixel and significant bits for the display of the page.
+    /// Reads orientation and shape of a pixel for the display of the page, and returns them with the significant bits,
+    /// at least 8, and the rule of the grey levels.
+    ///
+    /// # Errors
+    ///
+    /// [`ImportError::Invalid`] for an orientation that TIFF does not define.
     pub(super) fn look(&self, decoder: &mut Tiff, path: &Path) -> Result<Look, ImportError> {
         let mut number = |tag: Tag| decoder.find_tag(tag).ok().flatten();
         let tag = number(Tag::Orientation).and_then(|value| value.into_u16().ok()).unwrap_or(1);
@@ -166,7 +176,8 @@ impl Page {
         Ok(Look { orientation, pixel_aspect, bits: self.bits.max(8), grey_rule, ..Look::default() })
     }
 
-    /// Decodes all samples, in the byte order of the machine.
+    /// Decodes all samples of the current page, in the byte order of the machine; samples that the decoder does not
+    /// read stay packed as they are stored.
     pub(super) fn decode(&self, decoder: &mut Tiff) -> TiffResult<Vec<u8>> {
         if self.is_stored {
             let mut samples = vec![0; self.stored_bytes()];
@@ -183,7 +194,8 @@ impl Page {
         Ok(samples)
     }
 
-    /// Swaps samples of 16 bits, which were read from the file as they are, to the byte order of the machine.
+    /// Swaps samples of 16 bits, which were read from the file as they are, to the byte order of the machine. Other
+    /// samples stay as they are.
     pub(super) fn to_native_byte_order(&self, mut samples: Vec<u8>) -> Vec<u8> {
         if self.is_swapped && self.bits == 16 {
             swap_pairs(&mut samples);
@@ -191,7 +203,7 @@ impl Page {
         samples
     }
 
-    /// Computes packed little-endian grey levels.
+    /// Computes packed little-endian grey levels from decoded samples. Transparency and further samples are left out.
     ///
     /// # Errors
     ///
@@ -232,7 +244,8 @@ impl Page {
         })
     }
 
-    /// Spreads the samples to whole little-endian bytes. Rows of packed samples end at a byte.
+    /// Spreads the samples to whole little-endian bytes. Fewer than 8 bits are scaled to 0 to 255, more than 8 keep
+    /// their levels in 16-bit words. Rows of packed samples end at a byte.
     fn spread_to_bytes(&self, samples: Vec<u8>) -> Vec<u8> {
         let row_samples = self.width_px as usize * if self.planes > 1 { 1 } else { self.samples };
         let row_bytes = (row_samples * self.bits as usize).div_ceil(8).max(1);
@@ -264,13 +277,18 @@ impl Page {
     }
 }
 
-/// Whether packed samples are stored in tiles, or with white as 0.
+/// Whether the samples of the current page are stored in tiles, or with white as 0.
 fn is_tiled_or_inverted(decoder: &mut Tiff) -> TiffResult<bool> {
     let is_tiled = decoder.find_tag(Tag::TileWidth)?.is_some();
     Ok(is_tiled || decoder.find_tag_unsigned::<u32>(Tag::PhotometricInterpretation)? == Some(WHITE_IS_ZERO))
 }
 
-/// Reads uncompressed strips one after the other. The decoder itself unpacks whole bytes only.
+/// Fills `into` with the uncompressed strips of the current page, one after the other. The decoder itself unpacks whole
+/// bytes only.
+///
+/// # Errors
+///
+/// [`TiffError::IoError`] when the strips are shorter than `into` or cannot be read.
 fn read_strips(decoder: &mut Tiff, mut into: &mut [u8]) -> TiffResult<()> {
     let offsets = decoder.find_tag_unsigned_vec::<u64>(Tag::StripOffsets)?.unwrap_or_default();
     let counts = decoder.find_tag_unsigned_vec::<u64>(Tag::StripByteCounts)?.unwrap_or_default();
@@ -287,7 +305,7 @@ fn read_strips(decoder: &mut Tiff, mut into: &mut [u8]) -> TiffResult<()> {
     }
 }
 
-/// Keeps the first `kept` bytes of every `every`.
+/// Returns the first `kept` bytes of every `every` bytes. Bytes at the end that are fewer than `every` are dropped.
 fn leading_bytes(samples: &[u8], every: usize, kept: usize) -> Vec<u8> {
     match every == kept {
         true => samples.to_vec(),
@@ -310,7 +328,7 @@ fn palette_levels(decoder: &mut Tiff) -> TiffResult<Vec<u16>> {
     Ok(levels.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]])).collect())
 }
 
-/// Returns a rational number; `None` when it is not positive.
+/// Returns the value of a rational number; `None` for another type, or when it is not positive.
 fn positive_ratio(value: Value) -> Option<f64> {
     let Value::Rational(numerator, denominator) = value else { return None };
     (numerator > 0 && denominator > 0).then(|| f64::from(numerator) / f64::from(denominator))

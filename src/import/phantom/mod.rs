@@ -75,7 +75,11 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
 }
 
 impl Cine {
-    /// Reads the file header and returns it.
+    /// Reads the file header, takes the number of images, their offsets and the trigger from it, and returns it.
+    ///
+    /// # Errors
+    ///
+    /// [`ImportError::Invalid`] for a file that is no CINE, is compressed, or has no images or too many.
     fn read_header(&mut self) -> Result<Vec<u8>, ImportError> {
         let header = self.read(0, FILE_HEADER_BYTES)?;
         if header[..2] != *b"CI" {
@@ -97,6 +101,11 @@ impl Cine {
     }
 
     /// Numbers and times the images: by their own times, else by the rate profile, else at the rate of the set-up.
+    /// `fps`, the rate of the user, overrides that rate.
+    ///
+    /// # Errors
+    ///
+    /// [`ImportError::FrameRate`] when nothing states a rate.
     fn timeline(
         &self,
         setup: &Setup,
@@ -134,7 +143,8 @@ impl Cine {
         Ok(Timeline::consecutive(rate).starting_at(first_ns))
     }
 
-    /// Computes the times of the images from a rate profile, ns since the Unix epoch.
+    /// Computes the times of the images from a rate profile, ns since the Unix epoch. `rate` holds before its first
+    /// change.
     fn times_of(&self, profile: &times::Profile, rate: &Rate) -> Vec<i64> {
         let numbers = (0..self.count).map(|index| i64::from(self.first_image) + i64::from(index));
         numbers
@@ -142,12 +152,12 @@ impl Cine {
             .collect()
     }
 
-    /// Returns the error of this file with a reason.
+    /// Returns the error that this file is damaged or not supported, for this reason.
     fn invalid(&self, reason: impl Into<String>) -> ImportError {
         ImportError::invalid(&self.path, reason)
     }
 
-    /// Reads bytes at an offset of the file.
+    /// Reads `count` bytes from byte `at` of the file on.
     ///
     /// # Errors
     ///
@@ -161,7 +171,11 @@ impl Cine {
         Ok(bytes)
     }
 
-    /// Checks that no two images begin at the same place, so that a small file cannot stand for a long film.
+    /// Checks that no two images begin at the same byte, so that a small file cannot stand for a long film.
+    ///
+    /// # Errors
+    ///
+    /// [`ImportError::Invalid`] if two do, or the table of offsets is cut off.
     fn check_offsets(&self) -> Result<(), ImportError> {
         let (mut at, end) = (self.offsets, self.offsets.saturating_add(u64::from(self.count) * 8));
         let mut offsets = Vec::new();
@@ -199,12 +213,20 @@ fn offset_at(entry: &[u8]) -> u64 {
     u64::from(u32_at(entry, 0)) | u64::from(u32_at(entry, 4)) << 32
 }
 
-/// Reads a little-endian number of 16 bits.
+/// Reads the little-endian number of 16 bits at byte `at`.
+///
+/// # Panics
+///
+/// When it reaches beyond the bytes.
 fn u16_at(bytes: &[u8], at: usize) -> u16 {
     u16::from_le_bytes([bytes[at], bytes[at + 1]])
 }
 
-/// Reads a little-endian number of 32 bits.
+/// Reads the little-endian number of 32 bits at byte `at`.
+///
+/// # Panics
+///
+/// When it reaches beyond the bytes.
 fn u32_at(bytes: &[u8], at: usize) -> u32 {
     u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
 }

@@ -73,7 +73,8 @@ impl Layout {
             bits,
             pixel_aspect: pixel_aspect(bitmap),
             storage,
-            // A negative height puts the first row first, as in every Windows bitmap. Packed images always have it first.
+            // A negative height puts the first row first, as in every Windows bitmap. Packed images always have it
+            // first.
             is_bottom_up: height > 0 && !is_packed,
             is_mosaic: is_mosaic(cine, setup.color_filter(), storage)?,
             linear: if is_packed { linear_levels() } else { Vec::new() },
@@ -89,7 +90,8 @@ impl Layout {
         }
     }
 
-    /// Checks on the first image that no level exceeds the significant bits, and takes all bits otherwise.
+    /// Checks on the first image that no level exceeds the significant bits. Otherwise all 16 bits count, with a
+    /// warning.
     pub(super) fn check_levels(&mut self, cine: &Cine, warnings: &mut Vec<String>) -> Result<(), ImportError> {
         if self.shape.format.bytes_per_pixel() == 1 || self.bits == 16 {
             return Ok(());
@@ -104,7 +106,8 @@ impl Layout {
         Ok(())
     }
 
-    /// Reads the pixels of one image, top row first; `number` is counted from 0.
+    /// Reads the grey levels of one image, top row first; `number` is counted from 0. Colours become their luma, a
+    /// mosaic its brightness.
     pub(super) fn read_image(&self, cine: &Cine, number: u64) -> Pixels {
         let stored = cine.stored_image(number)?;
         let grey = match self.storage {
@@ -127,7 +130,11 @@ impl Layout {
         Ok(if self.is_mosaic { grey::mosaic_brightness(self.shape, &grey) } else { grey })
     }
 
-    /// Returns the stored rows of one image without their padding, top row first.
+    /// Returns the stored rows of one image without their padding, top row first. A pixel has `channels` samples.
+    ///
+    /// # Errors
+    ///
+    /// [`ImportError::Invalid`] when the size of the image is neither that with nor that without padding.
     fn unpadded_rows(&self, cine: &Cine, number: u64, stored: &[u8], channels: usize) -> Pixels {
         let (width, rows) = (self.shape.width_px as usize, self.shape.height_px as usize);
         let row_bytes = width * channels * self.shape.format.bytes_per_pixel();
@@ -148,7 +155,11 @@ impl Layout {
         })
     }
 
-    /// Unpacks pixels without gaps to 12-bit levels. The size of an image shows whether they have 10 or 12 bits.
+    /// Unpacks pixels without gaps to linear 12-bit levels. The size of an image shows whether they have 10 or 12 bits.
+    ///
+    /// # Errors
+    ///
+    /// [`ImportError::Invalid`] when it is the size of neither.
     fn unpack(&self, cine: &Cine, number: u64, stored: &[u8]) -> Pixels {
         let pixels = self.shape.width_px as usize * self.shape.height_px as usize;
         if pixels.is_multiple_of(4) && stored.len() == pixels / 4 * 5 {

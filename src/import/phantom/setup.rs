@@ -62,17 +62,17 @@ impl Setup {
         self.0.len() as u64
     }
 
-    /// Reads the field at an offset; `None` in a file that ends before it.
+    /// Reads the field at byte `at` of the set-up; `None` in a set-up that ends before it.
     fn u32(&self, at: usize) -> Option<u32> {
         (self.0.len() >= at + 4).then(|| u32_at(&self.0, at))
     }
 
-    /// Whether the field at an offset is present and not 0.
+    /// Whether the field at byte `at` of the set-up is present and not 0.
     fn is_set(&self, at: usize) -> bool {
         self.u32(at).is_some_and(|value| value != 0)
     }
 
-    /// Returns the significant bits of a grey level, as stored or before a conversion to 8 bits.
+    /// Returns the significant bits of a grey level, as stored or before a conversion to 8 bits; `None` in an old file.
     pub(super) fn real_bits(&self) -> Option<u32> {
         self.u32(REAL_BITS)
     }
@@ -82,7 +82,8 @@ impl Setup {
         self.u32(COLOR_FILTER).unwrap_or(0)
     }
 
-    /// Returns the frame rate from the most exact field that the file has; `None` where no field states one.
+    /// Returns the frame rate from the most exact field that the file has; `None` where no field states one. Fields
+    /// that contradict each other give a warning.
     pub(super) fn rate(&self, warnings: &mut Vec<String>) -> Option<Rate> {
         let whole = match self.u32(FRAME_RATE) {
             Some(hz) => Rate::from_header(f64::from(hz), "FrameRate"),
@@ -102,7 +103,8 @@ impl Setup {
         }
     }
 
-    /// Returns the rate profile; `None` when no rate changes within the images of the file.
+    /// Returns the rate profile; `None` when no rate changes within the images of the file, or the changes are out of
+    /// order.
     pub(super) fn profile(&self, first_image: i32, count: u32) -> Option<Profile> {
         let count_of_steps = self.u32(PROFILE_STEPS)?.min(PROFILE_STEPS_MAX) as usize;
         let step = |index: usize| {
@@ -115,14 +117,16 @@ impl Setup {
         (is_inside && steps.is_sorted()).then_some(Profile(steps))
     }
 
-    /// Returns the transformation that Phantom software shows the stored images with: flips, then a rotation.
+    /// Returns the transformation that Phantom software shows the stored images with: flips, then a rotation by
+    /// quarters.
     pub(super) fn orientation(&self) -> Orientation {
         let flip = |at: usize, flip: Orientation| if self.is_set(at) { flip } else { Orientation::AS_STORED };
         let flipped = flip(FLIP_H, Orientation::MIRRORED).then(flip(FLIP_V, Orientation::FLIPPED));
         flipped.then(self.rotation().unwrap_or(Orientation::AS_STORED))
     }
 
-    /// Returns the rotation, where +90 is counter-clockwise; `None` for other angles.
+    /// Returns the rotation, where +90 degrees are counter-clockwise; `None` for an angle that is no multiple of 90
+    /// degrees within one turn.
     fn rotation(&self) -> Option<Orientation> {
         match self.u32(ROTATE).unwrap_or(0) as i32 {
             0 => Some(Orientation::AS_STORED),
@@ -133,7 +137,8 @@ impl Setup {
         }
     }
 
-    /// Reports the settings of the display that are not applied.
+    /// Returns warnings of the settings that are not applied, of the order of flip and rotation, and of images that the
+    /// camera left out.
     pub(super) fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
         if self.rotation().is_none() {
@@ -163,7 +168,8 @@ impl Setup {
         warnings
     }
 
-    /// Returns the properties of the camera.
+    /// Returns the properties of the recording: first image, counted from the trigger, camera, serial number and
+    /// exposure, where they are known.
     pub(super) fn description(&self, first_image: i32) -> BTreeMap<String, String> {
         let mut entries = BTreeMap::from([("first_image".to_owned(), first_image.to_string())]);
         if self.u32(REAL_BITS).is_some() {

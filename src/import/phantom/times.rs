@@ -31,7 +31,8 @@ pub(super) struct Blocks {
 }
 
 impl Blocks {
-    /// Reads the blocks between the set-up and the table of offsets. Damaged blocks end the search.
+    /// Reads the blocks from byte `at` of the file, behind the set-up, to the table of offsets. Damaged blocks end the
+    /// search.
     pub(super) fn read(cine: &Cine, mut at: u64) -> Self {
         let mut blocks = Self { times_ns: None, exposures_us: None };
         for _ in 0..BLOCKS {
@@ -58,7 +59,7 @@ impl Blocks {
         blocks
     }
 
-    /// Adds the exposure of the images to the properties of the camera.
+    /// Adds the shortest exposure of the images to the properties of the camera, and the longest if it differs.
     pub(super) fn describe(&self, entries: &mut BTreeMap<String, String>) {
         let Some([shortest_us, longest_us]) = self.exposures_us.filter(|exposures| exposures[0] > 0.0) else { return };
         entries.insert("exposure_us".into(), format!("{shortest_us:.3}"));
@@ -74,7 +75,7 @@ fn image_times(values: &[u8]) -> Vec<i64> {
     values.chunks_exact(8).map(|time| ns_of(u32_at(time, 4), u32_at(time, 0) & !FLAGS) as i64).collect()
 }
 
-/// Returns the shortest and the longest of exposures in units of 2^-32 s, us.
+/// Returns the shortest and the longest of exposures, us, which are stored in units of 2^-32 s.
 fn extreme_exposures_us(values: &[u8]) -> [f64; 2] {
     let exposures = values.chunks_exact(4).map(|value| f64::from(u32_at(value, 0)) / 2_f64.powi(32) * 1e6);
     exposures
@@ -85,7 +86,8 @@ fn extreme_exposures_us(values: &[u8]) -> [f64; 2] {
 pub(super) struct Profile(pub(super) Vec<(i64, u32)>);
 
 impl Profile {
-    /// Integrates the periods from the trigger to an image, ns. `before_hz` is the rate up to the first change.
+    /// Integrates the periods from the trigger to an image, ns, negative for an image before it. `before_hz` is the
+    /// rate up to the first change.
     pub(super) fn since_trigger_ns(&self, image: i64, before_hz: f64) -> f64 {
         let (from, to) = (image.min(0), image.max(0));
         let ends = self.0.iter().map(|(end, _)| *end).chain([i64::MAX]);

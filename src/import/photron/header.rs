@@ -78,6 +78,10 @@ impl Header {
     }
 
     /// Returns a property as a number. A unit may follow it.
+    ///
+    /// # Errors
+    ///
+    /// The reason if the header has no such property, or it is no number.
     pub(super) fn number<T: FromStr>(&self, key: Key) -> Result<T, String> {
         let text = self.text(key)?;
         let number: String = text.chars().take_while(|letter| letter.is_ascii_digit() || *letter == '.').collect();
@@ -85,7 +89,7 @@ impl Header {
         number.parse().map_err(|_| format!("{} is {value:?}, not a number", key.names[0]))
     }
 
-    /// Returns the properties of the camera.
+    /// Returns the properties of the recording: camera, date, first frame and exposure, where they are known.
     pub(super) fn description(&self) -> BTreeMap<String, String> {
         let text = |key: Key| self.text(key).ok().filter(|text| !text.is_empty()).map(str::to_owned);
         let exposure_us = self.number::<f64>(EXPOSURE_NS).ok().map(|exposure_ns| exposure_ns * 1e-3).or_else(|| {
@@ -122,7 +126,8 @@ fn plain_name(name: &str) -> String {
     name.chars().filter(char::is_ascii_alphanumeric).map(|letter| letter.to_ascii_lowercase()).collect()
 }
 
-/// Returns the text inside nested elements. The elements read here have no attributes.
+/// Returns the text inside nested elements, the outermost first in `path`; `None` if one is missing or the path empty.
+/// The elements read here have no attributes.
 fn element_text<'a>(xml: &'a str, path: &[&str]) -> Option<&'a str> {
     if path.is_empty() {
         return None;

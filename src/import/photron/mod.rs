@@ -50,7 +50,12 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
 
 /// Returns the rate of the saved frames, which is that of the recording divided by the step at which frames were saved.
 ///
-/// A step that reaches beyond the recorded frames is that of the player. It is reported and not used.
+/// `frames` is the number of saved frames. A step with which they reach beyond the recorded frames is that of the
+/// player. It is reported and not used. `None` if the header states no usable rate.
+///
+/// # Errors
+///
+/// The reason if the header has no record rate.
 fn saved_rate(header: &Header, frames: u64, warnings: &mut Vec<String>) -> Result<Option<Rate>, String> {
     let recorded_hz: f64 = header.number(header::RECORD_RATE)?;
     let step: u64 = header.number(header::SAVE_STEP).unwrap_or(1);
@@ -75,6 +80,10 @@ fn saved_rate(header: &Header, frames: u64, warnings: &mut Vec<String>) -> Resul
 }
 
 /// Finds the header of a recording, given either of its files.
+///
+/// # Errors
+///
+/// [`ImportError::Invalid`] if there is none next to the pixels.
 fn find_header(path: &Path) -> Result<PathBuf, ImportError> {
     match extension(path).as_str() {
         "mraw" => first_existing(path, &["cihx", "CIHX", "cih", "CIH", "Cih"])
@@ -84,6 +93,10 @@ fn find_header(path: &Path) -> Result<PathBuf, ImportError> {
 }
 
 /// Finds the pixels of a recording, given either of its files.
+///
+/// # Errors
+///
+/// [`ImportError::Invalid`] if there are none next to the header, with the format of the images if it is another.
 fn find_pixels(path: &Path, header: &Header) -> Result<PathBuf, ImportError> {
     if extension(path) == "mraw" {
         return Ok(path.to_path_buf());
@@ -100,7 +113,7 @@ fn find_pixels(path: &Path, header: &Header) -> Result<PathBuf, ImportError> {
     })
 }
 
-/// Returns the first file next to `path` that exists, of its name with one of these endings.
+/// Returns the first file that exists among those with the name of `path` and one of these endings.
 fn first_existing(path: &Path, endings: &[&str]) -> Option<PathBuf> {
     endings.iter().map(|ending| path.with_extension(ending)).find(|candidate| candidate.exists())
 }

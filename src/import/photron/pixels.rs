@@ -94,7 +94,8 @@ impl Layout {
         Ok(Ok(Self { shape, bits, stored_bytes: all_bits / 8, stored_bits, is_upper, samples }))
     }
 
-    /// Decides by the first frame what the header leaves open, and names what it contradicts.
+    /// Decides by the first frame what the header leaves open: the end of the words with the significant bits, a
+    /// mosaic, and planes of colours. Adds warnings of what it decides and of what contradicts the header.
     pub(super) fn check(&mut self, stored: &[u8], warnings: &mut Vec<String>) {
         if self.stored_bits == 16 && self.bits < 16 && !self.is_upper {
             let highest = stored.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]])).max().unwrap_or(0);
@@ -157,7 +158,8 @@ impl Layout {
         }
     }
 
-    /// Whether the four places of a 2 x 2 square differ in their mean level. A grey sensor has no such pattern.
+    /// Whether the four places of a 2 x 2 square differ in their mean level by more than [`MOSAIC`]. A grey sensor has
+    /// no such pattern.
     fn is_mosaic(&self, samples: &[u8]) -> bool {
         let (width, bytes) = (self.shape.width_px as usize, self.shape.format.bytes_per_pixel());
         let mut sums = [0.0_f64; 4];
@@ -172,7 +174,8 @@ impl Layout {
         max - min > MOSAIC * max
     }
 
-    /// Whether the steps between neighbouring samples repeat with a period of three. Those of one plane do not.
+    /// Whether the sums of the absolute steps between neighbouring samples, by their place in a period of three, differ
+    /// by more than [`INTERLEAVED`]. Those of one plane do not.
     fn is_interleaved(&self, samples: &[u8]) -> bool {
         let levels: Vec<f64> = samples.chunks_exact(self.shape.format.bytes_per_pixel()).map(sample_level).collect();
         let mut sums = [0.0_f64; 3];

@@ -21,7 +21,8 @@ pub(super) struct Blends {
 }
 
 impl Blends {
-    /// Adds a frame with the part of it that its neighbours do not explain, DN^2.
+    /// Adds a frame with the part of it that its neighbours do not explain, DN^2. A part far below the usual one of
+    /// recent frames counts as a blend.
     pub(super) fn push(&mut self, own_part: f64) {
         self.recent.push_back(own_part);
         if self.recent.len() > RECENT {
@@ -35,7 +36,7 @@ impl Blends {
         self.blended += u64::from(own_part < MAX_SHARE_OF_USUAL * usual);
     }
 
-    /// Returns the warning of a film with blended frames.
+    /// Returns the warning of a film with blended frames; `None` while they are too few or too small a share.
     pub(super) fn warning(&self) -> Option<String> {
         let (blended, all) = (self.blended, self.all);
         let is_reported = blended >= MIN_COUNT && blended as f64 > MIN_SHARE * all as f64;

@@ -24,7 +24,7 @@ impl Tiles {
         Self { columns: tile_ranges(width_px), rows: tile_ranges(height_px), width_px, format }
     }
 
-    /// Returns the mean square of the difference of two frames in each tile, DN^2.
+    /// Returns the mean square of the difference of two frames of packed pixels in each tile, DN^2.
     pub(super) fn change(&self, before: &[u8], after: &[u8]) -> Change {
         if before == after {
             return Change { tiles: vec![0.0; self.columns.len() * self.rows.len()] };
@@ -39,7 +39,7 @@ impl Tiles {
         Change { tiles }
     }
 
-    /// Sums the squared differences within a row of a tile, DN^2.
+    /// Sums the squared differences of two frames in these columns of a row, DN^2.
     fn row_sum(&self, before: &[u8], after: &[u8], row: usize, columns: &Range<usize>) -> u64 {
         let bytes = self.format.bytes_per_pixel();
         let at = (row * self.width_px + columns.start) * bytes..(row * self.width_px + columns.end) * bytes;
@@ -54,7 +54,8 @@ impl Tiles {
     }
 }
 
-/// Divides a side into tiles of about the same length, px.
+/// Divides a side of an image into the ranges of tiles, px: at most [`MAX_TILES`], of about the same length, at least
+/// [`TILE_PX`] if the side is that long.
 fn tile_ranges(side_px: usize) -> Vec<Range<usize>> {
     let count = (side_px / TILE_PX).clamp(1, MAX_TILES);
     (0..count).map(|tile| tile * side_px / count..(tile + 1) * side_px / count).collect()
@@ -85,9 +86,9 @@ impl Change {
 
     /// Returns the largest part of a frame that its neighbours do not explain, DN^2 per pixel of a tile.
     ///
-    /// A frame that was blended of its neighbours lies on the line between them, and its distance from this line follows
-    /// from the distances of the three frames. `self` leads to the frame, `next` away from it, and `across` leads from
-    /// the one neighbour to the other.
+    /// A frame that was blended of its neighbours lies on the line between them, and its distance from this line
+    /// follows from the distances of the three frames. `self` leads to the frame, `next` away from it, and `across`
+    /// leads from the one neighbour to the other.
     pub(super) fn own_part(&self, next: &Self, across: &Self) -> f64 {
         let tiles = self.tiles.iter().zip(&next.tiles).zip(&across.tiles);
         let distances = tiles.map(|((to, from), across)| {

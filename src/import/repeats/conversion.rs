@@ -7,8 +7,8 @@ use std::collections::BTreeMap;
 const MIN_CHANGES: usize = 4;
 /// Maximum number of changes that are kept for each length.
 const MAX_KEPT: usize = 1024;
-/// Minimum growth of a change over twice the time that shows how much time a change took: half of that of a small motion.
-/// Beyond the size of the texture, changes grow no more.
+/// Minimum growth of a change over twice the time that shows how much time a change took: half of that of a small
+/// motion. Beyond the size of the texture, changes grow no more.
 const MIN_GROWTH: f64 = 2.0;
 
 /// The motion from one picture to the next, by the number of repeats between them.
@@ -20,7 +20,8 @@ pub(super) struct MotionAfterRepeats {
 }
 
 impl MotionAfterRepeats {
-    /// Adds the motion after a number of repeats, and that over two pictures where there are two, DN^2.
+    /// Adds the motion after a number of repeats, and that over two pictures where there are two, DN^2. Beyond
+    /// [`MAX_KEPT`] of a kind, further ones are ignored.
     pub(super) fn push(&mut self, repeats: usize, motion: f64, across: Option<f64>) {
         for (kept, motion) in [(self.by_repeats.entry(repeats).or_default(), Some(motion)), (&mut self.across, across)]
         {

@@ -19,7 +19,7 @@ const FULL_SPEED: f64 = 0.25;
 /// Change that rounding to whole grey levels alone can make, DN^2.
 const ROUNDING: f64 = 1.0 / 6.0;
 
-/// Whether the floor of a change is that of a camera's noise.
+/// Whether the floor of a change, DN^2, is that of a camera's noise: more than rounding alone can make.
 pub(super) fn is_noise(floor: f64) -> bool {
     floor > ROUNDING
 }
@@ -32,7 +32,7 @@ pub(super) struct RecentChanges {
 }
 
 impl RecentChanges {
-    /// Adds a change that was no repeat.
+    /// Adds a change that was no repeat; of more than [`RECENT`], the oldest goes.
     pub(super) fn push(&mut self, change: &Change) {
         for (recent, value) in [(&mut self.peaks, change.peak()), (&mut self.floors, change.floor())] {
             recent.push_back(value);
@@ -52,23 +52,23 @@ impl RecentChanges {
         self.peaks.is_empty()
     }
 
-    /// Whether no change at all is less than the noise of this film, so that the frame is no other exposure.
+    /// Whether a frame has no change at all in a film with noise, so that it is no other exposure.
     pub(super) fn is_copy(&self, change: &Change) -> bool {
         let floor = self.usual_floor();
         change.peak() == 0.0 && self.floors.len() >= MIN_CHANGES && is_noise(floor)
     }
 
-    /// Whether a change is so small that the frame may repeat the one before.
+    /// Whether a change is none, or so small next to the last one that the frame may repeat the one before.
     pub(super) fn is_standstill(&self, change: &Change) -> bool {
         let before = self.peaks.back().copied().unwrap_or_default();
         change.peak() == 0.0 || change.peak() < MAX_STANDSTILL_SHARE * before
     }
 
-    /// Whether the last change is too small for a frame of the motion around it, in a film without the noise of a camera,
-    /// which a strong compression removes.
+    /// Whether the last change is too small for a frame of the motion around it, in a film without the noise of a
+    /// camera, which a strong compression removes.
     ///
-    /// `after` is the change that follows, and `across` leads from the frame before the last two changes to the one after
-    /// all three. Where these two are alike, the motion has turned back.
+    /// `after` is the change that follows, and `across` leads from the frame before the last two changes to the one
+    /// after all three. Where these two are alike, the motion has turned back.
     pub(super) fn is_last_doubtful(&self, after: &Change, across: impl FnOnce() -> Option<Change>) -> bool {
         let mut recent = self.peaks.iter().rev();
         let (Some(last), Some(before)) = (recent.next(), recent.next()) else { return false };

@@ -2,8 +2,8 @@
 //!
 //! Capture programs repeat a frame when they cannot keep up, and converters do so to reach a higher rate. Nothing is
 //! known of the moment of a repeat: it is left out, and its number is missing. A repeat is equal to the frame before to
-//! the byte, or up to a compression. Real frames are equal only when nothing moves and there is no noise: in such a film
-//! a frame repeats only where it interrupts a motion.
+//! the byte, or up to a compression. Real frames are equal only when nothing moves and there is no noise: in such a
+//! film a frame repeats only where it interrupts a motion.
 
 mod blends;
 mod change;
@@ -84,7 +84,7 @@ impl Repeats {
         }
     }
 
-    /// Returns the frames that repeat no other, each once the frames after it have shown that.
+    /// Returns the frames that repeat no other, each once the frames after it have shown that. Errors are passed on.
     fn filter_frames(mut self, mut frames: Frames) -> impl Iterator<Item = Result<Stored, ImportError>> + Send {
         std::iter::from_fn(move || {
             loop {
@@ -166,13 +166,15 @@ impl Repeats {
         }
     }
 
-    /// Returns the change to a frame from the picture that came `before` pictures before the last.
+    /// Returns the change to a frame from the picture that came `before` pictures before the last; `None` if that is
+    /// not kept.
     fn change_from(&self, before: usize, frame: &Stored) -> Option<Change> {
         let picture = self.pictures.iter().rev().nth(before)?;
         Some(self.tiles.change(picture, &frame.pixels))
     }
 
-    /// Whether the held frames are repeats rather than show a standstill. `change` ends their run.
+    /// Whether the held frames are repeats rather than show a standstill. `change` ends their run, and `across` leads
+    /// from the picture before the last one to the frame after them.
     fn are_repeats(&self, change: &Change, across: Option<&Change>) -> bool {
         if self.changes.is_empty() {
             // The first change of a film shows whether it has noise.
@@ -184,7 +186,7 @@ impl Repeats {
     }
 
     /// Returns the error of a film that was converted to a higher rate by repeating frames, with the rate of the
-    /// original.
+    /// original. `index` is that of the newest frame.
     fn conversion_error(&self, index: u64) -> ImportError {
         let (repeats, number) = (self.repeats.numbers.count, self.timeline.moment(index).number);
         let share = 1.0 - repeats as f64 / (index as f64 + 1.0);
@@ -200,7 +202,7 @@ impl Repeats {
         )
     }
 
-    /// Leaves out the held frames as repeats.
+    /// Leaves out the held frames as repeats, and updates the warning of them.
     fn drop_held(&mut self) {
         for (frame, _) in self.held.drain(..) {
             self.repeats.push(self.timeline.moment(frame.index).number);

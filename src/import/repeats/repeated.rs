@@ -18,7 +18,7 @@ pub(super) struct Repeated {
 }
 
 impl Repeated {
-    /// Adds the frame with this number.
+    /// Counts the frame with this number, and its distance from the repeat before.
     pub(super) fn push(&mut self, number: u64) {
         let distance = number.saturating_sub(self.numbers.last);
         if self.numbers.count > 0 && (self.distances.len() < MAX_DISTANCES || self.distances.contains_key(&distance)) {
@@ -28,7 +28,8 @@ impl Repeated {
         self.run += 1;
     }
 
-    /// Returns the distance at which most repeats follow each other; `None` without one.
+    /// Returns the distance, frames, at which more than half of the repeats follow each other; `None` without one, for
+    /// fewer than three repeats, and for a distance of 1.
     fn period(&self) -> Option<u64> {
         let (distance, times) = self.distances.iter().max_by_key(|(_, times)| **times)?;
         let count = self.numbers.count;

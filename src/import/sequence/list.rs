@@ -24,11 +24,13 @@ pub(super) enum Lister {
 }
 
 impl Listed {
-    /// Replaces a folder, or a pattern with wildcards, by the images in it.
+    /// Replaces a folder, or a pattern with wildcards, by the images in it, sorted by their paths. Single files keep
+    /// the order in which they are given.
     ///
     /// # Errors
     ///
-    /// [`ImportError::Invalid`] for a folder with no images or several kinds of them.
+    /// [`ImportError::Invalid`] for a folder or a pattern with no images or several kinds of them, or next to other
+    /// inputs.
     pub(super) fn expand(inputs: &[PathBuf]) -> Result<Self, ImportError> {
         let [input] = inputs else {
             return match inputs.iter().find(|input| is_collection(input)) {
@@ -59,6 +61,10 @@ pub(in crate::import) fn is_image(path: &Path) -> bool {
 }
 
 /// Lists the images in a folder in any order, without hidden files.
+///
+/// # Errors
+///
+/// [`ImportError::Invalid`] for more than [`FILES_MAX`] images; [`ImportError::Io`] when the folder cannot be read.
 fn images_in_folder(folder: &Path) -> Result<Vec<PathBuf>, ImportError> {
     let io = |error| ImportError::io("read", folder, error);
     let mut paths = Vec::new();
@@ -75,7 +81,7 @@ fn images_in_folder(folder: &Path) -> Result<Vec<PathBuf>, ImportError> {
     Ok(paths)
 }
 
-/// Lists the images whose paths match a pattern with wildcards.
+/// Lists the first [`FILES_MAX`] images whose paths match a pattern with wildcards.
 fn images_of_pattern(pattern: &Path) -> Result<Vec<PathBuf>, ImportError> {
     let found = glob::glob(&pattern.to_string_lossy());
     let found =

@@ -90,7 +90,12 @@ fn footage_of_files(listed: Listed, fps: Option<f64>, order: Order) -> Result<Fo
     Ok(with_date(footage_of_stills(timeline, count, Box::new(stills), warnings)?, date))
 }
 
-/// Times images by the times in their names; returns warnings as well.
+/// Times images by the times in their names; returns warnings as well. `fps` is the rate of the user, at which the
+/// images follow each other if their times are too coarse.
+///
+/// # Errors
+///
+/// [`ImportError::FrameRate`] when the times are too coarse, or there is one image, and the user gives no rate.
 fn timeline_from_names(
     times: &FrameTimes,
     path: &Path,
@@ -115,7 +120,8 @@ fn timeline_from_names(
     }
 }
 
-/// Collects images of one size; the first one stands for the orientation and the grey levels of all.
+/// Returns footage of `count` images of one size; the first one stands for the orientation and the grey levels of all.
+/// An image of another size is an error in its place.
 fn footage_of_stills(
     timeline: Timeline,
     count: u64,
@@ -159,6 +165,10 @@ fn open_stack(path: &Path) -> Result<Option<Stack>, ImportError> {
 }
 
 /// Reads a file that holds one image, as it is displayed.
+///
+/// # Errors
+///
+/// [`ImportError::Invalid`] for a file of several pages, or an image that does not decode within its memory.
 fn read_still(path: &Path) -> Result<Still, ImportError> {
     if let Some(mut stack) = open_stack(path)? {
         let reason = "the file has more than one page; pass it alone, as a whole sequence";

@@ -41,7 +41,11 @@ pub(super) enum Unnumbered {
     Unlike,
 }
 
-/// Returns the columns of numbers that all names share.
+/// Returns the columns of numbers that all names share, up to the first number with too many digits.
+///
+/// # Errors
+///
+/// [`Unnumbered`] when the texts between the numbers differ.
 pub(super) fn columns(paths: &[PathBuf]) -> Result<Vec<Column>, Unnumbered> {
     let is_one_folder = paths.windows(2).all(|pair| pair[0].parent() == pair[1].parent());
     // Folders belong to the names where they differ.
@@ -55,7 +59,7 @@ pub(super) fn columns(paths: &[PathBuf]) -> Result<Vec<Column>, Unnumbered> {
     Ok((0..first.len() - 1).map_while(|index| Column::from_names(&names, index)).collect())
 }
 
-/// Finds the name whose pattern differs from that of most others.
+/// Finds the first name whose pattern differs from that of most others, or else returns that the names are unlike.
 fn find_odd_name(patterns: &[Vec<String>]) -> Unnumbered {
     let alike = |pattern: &Vec<String>| patterns.iter().filter(|other| *other == pattern).count();
     // One of the first names has the pattern of most, if there is one.
@@ -101,7 +105,7 @@ impl Name {
         self.texts.iter().enumerate().map(text).collect()
     }
 
-    /// Returns the sign or hyphen before the number with this index.
+    /// Returns the sign or hyphen before the number with this index; `None` without one.
     fn sign(&self, index: usize) -> Option<char> {
         let text = &self.texts[index];
         text[without_sign(text).len()..].chars().next()
@@ -114,7 +118,7 @@ fn without_sign(text: &str) -> &str {
 }
 
 impl Column {
-    /// Collects the numbers with this index from all names; `None` if one is too long.
+    /// Collects the numbers with this index from all names; `None` if one has more than [`MAX_DIGITS`] digits.
     fn from_names(names: &[Name], index: usize) -> Option<Self> {
         let first = names.first()?;
         // A hyphen that all names share separates, one that only some have is a sign.

@@ -74,7 +74,11 @@ impl Sequence {
         }
     }
 
-    /// Orders images by a number next to a date that is too coarse to time them.
+    /// Orders images by a number next to a date that is too coarse to time them. `places` are the columns of the date.
+    ///
+    /// # Errors
+    ///
+    /// [`ImportError::Invalid`] when the dates fall in that order, or no number counts the images.
     fn from_dated_column(
         listed: &Listed,
         mut columns: Vec<Column>,
@@ -91,7 +95,8 @@ impl Sequence {
         Self::from_column(listed, &column)
     }
 
-    /// Orders images by the numbers of a column.
+    /// Orders images by the numbers of a column, and numbers or times them by its values if these rise in the order
+    /// taken.
     fn from_column(listed: &Listed, column: &Column) -> Result<Self, ImportError> {
         let order = column.order();
         let mut sequence = Self::with_order(listed, &order)?;
@@ -111,7 +116,8 @@ impl Sequence {
         Ok(sequence)
     }
 
-    /// Puts the images in this order, unless the user gave one that no shell lists.
+    /// Puts the images in this order, a list of places in the given list, unless the user gave one that no shell lists.
+    /// Warns of either.
     fn with_order(listed: &Listed, order: &[usize]) -> Result<Self, ImportError> {
         let is_given = order.iter().enumerate().all(|(index, place)| index == *place);
         let is_meant = listed.by == Lister::User && !is_given && !is_listing(&listed.paths);
@@ -128,7 +134,7 @@ impl Sequence {
         Ok(Self { numbers: (0..paths.len() as u64).collect(), paths, times: None, warnings })
     }
 
-    /// Returns the place of each image in the list that was given.
+    /// Returns the place of each image, in the order of the sequence, in the list that was given.
     fn order_of(&self, listed: &Listed) -> Vec<usize> {
         let places: std::collections::HashMap<&Path, usize> =
             listed.paths.iter().enumerate().map(|(place, path)| (path.as_path(), place)).collect();
@@ -138,7 +144,7 @@ impl Sequence {
     /// Numbers the images by rising values, with missing images counted.
     ///
     /// The greatest common divisor of the steps is one frame, so that a sequence of every fifth image is complete too.
-    /// Numbers that rise by much more than their divisor become times.
+    /// Numbers that rise by much more than their divisor become times, one unit of which counts as 1 ns.
     fn number_images(&mut self, values: &[i128]) {
         let mut steps: Vec<i128> = values.windows(2).map(|pair| pair[1] - pair[0]).collect();
         let divisor = steps.iter().copied().fold(0, greatest_common_divisor).max(1);
@@ -229,7 +235,8 @@ fn running_number(paths: &[PathBuf], columns: &[Column]) -> Result<Column, Impor
     }
 }
 
-/// Joins numbers with a point between them, as `0.0002`, where all have as many decimals.
+/// Returns the columns with two numbers that have a point between them, as `0.0002`, joined to one, where all names
+/// have as many decimals.
 fn joined_decimals(columns: &[Column]) -> Vec<Column> {
     let mut joined: Vec<Column> = Vec::new();
     for column in columns {
@@ -245,7 +252,8 @@ fn joined_decimals(columns: &[Column]) -> Vec<Column> {
     joined
 }
 
-/// Warns of a hyphen before the numbers that may be meant as their sign.
+/// Returns the warning of a hyphen before the numbers of a column that may be meant as their sign; `None` without
+/// numbers.
 fn hyphen_warning(column: &Column) -> Option<String> {
     let least = column.values.iter().min()?;
     Some(format!(
@@ -269,7 +277,7 @@ fn is_listing(paths: &[PathBuf]) -> bool {
         || paths.windows(2).all(|pair| ranked(&pair[0]) <= ranked(&pair[1]))
 }
 
-/// Whether a number other than those at these places varies.
+/// Whether a column of numbers other than those at these places varies.
 fn is_numbered(columns: &[Column], places: &Range<usize>) -> bool {
     columns.iter().enumerate().any(|(place, column)| !places.contains(&place) && column.varies())
 }
@@ -281,7 +289,7 @@ fn time_order(times_ns: &[i64]) -> Vec<usize> {
     order
 }
 
-/// Returns the greatest common divisor by Euclid's algorithm.
+/// Returns the greatest common divisor by Euclid's algorithm; that of a number and 0 is the number.
 fn greatest_common_divisor(a: i128, b: i128) -> i128 {
     if b == 0 { a } else { greatest_common_divisor(b, a % b) }
 }

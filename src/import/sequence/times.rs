@@ -28,7 +28,8 @@ impl Dates {
     }
 }
 
-/// Returns the dates with a time of day in the names, such as `2024-05-01_12-00-00.123456`.
+/// Returns the dates with a time of day in the names, such as `2024-05-01_12-00-00.123456`, with the fraction of a
+/// second behind them. `None` if the names have none, one is no date, or fractions differ in their digits.
 pub(super) fn from_dates(columns: &[Column]) -> Option<Dates> {
     let start = (0..columns.len()).find(|start| date_length(&columns[*start..]).is_some())?;
     let columns = &columns[start..];
@@ -89,7 +90,8 @@ fn epoch_ns(digits: &str) -> Option<i64> {
     time.and_utc().timestamp_nanos_opt().filter(|_| (1970..2200).contains(&time.year()))
 }
 
-/// Returns the times of numbers that are times: by a unit behind them, or since they count from the Unix epoch.
+/// Returns the times of numbers that are times, ns: by a unit behind them, or since they count from the Unix epoch.
+/// `None` for other numbers.
 pub(super) fn from_numbers(column: &Column) -> Option<FrameTimes> {
     let unit_ns = match unit_ns(&column.after) {
         Some(unit_ns) => unit_ns,
@@ -101,7 +103,7 @@ pub(super) fn from_numbers(column: &Column) -> Option<FrameTimes> {
     Some(FrameTimes { times_ns: times_ns.collect::<Option<_>>()?, resolution_ns })
 }
 
-/// Returns the unit at the beginning of the text behind a number, ns.
+/// Returns the unit of time at the beginning of the text behind a number, ns; `None` for other words.
 fn unit_ns(after: &str) -> Option<i128> {
     let word: String = after.chars().take_while(|letter| letter.is_alphabetic()).collect();
     Some(match word.as_str() {
@@ -113,7 +115,8 @@ fn unit_ns(after: &str) -> Option<i128> {
     })
 }
 
-/// Returns the unit in which all numbers are times since the Unix epoch of the years 2000 to 2100, ns.
+/// Returns the unit in which all numbers are times since the Unix epoch of the years 2000 to 2100, ns; `None` if there
+/// is none, and for whole seconds.
 fn epoch_unit_ns(column: &Column) -> Option<i128> {
     let scale = 10_i128.checked_pow(column.decimals as u32)?;
     let is_epoch = |per_s: i128| column.values.iter().all(|value| EPOCH_S.contains(&(value / scale / per_s)));

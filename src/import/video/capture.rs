@@ -29,7 +29,7 @@ pub(super) struct CaptureRate {
 }
 
 impl CaptureRate {
-    /// Returns the rates that the tags and the XML text of a file state.
+    /// Returns the rates of capture that the tags and the XML text of a file state, in this order; empty if none does.
     pub(super) fn find(path: &Path, tags: &[(String, String)]) -> Result<Vec<Self>, ImportError> {
         let named = tags.iter().filter(|(key, _)| is_capture_tag(key));
         let mut rates: Vec<Self> =
@@ -48,7 +48,7 @@ fn is_capture_tag(key: &str) -> bool {
     TAGS.iter().any(|tag| key.ends_with(tag))
 }
 
-/// Parses `240`, `239.76 fps`, `119.88p` or `240000/1001`; `None` for other texts and for 0.
+/// Parses a rate, Hz: `240`, `239.76 fps`, `119.88p` or `240000/1001`; `None` for other texts and for 0.
 fn parse_rate_hz(text: &str) -> Option<f64> {
     let is_number = |letter: char| letter.is_ascii_digit() || matches!(letter, '.' | '/');
     let text = text.trim();
@@ -58,7 +58,7 @@ fn parse_rate_hz(text: &str) -> Option<f64> {
     (hz.is_finite() && hz > 0.0).then_some(hz)
 }
 
-/// Searches the ends of the file for `captureFps="119.88p"`.
+/// Searches the first and the last [`END_BYTES`] of the file for `captureFps="119.88p"`, and returns the rate, Hz.
 fn sony_rate_hz(path: &Path) -> Result<Option<f64>, ImportError> {
     let (file, bytes) = open_file(path)?;
     let key = format!("{SONY}=\"");

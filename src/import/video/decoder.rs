@@ -22,7 +22,7 @@ pub(super) struct Decoder {
 }
 
 impl Decoder {
-    /// Reads frames of `shape` from a decoding that writes grey levels.
+    /// Starts to read frames of `shape`, on a thread of its own, from a decoding that writes grey levels.
     pub(super) fn new(mut decoding: Decoding, ticks: Ticks, shape: Shape, findings: Findings) -> Self {
         // One frame is read while the one before is used.
         let (sender, pixels) = sync_channel(0);
@@ -32,7 +32,11 @@ impl Decoder {
         Self { decoding, pixels, ticks, shape, next: 0, decoded: 0, is_over: false, findings }
     }
 
-    /// Reads the next frame; `None` after the last.
+    /// Reads the next frame; `None` after the last. Frames that were not decoded are reported then.
+    ///
+    /// # Errors
+    ///
+    /// [`ImportError::Invalid`] when ffmpeg fails or hangs, the frame is refused, or its pixels are incomplete.
     fn read_frame(&mut self) -> Result<Option<Stored>, ImportError> {
         let Some(frame) = self.decoding.next_frame()? else {
             self.report_missing();
@@ -82,7 +86,7 @@ impl Decoder {
         })
     }
 
-    /// Reports frames that the file lists and that were not decoded.
+    /// Adds a finding of the number of frames that the file lists and that were not decoded, if there are any.
     fn report_missing(&self) {
         let listed = self.ticks.times.len();
         if self.decoded < listed {
@@ -91,7 +95,7 @@ impl Decoder {
         }
     }
 
-    /// Returns the error of the next frame with a reason.
+    /// Returns the error that the next frame is refused, for this reason.
     fn invalid(&self, reason: String) -> ImportError {
         ImportError::invalid(&self.decoding.path, format!("frame {}: {reason}", self.next))
     }
@@ -102,7 +106,8 @@ pub(super) const INTERLACED: &str = "each frame holds two fields of different ti
     ffmpeg -i FILM -vf bwdif=mode=send_field -c:v ffv1 NEW.mkv, or, if the frames are progressive, mark them so with \
     ffmpeg -i FILM -vf setfield=prog -fps_mode passthrough -c:v ffv1 NEW.mkv";
 
-/// Sends the frames of a pipe on; the last may be incomplete.
+/// Sends the frames of a pipe on, `frame_bytes` each, until the pipe ends or fails or nobody receives them. The last
+/// one is incomplete or empty.
 fn read_frames(mut pipe: ChildStdout, frame_bytes: u64, frames: &SyncSender<io::Result<Vec<u8>>>) {
     loop {
         let mut pixels = Vec::new();

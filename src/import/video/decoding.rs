@@ -26,7 +26,7 @@ pub(super) struct Decoded {
 }
 
 impl Decoded {
-    /// Parses a line of `showinfo`: `n: 0 pts: 64 pts_time:0.004 ... s:64x48 i:P iskey:1`. Other lines have no frame.
+    /// Parses a line of `showinfo`: `n: 0 pts: 64 pts_time:0.004 ... s:64x48 i:P iskey:1`; `None` for other lines.
     fn parse(line: &str) -> Option<Self> {
         let (_, line) = line.strip_prefix(SHOWINFO)?.split_once("[info] n:")?;
         let entry = |key: &str| {
@@ -53,8 +53,8 @@ pub(super) struct Decoding {
 }
 
 impl Decoding {
-    /// Starts to decode `path`, opened with the options `input`. `filters` follow after the description, `output` are the
-    /// last arguments.
+    /// Starts to decode `path`, opened with the options `input`, with times in units of `tick`. `filters` follow after
+    /// the description, `output` are the last arguments.
     ///
     /// # Errors
     ///
@@ -85,7 +85,7 @@ impl Decoding {
         Ok(Self { ffmpeg, frames, error, path: path.to_path_buf() })
     }
 
-    /// Decodes a film and returns the times of its frames, ticks.
+    /// Decodes a film and returns the times of its frames, ticks, in the order of decoding.
     ///
     /// # Errors
     ///
@@ -102,7 +102,7 @@ impl Decoding {
         Ok(times)
     }
 
-    /// Takes the pipe of the pixels.
+    /// Takes the pipe of the pixels; `None` if it was taken.
     pub(super) fn pixels(&mut self) -> Option<ChildStdout> {
         self.ffmpeg.stdout()
     }

@@ -42,7 +42,8 @@ impl Levels {
         }
     }
 
-    /// Returns the filters of ffmpeg that make grey levels: `,format=...`.
+    /// Returns the filters of ffmpeg that make grey levels, with a comma before each: `,format=...`. A Bayer mosaic
+    /// becomes colours first.
     pub(super) fn filters(&self) -> String {
         let by_way_of = match self.layout.strip_prefix("bayer_") {
             Some(_) if self.bits > 8 => ",format=rgb48le",
@@ -53,7 +54,8 @@ impl Levels {
     }
 }
 
-/// Returns the bits of a level from the name of a layout: `gray12le`, `yuv420p10le`, `rgb48be`, `p010le`.
+/// Returns the bits of a level from the name of a layout: `gray12le`, `yuv420p10le`, `rgb48be`, `p010le`; 8 if the name
+/// states none.
 fn layout_bits(layout: &str) -> u32 {
     let name = layout.trim_end_matches("le").trim_end_matches("be");
     let digits = name.trim_start_matches(|letter: char| !letter.is_ascii_digit());

@@ -51,12 +51,12 @@ impl Program {
         Ok(Self { child, name, path: path.to_path_buf() })
     }
 
-    /// Takes the pipe of the program's output.
+    /// Takes the pipe of the program's output; `None` if it was taken.
     pub(super) fn stdout(&mut self) -> Option<ChildStdout> {
         self.child.stdout.take()
     }
 
-    /// Takes the pipe of the program's messages.
+    /// Takes the pipe of the program's messages; `None` if it was taken.
     pub(super) fn stderr(&mut self) -> Option<ChildStderr> {
         self.child.stderr.take()
     }
@@ -91,7 +91,8 @@ impl Drop for Program {
     }
 }
 
-/// Reads the lines of a pipe on a thread of its own, so that the program never waits for its reader.
+/// Reads the lines of a pipe on a thread of its own and returns the channel that they come by. [`WAITING_LINES`] may
+/// wait to be taken.
 pub(super) fn spawn_line_reader(pipe: impl Read + Send + 'static) -> Receiver<String> {
     let (sender, receiver) = sync_channel(WAITING_LINES);
     std::thread::spawn(move || {
@@ -118,8 +119,8 @@ pub(super) fn spawn_text_reader(mut pipe: impl Read + Send + 'static, bytes: u64
     receiver
 }
 
-/// Reads the next line without trailing white space. Its part beyond [`LINE_BYTES`] is skipped. `None` at the end, or if
-/// the pipe cannot be read.
+/// Reads the next line without trailing white space. Its part beyond [`LINE_BYTES`] is skipped. `None` at the end, or
+/// if the pipe cannot be read.
 pub(super) fn read_line(pipe: &mut impl BufRead) -> Option<String> {
     let mut line = Vec::new();
     let read = pipe.by_ref().take(LINE_BYTES).read_until(b'\n', &mut line);

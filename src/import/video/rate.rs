@@ -20,7 +20,12 @@ type Timed = (Timeline, Vec<String>);
 
 /// Numbers and times the frames of a film.
 ///
-/// `fps` is the rate of capture that the user gives. Else a tag of the file may state it.
+/// `fps` is the rate of capture that the user gives. Else a tag of the file may state it. Without either the rate is
+/// that of playback, with a warning.
+///
+/// # Errors
+///
+/// [`ImportError::FrameRate`] when nothing states a rate; [`ImportError::Io`] when the file cannot be read.
 pub(super) fn timeline(
     path: &Path,
     stream: &Stream,
@@ -65,12 +70,12 @@ pub(super) fn timeline(
     Ok(Timeline { source: RateSource::FrameTimes, ..played })
 }
 
-/// Whether two rates contradict each other.
+/// Whether two rates differ by at least [`CONTRADICTION`] of the second.
 fn differ(one_hz: f64, other_hz: f64) -> bool {
     (one_hz / other_hz - 1.0).abs() >= CONTRADICTION
 }
 
-/// Returns the stated rate that is nearest to that of the frames.
+/// Returns the stated rate that is nearest to that of the frames, by the logarithm of their ratio; `None` without any.
 ///
 /// `r_frame_rate` is ffmpeg's guess of a usual rate, `avg_frame_rate` a mean over gaps, or what the file states.
 fn stated_rate(stream: &Stream, times: &FrameTimes) -> Option<Rate> {
@@ -80,14 +85,15 @@ fn stated_rate(stream: &Stream, times: &FrameTimes) -> Option<Rate> {
     stated.min_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
 
-/// Returns the rate that a property of the stream states.
+/// Returns the rate that a property of the stream states; `None` if it is missing or cannot be a rate.
 fn rate_property(stream: &Stream, key: &str) -> Option<Rate> {
     Rate::from_header(stream.ratio(key)?.value(), key)
 }
 
 /// Returns the timeline of frames whose times are too coarse to separate them, with warnings.
 ///
-/// They follow each other at the stated rate, or else at their mean rate.
+/// They follow each other at the stated rate, or else at their mean rate. `fps`, the rate of the user, counts only
+/// where there is neither.
 fn coarse_timeline(
     path: &Path,
     stated: Option<Rate>,
@@ -113,13 +119,13 @@ fn coarse_timeline(
     Ok((Timeline::consecutive(rate), warnings))
 }
 
-/// Returns the median interval between frames, ns; 0 for a single frame.
+/// Returns the median interval between frames, ns, of two in the middle the longer one; 0 for a single frame.
 fn median_interval_ns(times: &FrameTimes) -> f64 {
     let mut steps: Vec<f64> = times.times_ns.windows(2).map(|pair| (pair[1] - pair[0]) as f64).collect();
     quantile(&mut steps, 0.5).unwrap_or(0.0)
 }
 
-/// Returns the rate of the frames on average; `None` where they have no duration.
+/// Returns the rate of the frames on average, Hz; `None` where they have no duration.
 fn mean_rate_hz(times: &FrameTimes) -> Option<f64> {
     let (first, last) = (times.times_ns.first()?, times.times_ns.last()?);
     let hz = (times.times_ns.len() - 1) as f64 / (last - first) as f64 * 1e9;

@@ -1,7 +1,7 @@
 //! Films that store a time for some of their frames only.
 //!
-//! An MPEG program stream packs several small frames into one packet, which has one time. A player shows the others at the
-//! rate of the film. If frames are missing within such a packet, it is unknown which.
+//! An MPEG program stream packs several small frames into one packet, which has one time. A player shows the others at
+//! the rate of the film. If frames are missing within such a packet, it is unknown which.
 
 use super::super::ImportError;
 use super::program::{Program, file_url, spawn_line_reader, spawn_text_reader};
@@ -28,10 +28,12 @@ struct StoredTime {
 }
 
 /// Checks that the frames without a time of their own follow each other without gaps, and warns that they have none.
+/// Films in other containers than the MPEG program stream pass.
 ///
 /// # Errors
 ///
-/// Returns [`ImportError::Invalid`] if frames are missing among those without a time, or the file has more frames than bytes.
+/// Returns [`ImportError::Invalid`] if frames are missing among those without a time, or the file has more frames than
+/// bytes.
 pub(super) fn check_stored_times(
     path: &Path,
     stream: &Stream,
@@ -99,7 +101,7 @@ fn first_gap(stored: &[StoredTime], stated: Option<f64>) -> Option<Gap> {
     })
 }
 
-/// Reads the times that the file stores, and its number of frames, with ffprobe.
+/// Reads the times of decoding that the file stores, and its number of frames, with ffprobe.
 ///
 /// # Errors
 ///

@@ -61,12 +61,12 @@ impl Stream {
         self.stream[key].as_str().unwrap_or_default()
     }
 
-    /// Returns a property that is a ratio: `30000/1001`, `16:15`.
+    /// Returns a property that is a ratio: `30000/1001`, `16:15`; `None` when it is missing or not positive.
     pub(super) fn ratio(&self, key: &str) -> Option<Ratio> {
         Ratio::parse(self.text(key))
     }
 
-    /// Returns width and height, pixels.
+    /// Returns width and height, pixels; 0 for one that is missing.
     pub(super) fn size_px(&self) -> [u64; 2] {
         ["width", "height"].map(|key| self.stream[key].as_u64().unwrap_or_default())
     }
@@ -76,9 +76,11 @@ impl Stream {
         self.ratio("sample_aspect_ratio").map_or(1.0, Ratio::value)
     }
 
-    /// Returns the orientation that the display matrix of the stream states.
+    /// Returns the orientation that the display matrix of the stream states; as stored without one.
     ///
-    /// The error is the angle of a picture that is turned by no quarter, degrees.
+    /// # Errors
+    ///
+    /// The angle of a picture that is turned by no quarter, degrees; NaN if it is not stated.
     pub(super) fn orientation(&self) -> Result<Orientation, f64> {
         let data = self.stream["side_data_list"].as_array();
         let matrix = data.into_iter().flatten().find(|data| data["displaymatrix"].is_string());

@@ -44,7 +44,7 @@ impl Ticks {
         Ok(Self { times, tick, counts_frames })
     }
 
-    /// Returns the times since the first frame, ns, with their resolution.
+    /// Returns the times since the first frame, ns, with their resolution: a tick, or 1 ns if the clock counts frames.
     pub(super) fn frame_times(&self) -> FrameTimes {
         let tick_ns = self.tick.value() * 1e9;
         let first = self.times.first().copied().unwrap_or_default();
@@ -53,7 +53,7 @@ impl Ticks {
         FrameTimes { times_ns: self.times.iter().map(since_ns).collect(), resolution_ns }
     }
 
-    /// Returns the index of the frame with this time, at `from` or after it.
+    /// Returns the first index, not before `from`, of a frame with this time, ticks; `None` without one.
     pub(super) fn index(&self, time: i64, from: usize) -> Option<usize> {
         let rest = self.times.get(from..)?;
         let at = from + rest.partition_point(|known| *known < time);
@@ -61,7 +61,12 @@ impl Ticks {
     }
 }
 
-/// Returns the time of each packet that gives a picture; `None` when one has no time.
+/// Returns the time of each packet that gives a picture, ticks, in the order of the file; `None` when one has no time.
+/// `input` are the options of ffprobe for the file.
+///
+/// # Errors
+///
+/// [`ImportError::Invalid`] when there are more packets than bytes, or ffprobe hangs or is missing.
 fn packet_times(path: &Path, input: &str, file_bytes: u64) -> Result<Option<Vec<i64>>, ImportError> {
     let options = format!(
         "-v error -protocol_whitelist file -select_streams V:0 -show_entries packet=pts,size,flags \

@@ -292,8 +292,8 @@ impl OutlineDrift {
         if gap.is_finite() { gap * x.sigma.max(y.sigma) } else { 0.0 }
     }
 
-    /// Returns the possible difference between the angle of a node and the ball's own, deg, from the significant
-    /// apparent rotation since the first node.
+    /// Returns the standard uncertainty of a node's angle from out-of-plane rotation, deg: the significant apparent
+    /// rotation since the first node, times the significant share of the drift `here`. Without either it is 0.
     pub fn angle_uncertainty_deg(&self, node: &Pose, here: &LocalDrift) -> f64 {
         let sums = self.sums.sums();
         let count = sums.partition_point(|sum| sum[0].time_frames < node.time_frames);

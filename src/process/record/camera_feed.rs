@@ -124,7 +124,7 @@ impl<'a> CameraFeed<'a> {
         u64::from(self.config.workers.block_frames)
     }
 
-    /// Records that the system has all frames that were written.
+    /// Saves the newest written frame for a successor, after all written frames were handed to the system.
     pub(super) fn note_written(&mut self) {
         if self.newest != FrameStamp::default() {
             self.reached.save(self.newest, 0);
@@ -177,7 +177,8 @@ impl<'a> CameraFeed<'a> {
         self.is_ready_published = false;
     }
 
-    /// Publishes the recorder's readiness, once per run.
+    /// Publishes the recorder's readiness, once per run. The camera waits for a recorder of a whole stream, unless that
+    /// recorder was restarted; for others it does not wait, which `u64::MAX` states.
     pub(super) fn publish_ready(&mut self) -> Result<(), BusError> {
         if std::mem::replace(&mut self.is_ready_published, true) {
             return Ok(());
@@ -201,7 +202,7 @@ impl<'a> CameraFeed<'a> {
         Ok(None)
     }
 
-    /// Reads the camera's identity from an event.
+    /// Reads the camera's identity from an event that announces a run; other events have no effect.
     pub(super) fn handle_event(&mut self, event: &Event) {
         if event.kind() == Some(EventKind::Prepared) {
             let text = event.text();
@@ -214,7 +215,7 @@ impl<'a> CameraFeed<'a> {
     /// which `is_last` holds.
     ///
     /// Beyond `max` held frames the others stay in the queue. The recorder may lose those, but holding the whole
-    /// ring would leave the camera no slot.
+    /// ring would leave the camera no slot. Frames of other runs are dropped.
     pub(super) fn hold_frames(&mut self, max: usize, is_last: impl Fn(&FrameSample) -> bool) -> Result<(), BusError> {
         while self.held.len() < max && !self.held.back().is_some_and(&is_last) {
             let Some(sample) = self.frames.take()? else { break };
@@ -228,8 +229,8 @@ impl<'a> CameraFeed<'a> {
         Ok(())
     }
 
-    /// Returns the first frame of a shot that starts at this time, and drops the frames before it; `None` if it has
-    /// not arrived yet.
+    /// Returns the first frame of a shot that starts at this time, and drops the frames before it. If it has not
+    /// arrived yet, returns `None` and keeps only the newest block of frames.
     ///
     /// A shot starts with the block of that frame, because blocks are measured independently. If the block's first
     /// frame is gone, it starts with the next block.

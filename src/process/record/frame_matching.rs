@@ -13,7 +13,7 @@ pub struct Matching {
     pub frames: u64,
     /// Frames within half a period of one of the main camera.
     pub matched: u64,
-    /// Mean delay of those to the nearest frame of the main camera, ns.
+    /// Mean delay of those to the nearest frame of the main camera, ns; positive if they are later.
     pub mean_ns: f64,
     /// Standard deviation of the delay, ns.
     pub scatter_ns: f64,
@@ -82,7 +82,7 @@ impl Matcher {
         self.match_frames();
     }
 
-    /// Ends the matching; no more frames will come.
+    /// Matches the remaining frames and returns the result. The scatter is 0 with fewer than two matches.
     pub fn finish(mut self) -> Matching {
         self.is_over = true;
         self.match_frames();

@@ -91,8 +91,8 @@ impl OpenShot {
         Ok(())
     }
 
-    /// Adds a step, or keeps it until it is known whether it leads out of the shot; returns whether it belongs to the
-    /// shot.
+    /// Writes a step, or keeps it until it is known whether it leads out of the shot. Returns `false` if it lies
+    /// outside the shot; a kept one counts as inside. `period_ns` is the frame period.
     pub(super) fn add_step(
         &mut self,
         camera: usize,
@@ -132,7 +132,7 @@ impl OpenShot {
         self.set_end(camera, next)
     }
 
-    /// Returns the number of frames of a camera that are missing in the shot.
+    /// Returns the number of frames of a camera that are missing in the shot so far, with those cut off at its end.
     pub(super) fn lost(&self, camera: usize) -> u64 {
         self.shot.lost(camera) + self.progress[camera].missing_at_end
     }

@@ -68,8 +68,8 @@ impl Retention {
         self.made.push(path.to_path_buf());
     }
 
-    /// Removes the oldest recordings until the rest, with an open recording, keeps the limits; returns one line for
-    /// each.
+    /// Removes the oldest recordings until the rest, with an open recording, keeps the limits. Returns one line for
+    /// each removed recording, and once for each that cannot be removed.
     ///
     /// The newest finished recording is never removed.
     pub(super) fn enforce(&mut self, under_way: Option<UnderWay<'_>>) -> Vec<String> {
@@ -114,13 +114,13 @@ impl Retention {
     /// Enforces the limit on the size, at most once per [`PERIOD`], while a recording is open; see
     /// [`enforce`](Self::enforce).
     pub(super) fn enforce_periodically(&mut self, under_way: UnderWay<'_>) -> Vec<String> {
-        if self.max_bytes.is_none() || !self.timer.due() {
+        if self.max_bytes.is_none() || !self.timer.restart_if_due() {
             return Vec::new();
         }
         self.enforce(Some(under_way))
     }
 
-    /// Returns the finished recordings of this rig, oldest first.
+    /// Returns the recordings of this rig with their final names, oldest first; empty if the folder cannot be read.
     fn finished(&self) -> Vec<Kept> {
         let Ok(entries) = fs::read_dir(&self.directory) else { return Vec::new() };
         let mut kept: Vec<((usize, SystemTime, PathBuf), Kept)> = entries

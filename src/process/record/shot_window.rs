@@ -7,8 +7,11 @@ use crate::failure::Failure;
 use crate::process::shot::FrameRange;
 
 impl Recorder<'_> {
-    /// Starts a shot of the whole queue around frame `at`, or around the newest frame if `None`.
-    pub(super) fn trigger(&mut self, at: Option<u64>, cause: &str) -> Result<(), Failure> {
+    /// Executes a trigger at this frame, the newest one if `None`, and starts its shot.
+    ///
+    /// The shot reaches from the block of the frame `trigger.pre_s` before the trigger, or the first whole block in the
+    /// queue, to `trigger.post_s` after it. Without frames in the queue nothing happens.
+    pub(super) fn trigger(&mut self, trigger_frame: Option<u64>, cause: &str) -> Result<(), Failure> {
         for feed in &mut self.feeds {
             feed.hold_frames(feed.limits.ring_frames + feed.limits.held_frames - 1, |_| false)?;
         }
@@ -17,14 +20,14 @@ impl Recorder<'_> {
             return Ok(());
         };
         let (oldest, newest) = (oldest.header().sequence, *newest.header());
-        let at = at.unwrap_or(newest.sequence);
+        let trigger_frame = trigger_frame.unwrap_or(newest.sequence);
         let block = feed.block_frames();
         let pre = self.config.pre_trigger_frames(feed.format.frame_rate_hz);
         let post = (self.config.trigger.post_s * feed.format.frame_rate_hz).ceil() as u64;
         // Blocks are measured independently, so a recording that begins with a block reproduces the same numbers.
-        let wanted = at.saturating_sub(pre) / block * block;
+        let wanted = trigger_frame.saturating_sub(pre) / block * block;
         let first = if wanted >= oldest { wanted } else { oldest.next_multiple_of(block) };
-        let last = (at + post).max(first);
+        let last = (trigger_frame + post).max(first);
         feed.held.retain(|sample| sample.header().sequence >= first);
         let half_ns = (0.5 * feed.period_ns()) as u64;
         let stamp_of = |frame: u64| {
@@ -35,14 +38,15 @@ impl Recorder<'_> {
         let start_ns = feed.held.front().map_or(newest.stamp_ns, |sample| sample.header().stamp_ns);
         let window = ShotWindow { from_ns: start_ns.saturating_sub(half_ns), to_ns: stamp_of(last) + half_ns };
         self.execute(&TriggerCause {
-            frame: FrameStamp { sequence: at, stamp_ns: newest.stamp_ns },
+            frame: FrameStamp { sequence: trigger_frame, stamp_ns: newest.stamp_ns },
             text: cause.to_owned(),
         })?;
-        self.begin(window, start_ns, &format!("{cause} at frame {at}"), last + 1 - first)?;
+        self.begin(window, start_ns, &format!("{cause} at frame {trigger_frame}"), last + 1 - first)?;
         if self.shot.is_none() { self.rearm() } else { self.begin_camera(0, first, Some(last + 1)) }
     }
 
-    /// Starts the next waiting shot of the hardware trigger, unless one is being written.
+    /// Starts the next waiting shot of the hardware trigger, unless one is being written. Shots that came while the rig
+    /// is disarmed or within the quiet time are dropped.
     pub(super) fn start_waiting_shot(&mut self) -> Result<(), Failure> {
         while self.shot.is_none()
             && let Some(cause) = self.waiting.pop_front()
@@ -109,8 +113,8 @@ impl Recorder<'_> {
         self.begin(ShotWindow::ALL, stamp_ns, "none: the whole stream", 0)
     }
 
-    /// Creates the recording of a shot; if that fails, `frames` are counted as lost. The parts of the cameras begin
-    /// later, each with its first frame.
+    /// Creates the recording of a shot, named by its first stamp; if that fails, `frames` are counted as lost. The
+    /// parts of the cameras begin later, each with its first frame.
     fn begin(&mut self, window: ShotWindow, stamp_ns: u64, cause: &str, frames: u64) -> Result<(), Failure> {
         let path = free_path(&self.record.directory, &self.config.rig.name, stamp_ns);
         let info = self.info(cause);
@@ -185,7 +189,8 @@ impl Recorder<'_> {
         self.write(|open| open.set_end(camera, end)).map(drop)
     }
 
-    /// Begins the part of a camera with its first frame in the shot.
+    /// Begins the part of a camera with its first frame in the shot, once that has come. In a whole stream, the frames
+    /// before it that this recorder or its predecessor missed are counted as lost.
     pub(super) fn begin_part(&mut self, camera: usize) -> Result<(), Failure> {
         let Some(open) = self.shot.as_mut().filter(|open| !open.shot.has_begun(camera)) else {
             return Ok(());
@@ -243,8 +248,9 @@ impl Recorder<'_> {
         self.start_waiting_shot()
     }
 
-    /// Handles the ends of streams; returns `true` if nothing is left to do.
-    pub(super) fn is_over(&mut self) -> Result<bool, Failure> {
+    /// Ends the parts of cameras whose streams have ended, and closes a complete shot. Returns `true` if all streams
+    /// have ended and nothing is left to write.
+    pub(super) fn handle_stream_ends(&mut self) -> Result<bool, Failure> {
         for camera in 0..self.feeds.len() {
             let Some(end) = self.feeds[camera].stream.end else { continue };
             self.hold_frames(camera)?;

@@ -38,7 +38,8 @@ impl Recorder<'_> {
         self.rearm()
     }
 
-    /// Reports that a recording failed, and the number of frames that may be missing; the rig continues.
+    /// Reports that a recording failed, and counts the frames that may be missing as lost. Recording of a stream
+    /// pauses; the rig continues.
     pub(super) fn give_up(&mut self, error: &RecordingError, missing: u64) -> Result<(), Failure> {
         self.summary.lost += missing;
         let text = format!("up to {missing} frames are missing: {error}");
@@ -50,8 +51,9 @@ impl Recorder<'_> {
         Ok(())
     }
 
-    /// Returns whether recording of a stream is paused after a failure. Ends the pause if the disk is usable again.
-    pub(super) fn is_paused(&mut self) -> Result<bool, Failure> {
+    /// Ends the pause after a failure if its time is over and the disk is usable again; returns whether recording is
+    /// still paused.
+    pub(super) fn update_pause(&mut self) -> Result<bool, Failure> {
         let Some(pause) = &mut self.pause else { return Ok(false) };
         if !pause.has_expired() {
             return Ok(true);
@@ -82,7 +84,8 @@ impl Recorder<'_> {
         Ok(discarded)
     }
 
-    /// Reports when free disk space becomes too small, and when it is sufficient again.
+    /// Reports when free disk space becomes too small or the folder unusable, and when it is sufficient again. A
+    /// disarmed recorder without an open shot needs no space.
     pub(super) fn check_storage(&mut self) -> Result<(), Failure> {
         let remaining = |open: &OpenShot| Some(open.progress[0].end?.saturating_sub(open.shot.next_frame(0)));
         let remaining = self.shot.as_ref().and_then(remaining);

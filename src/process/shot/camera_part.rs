@@ -39,7 +39,7 @@ impl CameraPart {
         }
     }
 
-    /// Counts the next frame.
+    /// Counts a frame, and the frames missing between it and the previous one as lost.
     pub(super) fn count(&mut self, sequence: u64) {
         self.lost += sequence.saturating_sub(self.next_frame);
         self.next_frame = sequence + 1;
@@ -66,7 +66,8 @@ impl CameraPart {
     }
 }
 
-/// Returns a step without its motion, as it would be measured in the last frames of a recording.
+/// Returns a step without its motion, as it would be measured in the last frames of a recording: valid if the body was
+/// detected.
 fn without_motion(step: BodyStep) -> BodyStep {
     let is_seen = step.outline.is_some();
     let status = if is_seen { PointStatus::Valid } else { step.status };

@@ -99,8 +99,9 @@ impl Running {
         self.process.is_some() || self.waits_for_memory
     }
 
-    /// Whether the process died because there was too little shared memory. It then waits for more than it was started with.
-    pub(super) fn lacked_memory(&mut self, status: ExitStatus) -> bool {
+    /// Returns whether the process died because there was too little shared memory. If it was started with little, sets
+    /// that it waits for a quarter more.
+    pub(super) fn check_lack_of_memory(&mut self, status: ExitStatus) -> bool {
         let is_suspect = status.signal() == Some(SIGBUS) || status.code() == Some(BUS_FAILURE);
         let was_scarce = self.free_at_start_bytes < SCARCE_BYTES;
         self.wanted_bytes = if is_suspect && was_scarce { self.free_at_start_bytes / 4 * 5 } else { 0 };
@@ -112,7 +113,7 @@ impl Running {
         self.waits_for_memory && bus::check_room(self.wanted_bytes, 1).is_ok()
     }
 
-    /// Whether this is still the process with that number.
+    /// Whether the process runs and has this process id.
     pub(super) fn is_process(&self, pid: u32) -> bool {
         self.process.as_ref().is_some_and(|process| process.id() == pid)
     }

@@ -18,8 +18,8 @@ impl Heartbeat {
         self.silent_polls = Some(0);
     }
 
-    /// Counts a poll of a process whose state in the system is `state` (see [`process_state`]); returns whether it
-    /// counts as hung now.
+    /// Counts a poll of a process whose state in the system is `state` (see [`process_state`]), unless it waits for a
+    /// disk; returns whether it counts as hung now.
     pub(super) fn count_poll(&mut self, state: Option<char>) -> bool {
         let Some(polls) = &mut self.silent_polls else { return false };
         // Waiting for a disk is no fault of the process, and a kill would have to wait as well.

@@ -22,7 +22,7 @@ impl Supervisor<'_> {
         let last = self.statuses.remove(&child).unwrap_or_default();
         let Some(running) = self.children.get_mut(&child) else { return Ok(()) };
         // It has printed the reason of a refusal.
-        if status.code() == Some(REFUSED) || !running.deaths.allow_another() {
+        if status.code() == Some(REFUSED) || !running.deaths.count_death() {
             running.code = status.code().or(Some(1));
             log::warn!("the page ended with {status}; the rig runs without it");
             return Ok(());

@@ -15,12 +15,12 @@ pub(super) struct RecentDeaths(VecDeque<Instant>);
 
 impl RecentDeaths {
     /// Counts a death; returns whether the process may be restarted.
-    pub(super) fn allow_another(&mut self) -> bool {
-        self.allow_another_at(now())
+    pub(super) fn count_death(&mut self) -> bool {
+        self.count_death_at(now())
     }
 
     /// Counts a death at this time; returns whether there were at most [`MAX_DEATHS`] within [`WINDOW`].
-    fn allow_another_at(&mut self, time: Instant) -> bool {
+    fn count_death_at(&mut self, time: Instant) -> bool {
         self.0.push_back(time);
         while self.0.front().is_some_and(|first| time.duration_since(*first) > WINDOW) {
             self.0.pop_front();
@@ -36,9 +36,9 @@ mod tests {
     #[test]
     fn only_deaths_in_quick_succession_end_the_rig() {
         let (mut slow, mut fast, start) = (RecentDeaths::default(), RecentDeaths::default(), now());
-        assert!((0..100_u32).all(|death| slow.allow_another_at(start + death * WINDOW / 4)));
-        let allowed: Vec<bool> = (0..7_u32).map(|death| fast.allow_another_at(start + death * WINDOW / 10)).collect();
+        assert!((0..100_u32).all(|death| slow.count_death_at(start + death * WINDOW / 4)));
+        let allowed: Vec<bool> = (0..7_u32).map(|death| fast.count_death_at(start + death * WINDOW / 10)).collect();
         assert_eq!(allowed, [true, true, true, true, true, false, false]);
-        assert!(fast.allow_another_at(start + 10 * WINDOW), "the budget recovers");
+        assert!(fast.count_death_at(start + 10 * WINDOW), "the budget recovers");
     }
 }

@@ -38,7 +38,7 @@ impl ServiceManager {
 
     /// Reports once per second that this program is alive, with its state in words, and once that it is ready.
     pub(super) fn report(&mut self, is_ready: bool, status: impl FnOnce() -> String) {
-        if self.socket.is_none() || !self.timer.due() {
+        if self.socket.is_none() || !self.timer.restart_if_due() {
             return;
         }
         let ready = if is_ready && !std::mem::replace(&mut self.is_ready, is_ready) { "READY=1\n" } else { "" };

@@ -34,7 +34,7 @@ impl ShotLines {
         })
     }
 
-    /// Reads the collisions that were published, to be called before their recording is printed.
+    /// Reads the collisions that were published and keeps the newest; to be called before their recording is printed.
     pub fn note_impacts(&mut self) -> Result<(), BusError> {
         while let Some(message) = self.impacts.take()? {
             self.impact = message.impact().or(self.impact.take());

@@ -27,7 +27,8 @@ pub(super) struct Chunk {
 }
 
 impl Chunk {
-    /// Opens a chunk at the end of the sink. A compressed chunk is written as a whole at its end.
+    /// Opens a chunk at the end of the sink. Without compression its preliminary header is written, a compressed chunk
+    /// is written as a whole at its end.
     pub(super) fn begin(sink: &mut Sink, compression: Compression) -> io::Result<Self> {
         let start = sink.position();
         let plain = match compression {
@@ -41,12 +42,12 @@ impl Chunk {
         Ok(Self { start, crc: Hasher::new(), places: BTreeMap::new(), times: None, plain })
     }
 
-    /// The size of the records in it, bytes.
+    /// Returns the size of the records in it before compression, bytes.
     pub(super) fn bytes(&self) -> u64 {
         self.crc.total_len()
     }
 
-    /// Adds the message that is put next to the index.
+    /// Adds the message whose record is appended next to the index.
     pub(super) fn index(&mut self, header: &MessageHeader) {
         let time = header.log_time_ns;
         let (first, last) = self.times.unwrap_or((time, time));
@@ -65,7 +66,7 @@ impl Chunk {
         Ok(())
     }
 
-    /// Appends a body whose CRC-32 is known.
+    /// Appends the body of a record, whose CRC-32 is `crc`, without computing it again.
     pub(super) fn put_body(&mut self, sink: &mut Sink, bytes: &[u8], crc: u32) -> io::Result<()> {
         self.crc.combine(&Hasher::new_with_initial_len(crc, bytes.len() as u64));
         match &mut self.plain {
@@ -75,7 +76,8 @@ impl Chunk {
         Ok(())
     }
 
-    /// Completes the chunk and writes its index after it. `file_crc` is extended over both.
+    /// Completes the chunk, writes its index after it, and returns its entry for the summary. `file_crc` is extended
+    /// over chunk and index.
     pub(super) fn end(self, sink: &mut Sink, file_crc: &mut Hasher) -> io::Result<ChunkIndex> {
         let (first, last) = self.times.unwrap_or((0, 0));
         let plain_bytes = self.bytes();
@@ -137,7 +139,7 @@ impl Header {
     const UNKNOWN: Self =
         Self { times: [0; 2], plain_bytes: u64::MAX, crc: u32::MAX, compression: "", stored_bytes: u64::MAX };
 
-    /// Encodes the opcode, the length and the header of a chunk's record.
+    /// Encodes the opcode, the length and the header of a chunk's record. The length includes the stored records.
     fn encode(&self) -> Vec<u8> {
         let header = Body::default().u64s(self.times).u64(self.plain_bytes).u32(self.crc).text(self.compression);
         let header = header.u64(self.stored_bytes).into_bytes();

@@ -45,7 +45,7 @@ impl Body {
         self.u32(bytes.len() as u32).bytes(bytes)
     }
 
-    /// Appends UTF-8 preceded by its 32-bit length.
+    /// Appends UTF-8 preceded by its 32-bit length, bytes. Panics as [`block`](Self::block).
     pub(super) fn text(self, text: &str) -> Self {
         self.block(text.as_bytes())
     }
@@ -62,7 +62,7 @@ impl Body {
         self.block(&pairs.0)
     }
 
-    /// Appends the CRC-32 of everything from byte `start` on.
+    /// Appends the CRC-32 of everything in the body from byte `start` on, counted from 0.
     pub(super) fn crc(self, start: usize) -> Self {
         let crc = crc32fast::hash(&self.0[start..]);
         self.u32(crc)
@@ -99,7 +99,8 @@ pub(super) fn encode_channel(id: u16, channel: &Channel) -> Vec<u8> {
     Body::default().u16(id).u16(*schema).text(topic).text(encoding).map(metadata).record(op::CHANNEL)
 }
 
-/// Encodes the record of a message up to the body of its payload. Replaces the content of `out`.
+/// Encodes the record of a message up to the body of its payload, whose size its length includes. Replaces the content
+/// of `out`.
 pub(super) fn encode_message_head(out: &mut Vec<u8>, header: &MessageHeader, payload: &Payload<'_>) {
     out.clear();
     out.extend(prefix(op::MESSAGE, MESSAGE_HEADER_BYTES + payload.len() as u64));

@@ -1,7 +1,8 @@
 //! The container of a recording: an MCAP file, written record by record.
 //!
-//! Layout: MCAP specification, <https://mcap.dev/spec>. Frames go from their slot in shared memory to the system without
-//! a copy, and each byte is checksummed once: the CRCs of a chunk and of the file are combined from those of its frames.
+//! Layout: MCAP specification, <https://mcap.dev/spec>. Frames go from their slot in shared memory to the system
+//! without a copy, and each byte is checksummed once: the CRCs of a chunk and of the file are combined from those of
+//! its frames.
 
 mod chunk;
 mod layout;
@@ -51,7 +52,8 @@ pub(super) struct Payload<'a> {
 }
 
 impl<'a> Payload<'a> {
-    /// Creates a payload of data in one piece; large data are not copied.
+    /// Creates a payload of data in one piece. From 16 KiB on they are the body, which is not copied; its CRC-32 is
+    /// computed.
     pub(super) fn from_bytes(bytes: &'a [u8]) -> Self {
         const MANY_BYTES: usize = 16 << 10;
         match bytes.len() {
@@ -107,7 +109,7 @@ impl Container {
         Ok(())
     }
 
-    /// Adds an attachment; ends the chunk.
+    /// Writes an attachment without times; ends the chunk.
     pub(super) fn attach(&mut self, name: &str, media_type: &str, content: &[u8]) -> io::Result<()> {
         // No log time and no creation time.
         let body = Body::default().u64s([0, 0]).text(name).text(media_type);
@@ -119,7 +121,11 @@ impl Container {
         Ok(())
     }
 
-    /// Returns the number of a schema, which is written if it is new.
+    /// Returns the number of a schema, from 1, and writes the schema if it is new.
+    ///
+    /// # Errors
+    ///
+    /// An error of the system, or more than 65535 schemas.
     pub(super) fn register_schema(&mut self, schema: &Schema) -> io::Result<u16> {
         let schemas = &self.summary.schemas;
         let place = schemas.iter().position(|known| known == schema).unwrap_or(schemas.len());
@@ -131,7 +137,8 @@ impl Container {
         Ok(id)
     }
 
-    /// Returns the number of a channel, which is written if it is new.
+    /// Returns the number of a channel, from 1, and writes the channel if it is new. Errors as
+    /// [`register_schema`](Self::register_schema).
     ///
     /// Its schema is a number from [`register_schema`](Self::register_schema), or 0 for none.
     pub(super) fn register_channel(&mut self, channel: &Channel) -> io::Result<u16> {
@@ -145,7 +152,8 @@ impl Container {
         Ok(id)
     }
 
-    /// Writes a message on a channel from [`register_channel`](Self::register_channel).
+    /// Writes a message on a channel from [`register_channel`](Self::register_channel), in a new chunk if the open one
+    /// is full.
     pub(super) fn write_message(&mut self, header: &MessageHeader, payload: &Payload<'_>) -> io::Result<()> {
         self.summary.count(header);
         if self.chunk.as_ref().is_some_and(|chunk| chunk.bytes() > self.settings.chunk_bytes) {
@@ -188,7 +196,7 @@ impl Container {
         self.sink.flush()
     }
 
-    /// Writes a record outside any chunk; returns its offset.
+    /// Ends the open chunk, writes a record after it and returns the record's offset in the file, bytes.
     fn put_outside(&mut self, record: &[u8]) -> io::Result<u64> {
         self.end_chunk()?;
         let offset = self.sink.position();
@@ -197,7 +205,7 @@ impl Container {
         Ok(offset)
     }
 
-    /// Writes a record inside a chunk.
+    /// Writes a record inside the open chunk, or a new one.
     fn put_inside(&mut self, record: &[u8]) -> io::Result<()> {
         let (chunk, sink) = self.open_chunk()?;
         chunk.put(sink, record)

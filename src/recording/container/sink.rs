@@ -27,17 +27,17 @@ impl Sink {
         Self { file, pending: Vec::with_capacity(PENDING_BYTES), position: 0 }
     }
 
-    /// The offset of the next byte in the file.
+    /// Returns the offset of the next byte in the file.
     pub(super) fn position(&self) -> u64 {
         self.position
     }
 
-    /// The number of buffered bytes.
+    /// Returns the number of buffered bytes.
     pub(super) fn buffered_bytes(&self) -> usize {
         self.pending.len()
     }
 
-    /// Appends a few bytes, which are buffered.
+    /// Appends a few bytes, which are buffered, or written with the buffer if that has no room for them.
     pub(super) fn put(&mut self, bytes: &[u8]) -> io::Result<()> {
         if self.pending.len() + bytes.len() > PENDING_BYTES {
             return self.write(bytes);
@@ -46,7 +46,8 @@ impl Sink {
         Ok(())
     }
 
-    /// Appends many bytes without a copy. Only those after the last aligned offset are buffered.
+    /// Appends many bytes without a copy. Only those after the last aligned offset are buffered. The alignment is the
+    /// largest power of two that `bytes` fill, from [`UNIT_BYTES_MIN`] to [`UNIT_BYTES_MAX`].
     pub(super) fn put_through(&mut self, bytes: &[u8]) -> io::Result<()> {
         let unit = 1 << bytes.len().max(1).ilog2();
         let unit = u64::clamp(unit, UNIT_BYTES_MIN as u64, UNIT_BYTES_MAX as u64);
@@ -75,7 +76,7 @@ impl Sink {
         self.write(&[])
     }
 
-    /// Appends bytes to the buffer, which has room for them.
+    /// Appends bytes to the buffer alone. The caller has checked that there is room for them.
     fn buffer(&mut self, bytes: &[u8]) {
         self.position += bytes.len() as u64;
         self.pending.extend_from_slice(bytes);

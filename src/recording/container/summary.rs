@@ -59,7 +59,8 @@ impl Summary {
         *self.counts.entry(header.channel).or_default() += 1;
     }
 
-    /// Encodes the summary, which begins at byte `start` of the file, its offsets and the footer.
+    /// Encodes the summary, which begins at byte `start` of the file, its offsets and the footer with their CRC-32.
+    /// Empty groups of records are left out.
     pub(super) fn encode(&self, start: u64) -> Vec<u8> {
         let groups: [(u8, Vec<u8>); 6] = [
             (op::SCHEMA, (1..).zip(&self.schemas).flat_map(|(id, schema)| layout::encode_schema(id, schema)).collect()),

@@ -80,7 +80,7 @@ impl<'a> Window<'a> {
         Self { file, source, at: 0, buffer: Bytes::new() }
     }
 
-    /// Returns `count` bytes at `at`, or fewer at the end.
+    /// Returns `count` bytes at `at`, which counts from the start of the source, or fewer at its end.
     pub(super) fn peek(&mut self, at: u64, count: usize) -> io::Result<&[u8]> {
         let remaining = self.source.len().saturating_sub(at);
         let count = (count as u64).min(remaining);

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 impl Recording {
-    /// Returns the names of the additional cameras.
+    /// Returns the names of the additional cameras, in the order of the rig file.
     pub fn views(&self) -> Vec<String> {
         (0..).map_while(|index| self.metadata().get(&format!("{VIEW_KEY}.{index}")).cloned()).collect()
     }
@@ -50,7 +50,7 @@ impl Recording {
 
 impl RecordedFile {
     /// Returns this file reduced to the topics, metadata and attachments of one additional camera, without their
-    /// prefix.
+    /// prefix; the events of the rig stay.
     fn view(&self, name: &str) -> Result<Self, RecordingError> {
         let mut structure = self.structure.clone();
         let (prefix, metadata_name) = (format!("/{name}"), format!("{METADATA_NAME}/{name}"));

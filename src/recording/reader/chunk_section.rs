@@ -10,7 +10,8 @@ use std::io::{self, Read};
 /// Maximum size of a chunk that is kept in memory, bytes. Larger ones are checked and read piece by piece.
 const MEMORY_BYTES: u64 = 64 << 20;
 
-/// Reads the records of a section, checks their CRC and decompresses them.
+/// Checks the CRC of a section's records and returns them decompressed: in memory, or in the file if they are
+/// uncompressed and large or have no CRC.
 ///
 /// Takes at most the file's size plus 64 MiB of memory.
 pub(super) fn load_records(file: &File, file_bytes: u64, section: &Section) -> Result<Source, Unreadable> {
@@ -30,7 +31,11 @@ pub(super) fn load_records(file: &File, file_bytes: u64, section: &Section) -> R
     Ok(Source::Memory(records))
 }
 
-/// Compares the CRC-32 of the records with that of the chunk.
+/// Checks the CRC-32 `crc` of the records against that of the chunk.
+///
+/// # Errors
+///
+/// [`Unreadable::Damaged`] if they differ.
 fn check_crc(section: &Section, crc: u32) -> Result<(), Unreadable> {
     if crc == section.crc {
         return Ok(());
@@ -41,7 +46,7 @@ fn check_crc(section: &Section, crc: u32) -> Result<(), Unreadable> {
     )))
 }
 
-/// Computes the CRC-32 of bytes piece by piece.
+/// Computes the CRC-32 of all bytes of a source, in pieces of 1 MiB.
 pub(super) fn streamed_crc(file: &File, source: &Source) -> io::Result<u32> {
     let mut hasher = crc32fast::Hasher::new();
     let mut at = 0;
@@ -53,7 +58,12 @@ pub(super) fn streamed_crc(file: &File, source: &Source) -> io::Result<u32> {
     Ok(hasher.finalize())
 }
 
-/// Decompresses the records of a section, whose size is checked against that of the file before.
+/// Decompresses the records of a section.
+///
+/// # Errors
+///
+/// [`Unreadable::Damaged`] if the size after decompression exceeds that of the file by more than [`MEMORY_BYTES`] or
+/// differs from the header's, or the data do not decompress.
 fn decompress(file: &File, file_bytes: u64, section: &Section) -> Result<Bytes, Unreadable> {
     let damaged =
         |reason: String| Unreadable::Damaged(format!("the chunk with records from byte {}: {reason}", section.offset));
@@ -88,9 +98,10 @@ pub(super) enum Found<'a> {
     Description { opcode: u8, body: &'a [u8] },
 }
 
-/// Visits the records of a section in order, up to its end or to the first record that does not parse.
+/// Visits the messages, schemas and channels of a section in order, up to its end or to the first record that does not
+/// parse.
 ///
-/// Returns the number of parsed bytes.
+/// Returns the number of parsed bytes, other records included.
 ///
 /// # Errors
 ///

@@ -19,7 +19,12 @@ pub(super) fn decode_image(message: Bytes) -> Result<RawImage, String> {
     decode_picture(&image.data, image.timestamp)
 }
 
-/// Decodes a PNG or JPEG picture to grey levels of 8 or 16 bits, whatever format the message names.
+/// Decodes a PNG or JPEG picture to grey levels of 8 or 16 bits, whatever format the message names. The timestamp is
+/// passed on.
+///
+/// # Errors
+///
+/// The reason when the picture has another format, is in colour, or does not decode.
 pub(super) fn decode_picture(payload: &[u8], timestamp: Option<Timestamp>) -> Result<RawImage, String> {
     let format = image::guess_format(payload).ok();
     let Some(format @ (ImageFormat::Png | ImageFormat::Jpeg)) = format else {

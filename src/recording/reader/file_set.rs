@@ -16,7 +16,7 @@ pub(super) struct Rest {
     pub(super) damage: Vec<String>,
 }
 
-/// Returns the existing files of the recording that begins in `first`, in order.
+/// Returns the existing files of the recording that begins in `first`, in order, up to the first gap in their numbers.
 pub fn files_of(first: &Path) -> Vec<PathBuf> {
     let about = |path: &Path| Recording::peek_metadata(path).ok().flatten();
     let name = about(first).and_then(|entries| split::first_name(&entries).map(str::to_owned));
@@ -35,8 +35,8 @@ impl Recording {
     ///
     /// # Errors
     ///
-    /// [`RecordingError::Io`] when there is no such file or the system fails; [`RecordingError::Invalid`] when it is not an
-    /// MCAP file.
+    /// [`RecordingError::Io`] when there is no such file or the system fails; [`RecordingError::Invalid`] when it is
+    /// not an MCAP file.
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
         let mut files = vec![Self::open_one(path)?];
         let mut missing = None;
@@ -106,7 +106,12 @@ impl Recording {
         Self { inner: Arc::clone(inner), rest: Arc::default() }
     }
 
-    /// Joins files to one recording. `missing` is the reason why a later file was not opened.
+    /// Joins files to one recording. `missing` is the reason why a later file was not opened; a file that was cut off
+    /// outranks it.
+    ///
+    /// # Panics
+    ///
+    /// When there is no file.
     fn from_files(files: Vec<Self>, missing: Option<String>) -> Self {
         let mut all_files = files.into_iter().map(|file| file.inner).collect::<Vec<_>>();
         let inner = all_files.remove(0);
@@ -125,7 +130,7 @@ impl Recording {
         Self { inner: whole.inner, rest: Arc::new(rest) }
     }
 
-    /// Returns the name that the files of a split recording share, if this is the first.
+    /// Returns the name of the first file, by which the files of a split recording refer to it, if this is that file.
     fn split_name(&self) -> Option<&str> {
         split::first_name(self.metadata())
     }

@@ -38,7 +38,8 @@ struct FrameNumber {
 }
 
 impl FrameNumber {
-    /// Whether no camera gives this number after the number `last`: numbers rise until the camera is opened again.
+    /// Whether no camera gives this number after the number `last`: numbers rise within an epoch, and epochs never
+    /// fall.
     fn contradicts(&self, last: &Self) -> bool {
         self.epoch < last.epoch || (self.epoch == last.epoch && self.sequence <= last.sequence)
     }
@@ -50,7 +51,7 @@ impl Recording {
         self.inner.image_kind(channel).is_some()
     }
 
-    /// Returns the number of frames; 0 when there is not exactly one image topic.
+    /// Returns the number of frames in all files; a file without exactly one image topic counts 0.
     pub fn frame_count(&self) -> u64 {
         self.all_files().map(|inner| inner.frame_count()).sum()
     }
@@ -101,7 +102,7 @@ impl Recording {
         Ok(first.ok_or_else(|| self.inner.invalid("it has no frames"))??.0)
     }
 
-    /// Returns the header of the last frame.
+    /// Returns the header of the last frame; of a file that was cut off, the last complete one of the last two.
     ///
     /// # Errors
     ///
@@ -121,9 +122,9 @@ impl Recording {
         Ok(last.ok_or_else(|| self.inner.invalid("it has no frames"))??.0)
     }
 
-    /// Returns the mean frame rate, with lost frames counted where they are known.
+    /// Returns the mean frame rate from the first to the last frame, with lost frames counted where they are known.
     ///
-    /// `None` for a single frame, or when the camera was reopened in between.
+    /// `None` for a single frame, when the camera was reopened in between, or when numbers or stamps do not rise.
     ///
     /// # Errors
     ///
@@ -137,7 +138,7 @@ impl Recording {
         Ok(Some(frames as f64 * 1e9 / ns as f64))
     }
 
-    /// Returns the exposure time from the metadata, us; 0 when they have none.
+    /// Returns the exposure time from the metadata, us; 0 when they have none that is finite and not negative.
     pub fn exposure_us(&self) -> f64 {
         let recorded = self.metadata().get("exposure_us").and_then(|text| text.parse().ok());
         recorded.filter(|exposure_us: &f64| exposure_us.is_finite() && *exposure_us >= 0.0).unwrap_or(0.0)
@@ -158,7 +159,7 @@ enum ImageKind {
 }
 
 impl RecordedFile {
-    /// Returns the number of frames in this file.
+    /// Returns the number of images in this file; 0 when there is not exactly one image topic.
     pub(super) fn frame_count(&self) -> u64 {
         let channels = self.image_channels().unwrap_or_default();
         channels.iter().filter_map(|id| self.counts.get(id)).sum()
@@ -176,7 +177,12 @@ impl RecordedFile {
         }
     }
 
-    /// Returns the channels of the image topic, which must be the only one.
+    /// Returns the channels of the image topic, which must be the only one. In our own files it is that of the first
+    /// camera.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError::Invalid`] when there is no image topic or more than one.
     pub(super) fn image_channels(&self) -> Result<Vec<u16>, RecordingError> {
         let ours = self.is_ours();
         let images: Vec<_> = (self.structure.channels.iter())
@@ -202,7 +208,7 @@ impl RecordedFile {
 }
 
 impl Frames {
-    /// Returns the number of messages per frame. A frame of our own files is a pair of information and image.
+    /// Returns the number of messages per frame: 2 in our own files, information and image, and 1 in others.
     fn messages_per_frame(&self) -> u64 {
         if self.info_channels.iter().all(Vec::is_empty) { 1 } else { 2 }
     }
@@ -212,9 +218,9 @@ impl Frames {
         self.messages.len()
     }
 
-    /// Skips `count` frames without reading them.
+    /// Skips `count` frames without reading them; beyond the end, all.
     ///
-    /// The next frame reads one chunk. After the end there are no frames.
+    /// The next frame reads one chunk.
     pub fn skip_frames(&mut self, count: u64) {
         let messages = self.messages_per_frame().saturating_mul(count);
         self.messages.skip_next(usize::try_from(messages).unwrap_or(usize::MAX));
@@ -222,7 +228,7 @@ impl Frames {
         (self.info, self.last) = (None, None);
     }
 
-    /// Returns the next frame; its pixels share the memory of their chunk.
+    /// Returns the next frame; its pixels share the memory of their chunk. `None` after the last.
     pub(crate) fn next_shared(&mut self) -> Option<Result<(FrameMeta, Bytes), RecordingError>> {
         loop {
             let message = match self.messages.next()? {
@@ -243,11 +249,12 @@ impl Frames {
         }
     }
 
-    /// Checks that the numbers of a file rise, unless the camera was opened again.
+    /// Checks a frame number against the one before it in the same file, and keeps it for the next check. Numbers rise,
+    /// unless the camera was opened again.
     ///
     /// # Errors
     ///
-    /// The reason when they do not, or a number is too large to count on.
+    /// The reason when they do not, or the number exceeds [`MAX_SEQUENCE`].
     fn check_number(&mut self, file: u32, info: &proto::FrameInfo) -> Result<(), String> {
         if info.sequence > MAX_SEQUENCE {
             return Err(format!("number {} is larger than {MAX_SEQUENCE}", info.sequence));
@@ -263,7 +270,7 @@ impl Frames {
         }
     }
 
-    /// Keeps the frame information for the image that follows it.
+    /// Decodes the frame information and keeps it for the image that follows it.
     fn keep_info(&mut self, message: Message) -> Result<(), String> {
         let info = proto::FrameInfo::decode(message.data).map_err(|error| {
             format!("frame information at {} ns does not decode: {error}", message.header.log_time_ns)
@@ -272,7 +279,8 @@ impl Frames {
         Ok(())
     }
 
-    /// Decodes a frame; `None` for the last image of a file that was cut off before its frame information.
+    /// Decodes an image and completes it by the frame information kept for it, against whose CRC-32 the pixels are
+    /// checked. `None` for the last image of a file that was cut off before its frame information.
     fn decode_frame(&mut self, message: Message) -> Result<Option<(FrameMeta, Bytes)>, String> {
         let index = self.index;
         self.index += 1;

@@ -84,7 +84,8 @@ impl Messages {
         self
     }
 
-    /// Checks the next chunk that seems to have nothing to read; `None` if it has nothing, or none is left.
+    /// Checks the chunks that seem to have nothing to read, from the last on, and returns the first error. `None` once
+    /// all are checked.
     fn next_hidden(&mut self) -> Option<RecordingError> {
         while let Some(place) = self.unlisted.pop() {
             let (inner, channels) = &self.files[place.file as usize];
@@ -101,7 +102,7 @@ impl Messages {
         None
     }
 
-    /// Adds the entries of a file's messages on these channels to `all`.
+    /// Adds the entries of the messages on these channels to `all`. `file` is the number of the file.
     ///
     /// A section that cannot be read adds one entry, which makes reading return the error at its place.
     ///
@@ -150,7 +151,7 @@ impl Messages {
         self.entries.len()
     }
 
-    /// Skips all but the last `count`.
+    /// Skips all but the last `count` messages.
     pub(super) fn keep_last(&mut self, count: usize) {
         let skip = self.entries.len().saturating_sub(count);
         if skip > 0 {
@@ -158,24 +159,24 @@ impl Messages {
         }
     }
 
-    /// Skips the next `count`.
+    /// Skips the next `count` messages; beyond the end, all.
     pub(super) fn skip_next(&mut self, count: usize) {
         if count > 0 {
             self.entries.nth(count - 1);
         }
     }
 
-    /// Returns one of the files.
+    /// Returns the file of this number, from 0.
     pub(super) fn file(&self, file: u32) -> &RecordedFile {
         &self.files[file as usize].0
     }
 
-    /// Whether every message of a file was read.
+    /// Whether every message of the file of this number was read or skipped.
     pub(super) fn is_over(&self, file: u32) -> bool {
         self.entries.as_slice().iter().all(|entry| entry.place.file != file)
     }
 
-    /// Reads the message of an entry. Loads its section unless it is in memory.
+    /// Reads the message of an entry. Loads its section and checks the section's index, unless it is in memory.
     fn read(&mut self, entry: Entry) -> Result<Message, Unreadable> {
         let place = entry.place;
         let (inner, channels) = &self.files[place.file as usize];
@@ -221,18 +222,19 @@ impl Iterator for Messages {
 }
 
 impl Recording {
-    /// Returns the number of sections in the file.
+    /// Returns the number of sections in the first file.
     pub(in super::super) fn section_count(&self) -> usize {
         self.inner.structure.sections.len()
     }
 
-    /// Returns the channels of a section that has an index.
+    /// Returns the channels of a section by its index; `None` without a section of this number (from 0) or without an
+    /// index.
     pub(in super::super) fn section_channels(&self, number: usize) -> Option<Vec<u16>> {
         let index = &self.inner.structure.sections.get(number)?.index;
         (!index.is_empty()).then(|| index.iter().map(|entry| entry.channel).collect())
     }
 
-    /// Visits every intact message of a section in the order of the file.
+    /// Visits every intact message of a section of the first file, in the order of the file.
     ///
     /// A chunk that fails its checksum is searched for frames, which have checksums of their own. After a power cut the
     /// end of a chunk can be on the disk while a part of its middle is not. Returns the damage, if any.
@@ -289,7 +291,8 @@ impl Recording {
     }
 }
 
-/// Checks that the index of a chunk lists every message of the channels.
+/// Checks that the index of a chunk lists as many messages of the channels as the chunk has. A chunk without an index
+/// passes.
 fn check_index(inner: &RecordedFile, section: &Section, channels: &[u16], records: &Source) -> Result<(), Unreadable> {
     if section.index.is_empty() {
         return Ok(());

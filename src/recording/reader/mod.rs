@@ -109,7 +109,7 @@ impl Recording {
     ///
     /// # Errors
     ///
-    /// [`RecordingError::Io`] when there is no such file or the system fails.
+    /// [`RecordingError::Io`] when there is no such file or the system fails. Damage counts as no metadata.
     pub fn peek_metadata(path: &Path) -> Result<Option<BTreeMap<String, String>>, RecordingError> {
         let io = |error| RecordingError::io("open", path, error);
         let file = File::open(path).map_err(io)?;
@@ -130,7 +130,7 @@ impl Recording {
         self.all_files().map(|inner| inner.file_bytes).sum()
     }
 
-    /// Returns the name and version of the program that wrote the file.
+    /// Returns the name and version of the program that wrote the first file, as its header states them.
     pub fn library(&self) -> &str {
         &self.inner.structure.library
     }
@@ -150,7 +150,7 @@ impl Recording {
         self.inner.is_ours()
     }
 
-    /// Returns the attached configuration of the rig.
+    /// Returns the attached configuration of the rig; `None` if there is none or it is damaged.
     pub fn config_toml(&self) -> Option<&str> {
         self.inner.config_toml.as_deref()
     }
@@ -242,17 +242,18 @@ impl RecordedFile {
         self.structure.metadata.iter().any(|(name, _)| name == METADATA_NAME)
     }
 
-    /// Returns the error of this file with a reason.
+    /// Returns the error that this file is damaged or of another format, for this reason.
     fn invalid(&self, reason: impl Into<String>) -> RecordingError {
         RecordingError::invalid(&self.path, reason)
     }
 
-    /// Returns the error of the system while this file was read.
+    /// Returns the error that reading this file failed, from the system's error.
     fn io(&self, error: std::io::Error) -> RecordingError {
         RecordingError::io("read", &self.path, error)
     }
 
-    /// Counts the messages, and searches chunks for channels that no index lists.
+    /// Counts the messages by the index of each section, or by reading sections without an index or with unknown
+    /// channels. An uncompressed section is shortened to its readable part; damage is listed.
     fn count_messages(&mut self) -> Result<(), RecordingError> {
         let mut sections = std::mem::take(&mut self.structure.sections);
         for section in &mut sections {
@@ -300,7 +301,8 @@ impl RecordedFile {
         })
     }
 
-    /// Extracts the metadata, bodies and configuration that every reader needs.
+    /// Extracts the metadata, bodies and configuration that every reader needs. A damaged configuration is listed as
+    /// damage.
     fn describe(&mut self) -> Result<(), RecordingError> {
         if let Some((_, entries)) = self.structure.metadata.iter().find(|(name, _)| name == METADATA_NAME) {
             self.metadata = entries.clone();
@@ -318,7 +320,12 @@ impl RecordedFile {
         Ok(())
     }
 
-    /// Reads the content of an attachment and checks its CRC-32, which may be 0 for none.
+    /// Reads the content of an attachment and checks its CRC-32, unless that is 0 (none).
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError::Invalid`] when it is damaged or exceeds [`ATTACHMENT_BYTES`]; [`RecordingError::Io`] when the
+    /// system fails.
     fn attachment(&self, attachment: &AttachmentRef) -> Result<Vec<u8>, RecordingError> {
         if attachment.content_bytes > ATTACHMENT_BYTES {
             return Err(self.invalid(format!(

@@ -22,7 +22,12 @@ pub(super) fn decode_compressed_image(message: &Bytes) -> Result<RawImage, Strin
     decode_cdr(message, parse_compressed_image)
 }
 
-/// Checks the encapsulation of a message and parses its fields. `parse` returns `None` when the message ends too early.
+/// Checks the encapsulation of a message and parses its fields with `parse`, which returns `None` when the message ends
+/// too early.
+///
+/// # Errors
+///
+/// The reason when the message is not little-endian CDR or ends too early, and that of `parse`.
 fn decode_cdr(
     message: &Bytes,
     parse: impl FnOnce(&mut Cdr<'_>) -> Option<Result<RawImage, String>>,
@@ -35,7 +40,8 @@ fn decode_cdr(
     parse(&mut cdr).ok_or_else(|| format!("the message ends within its fields, at byte {}", cdr.at))?
 }
 
-/// Parses the fields of a `sensor_msgs/msg/CompressedImage` and decodes its picture.
+/// Parses the fields of a `sensor_msgs/msg/CompressedImage` and decodes its picture; `None` when the message ends too
+/// early.
 fn parse_compressed_image(cdr: &mut Cdr<'_>) -> Option<Result<RawImage, String>> {
     let (seconds, nanoseconds) = (cdr.u32()?, cdr.u32()?);
     let (_frame_id, _format) = (cdr.text()?, cdr.text()?);
@@ -44,7 +50,8 @@ fn parse_compressed_image(cdr: &mut Cdr<'_>) -> Option<Result<RawImage, String>>
     Some(compressed::decode_picture(payload, Some(Timestamp::new(seconds, nanoseconds))))
 }
 
-/// Parses the fields of a `sensor_msgs/msg/Image`; its pixels share the memory of the message.
+/// Parses the fields of a `sensor_msgs/msg/Image`; its pixels share the memory of the message. `None` when the message
+/// ends too early, an error for big-endian pixels of 16 bits.
 fn parse_image(cdr: &mut Cdr<'_>) -> Option<Result<RawImage, String>> {
     let (seconds, nanoseconds) = (cdr.u32()?, cdr.u32()?);
     let frame_id = cdr.text()?;
@@ -85,7 +92,7 @@ impl<'a> Cdr<'a> {
         self.take(4)?.try_into().ok().map(u32::from_le_bytes)
     }
 
-    /// Reads a string, whose length includes the closing zero.
+    /// Reads a string, whose 32-bit length includes the closing zero; bytes that are no UTF-8 are replaced.
     fn text(&mut self) -> Option<String> {
         let length = self.u32()? as usize;
         let bytes = self.take(length)?;

@@ -61,7 +61,7 @@ impl Section {
         Self { offset, bytes, coding, uncompressed_bytes: bytes, crc: 0, whole: true, index }
     }
 
-    /// Whether the section is a run of messages outside chunks that can grow.
+    /// Whether the section may be a run of messages outside chunks, which can grow.
     fn is_loose(&self) -> bool {
         self.coding == Coding::Plain && self.crc == 0 && self.whole && self.index.is_empty()
     }
@@ -122,7 +122,12 @@ pub(super) fn leading_metadata(
     Ok(structure.metadata.into_iter().find(|(found, _)| found == name).map(|(_, entries)| entries))
 }
 
-/// Scans the file up to the first record whose opcode is not wanted.
+/// Scans the file up to the first record whose opcode is not wanted, its end, or the place where it is cut off or
+/// damaged, which the structure states.
+///
+/// # Errors
+///
+/// [`Unreadable::Io`] when the system fails; [`Unreadable::Damaged`] when the file is not MCAP.
 fn scan_while(file: &File, file_bytes: u64, is_wanted: impl Fn(u8) -> bool) -> Result<Structure, Unreadable> {
     let source = Source::File { offset: 0, bytes: file_bytes };
     let mut window = Window::new(file, &source);
@@ -171,7 +176,12 @@ pub(super) fn prefix(bytes: &[u8]) -> Option<(u8, u64)> {
 }
 
 impl Structure {
-    /// Stores the record whose body of `length` bytes begins at byte `body` of the file.
+    /// Stores the record whose body of `length` bytes begins at byte `body` of the file. Records of other kinds are
+    /// skipped.
+    ///
+    /// # Errors
+    ///
+    /// [`Unreadable::Damaged`] when the record does not parse or exceeds a limit.
     fn store_record(&mut self, window: &mut Window<'_>, opcode: u8, body: u64, length: u64) -> Result<(), Unreadable> {
         let stored = match opcode {
             op::CHUNK => self.store_chunk(window.peek(body, clamped_length(length, CHUNK_HEADER_BYTES))?, body, length),
@@ -210,7 +220,8 @@ impl Structure {
         Ok(())
     }
 
-    /// Stores a header, schema, channel or metadata record; `None` when it does not parse.
+    /// Stores a header, schema, channel or metadata record; `None` when it does not parse. Of several schemas or
+    /// channels with one number, the first counts.
     pub(super) fn describe(&mut self, opcode: u8, body: &[u8]) -> Option<()> {
         match opcode {
             op::HEADER => {
@@ -235,7 +246,8 @@ impl Structure {
         Some(())
     }
 
-    /// Stores a chunk as a section, from the first bytes of its record's body.
+    /// Stores a chunk as a section, from the first bytes of its record's body, which begins at byte `body` of the file
+    /// and has `length` bytes.
     fn store_chunk(&mut self, head: &[u8], body: u64, length: u64) -> Result<(), String> {
         let header = record::parse_chunk_header(head).ok_or("the chunk header does not parse")?;
         let coding = coding(&header.compression).ok_or_else(|| {
@@ -258,7 +270,8 @@ impl Structure {
         Ok(())
     }
 
-    /// Stores the chunk that was open when the file was cut off: it has records but no sizes.
+    /// Stores the chunk that was open when the file was cut off, as a section up to the end of the file: it has records
+    /// but no sizes. A compressed one is ignored.
     fn store_torn_chunk(&mut self, head: &[u8], body: u64, file_bytes: u64) {
         let Some(header) = record::parse_chunk_header(head) else { return };
         // The rest of a compressed stream looks like damage.
@@ -269,7 +282,8 @@ impl Structure {
         self.sections.push(Section { whole: false, ..Section::plain(offset, file_bytes - offset) });
     }
 
-    /// Adds a message index to the chunk before it, from the first bytes of the record's body.
+    /// Adds a message index to the chunk before it, from the first bytes of the record's body, which begins at byte
+    /// `body` of the file and has `length` bytes.
     fn store_index(&mut self, head: &[u8], body: u64, length: u64) -> Result<(), String> {
         let mut fields = Fields(head);
         let parsed = fields.u16().zip(fields.u32());
@@ -284,7 +298,8 @@ impl Structure {
         Ok(())
     }
 
-    /// Adds a message outside any chunk to those right before it.
+    /// Adds a message outside any chunk to the section of those right before it, or to a new section. The body of its
+    /// record has `length` bytes from byte `body` of the file on.
     fn store_loose_message(&mut self, body: u64, length: u64) {
         let (start, end) = (body - PREFIX_BYTES, body + length);
         match self.sections.last_mut() {
@@ -296,7 +311,8 @@ impl Structure {
         }
     }
 
-    /// Stores name, type and place of an attachment, from the first bytes of the record's body.
+    /// Stores name, type and place of an attachment, from the first bytes of the record's body, which begins at byte
+    /// `body` of the file and has `length` bytes.
     fn store_attachment(&mut self, head: &[u8], body: u64, length: u64) -> Result<(), String> {
         if self.attachments.len() >= ATTACHMENTS {
             return Err(format!("more than {ATTACHMENTS} attachments"));
@@ -323,7 +339,7 @@ impl Structure {
     }
 }
 
-/// Returns the encoding of a chunk by its name in the header; `None` for an unsupported one.
+/// Returns the encoding of a chunk by its name in the header, empty for uncompressed; `None` for an unsupported one.
 fn coding(compression: &str) -> Option<Coding> {
     match compression {
         "" => Some(Coding::Plain),
@@ -333,7 +349,7 @@ fn coding(compression: &str) -> Option<Coding> {
     }
 }
 
-/// Converts a length in bytes, limited to `limit`.
+/// Returns a length in a file, bytes, as one in memory, at most `limit`.
 fn clamped_length(length: u64, limit: usize) -> usize {
     usize::try_from(length).unwrap_or(usize::MAX).min(limit)
 }

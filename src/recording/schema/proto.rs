@@ -1,8 +1,8 @@
 //! The protobuf messages of a recording, each declared once: the struct that is encoded and the schema in the file.
 //!
-//! Versioning: a field never changes its number, type, unit or meaning, and a number is never used again. New fields get new
-//! numbers; readers skip those they do not know. A number that could not be measured is absent, never NaN or 0. Image axes:
-//! x right, y down. Physical axes: x right, y up. Rotations are counter-clockwise as seen on the screen.
+//! Versioning: a field never changes its number, type, unit or meaning, and a number is never used again. New fields
+//! get new numbers; readers skip those they do not know. A number that could not be measured is absent, never NaN or 0.
+//! Image axes: x right, y down. Physical axes: x right, y up. Rotations are counter-clockwise as seen on the screen.
 
 use crate::results::PointStatus;
 use prost::Message as _;
@@ -134,7 +134,8 @@ message! {
 /// A message of a schema: its name and its fields.
 type Declared<'a> = (&'a str, &'a [Field]);
 
-/// Returns the serialised `FileDescriptorSet` of a schema, as `protoc` makes it from `FILE.proto`.
+/// Returns the serialised `FileDescriptorSet` of a schema, as `protoc` makes it from the file `FILE.proto` with these
+/// messages. Their statuses add the enumeration of statuses.
 pub(super) fn schema(file: &str, messages: &[Declared<'_>]) -> Vec<u8> {
     let has_status = messages.iter().flat_map(|(_, fields)| *fields).any(|field| field.kind.starts_with("enumeration"));
     let file = FileDescriptorProto {

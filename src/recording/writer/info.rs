@@ -30,7 +30,7 @@ pub struct ViewInfo {
     pub bodies: Vec<String>,
 }
 
-/// Returns the entries with the names of the bodies added.
+/// Returns the entries with the names of the bodies added as `body.0`, `body.1`, ...
 pub(super) fn with_bodies(entries: &BTreeMap<String, String>, bodies: &[String]) -> BTreeMap<String, String> {
     let named = bodies.iter().enumerate().map(|(index, body)| (format!("body.{index}"), body.clone()));
     entries.clone().into_iter().chain(named).collect()

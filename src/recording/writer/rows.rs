@@ -7,7 +7,7 @@ use crate::recording::{Annotations, RecordingError};
 use crate::results::{Impact, PairField, TrackSample, VelocitySample};
 
 impl RecordingWriter {
-    /// Writes a displacement field.
+    /// Adds a displacement field to those held back, and writes them if they are due.
     ///
     /// # Errors
     ///
@@ -60,14 +60,15 @@ impl RecordingWriter {
         self.write_due_batches(stamp_ns)
     }
 
-    /// Writes a row to those held back, and writes them if they are due.
+    /// Adds a row of the selected camera to those held back, and writes them if they are due.
     fn push_row<R: Row>(&mut self, topic: Topic, log_time_ns: u64, row: &R) -> Result<(), RecordingError> {
         self.rows.push(self.camera, topic, log_time_ns, &row.to_message());
         self.write_due_batches(log_time_ns)
     }
 }
 
-/// Returns the log time of a collision: its start, or the origin of its times while the start is unknown.
+/// Returns the log time of a collision, ns since the Unix epoch: its start, or the origin of its times while the start
+/// is unknown or before the origin.
 fn impact_time_ns(impact: &Impact) -> u64 {
     let start_ns = impact.start_s.map_or(0.0, |start| (start.value * 1e9).max(0.0));
     impact.origin_ns.saturating_add(start_ns as u64)

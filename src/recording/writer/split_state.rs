@@ -52,19 +52,20 @@ impl SplitState {
         &self.first
     }
 
-    /// Counts a message of `bytes` as written.
+    /// Counts a message with `bytes` of data as written, with its share of headers and index.
     pub(super) fn add(&mut self, bytes: usize) {
         self.expected_bytes += bytes as u64 + MESSAGE_OVERHEAD_BYTES;
     }
 
-    /// Whether another message of `bytes` exceeds the size of a file.
+    /// Whether the current file with another `bytes` exceeds the maximum size of a file.
     fn is_full_with(&self, bytes: u64) -> bool {
         self.expected_bytes + bytes > self.bytes
     }
 }
 
 impl RecordingWriter {
-    /// Continues in a next file when the current one has no room for `bytes` more.
+    /// Continues in a next file when the current one has messages and no room for `bytes` more. A recording that is not
+    /// split has always room.
     pub(super) fn make_room(&mut self, bytes: u64) -> Result<(), RecordingError> {
         // A message that exceeds the size of a file gets a file of its own.
         let is_full = self.split.as_ref().is_some_and(|split| split.is_full_with(bytes));

@@ -27,7 +27,7 @@ pub(super) struct Deviation {
     pub(super) max_px: f64,
 }
 
-/// Compares two sets of answers; returns `None` if no subset is valid in both.
+/// Compares two sets of answers in the same order; returns `None` if no subset is valid in both.
 pub(super) fn change(before: &Answers, after: &Answers) -> Option<Change> {
     let both: Vec<_> = before.iter().zip(after).filter_map(|(a, b)| a.zip(*b)).collect();
     let apart = |axis: usize| both.iter().map(|(a, b)| (a[axis] - b[axis]).abs()).collect::<Vec<f64>>();
@@ -41,7 +41,7 @@ pub(super) fn change(before: &Answers, after: &Answers) -> Option<Change> {
 
 /// Compares answers with the truth of their pair; returns `None` if there are no answers.
 ///
-/// All pairs have the same number of answers, stored one pair after the other.
+/// All pairs have the same number of answers, stored one pair after the other. `truth_px` has one per pair.
 pub(super) fn deviation(answers: &Answers, truth_px: &[[f64; 2]]) -> Option<Deviation> {
     let each = answers.len().checked_div(truth_px.len())?.max(1);
     let (mut bias_px, mut squares, mut max_px, mut count) = (0.0_f64, 0.0, 0.0_f64, 0_usize);
@@ -80,6 +80,8 @@ pub(super) struct Stage {
 
 impl Stage {
     /// Whether 99 % of the answers agree with those of the previous stage within the tolerance, px.
+    ///
+    /// At least half of the valid answers must be comparable.
     ///
     /// An answer on a grid is only known to half a grid step. Two grids that agree more closely than that agree as
     /// grids, not as measurements: a shift too small for either reads 0 on both.

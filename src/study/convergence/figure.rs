@@ -40,7 +40,7 @@ pub(super) struct Panel {
     pub(super) curves: Vec<Curve>,
 }
 
-/// Draws the figure below its heading and caption.
+/// Returns the text of the SVG file: the panels, one below the other, under heading and caption.
 pub(super) fn draw(heading: &str, caption: &[String], panels: &[Panel]) -> String {
     let figure = Figure { heading, caption };
     let each = LEGEND + LogChart::TITLE + PLOT + LogChart::LABELS;

@@ -57,7 +57,7 @@ impl Subject {
     }
 }
 
-/// Reads a pair of files and places subsets on it.
+/// Reads a pair of files and places subsets on it, in the region if one is given. The truth is unknown.
 ///
 /// # Errors
 ///
@@ -88,6 +88,10 @@ pub(super) fn render(displacements_px: &[[f64; 2]], params: &CorrelationParams) 
 }
 
 /// Renders the ball before and after a displacement, px.
+///
+/// # Errors
+///
+/// When the displacement is out of range.
 fn render_pair(displacement_px: [f64; 2]) -> Result<Pair, Failure> {
     let [u, v] = displacement_px;
     let mut scenario = Scenario::translation(u, v, 0.0);

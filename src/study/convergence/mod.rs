@@ -60,7 +60,7 @@ pub struct ConvergenceOptions {
 }
 
 impl ConvergenceOptions {
-    /// Returns the images to measure, if any.
+    /// Returns the images to measure; `None` for the rendered pattern.
     fn files(&self) -> Option<Files<'_>> {
         let (reference, target) = self.reference.as_deref().zip(self.target.as_deref())?;
         Some(Files { reference, target, roi_px: self.roi_px.map(|roi| roi.0) })
@@ -155,6 +155,10 @@ pub fn run(options: &ConvergenceOptions, stop: &Stop) -> Result<Outcome, Failure
 }
 
 /// Reads the files to measure, or renders the pattern.
+///
+/// # Errors
+///
+/// When a setting is out of range, a file cannot be read, or the subsets do not fit.
 fn load_subject(options: &ConvergenceOptions) -> Result<Subject, Failure> {
     let params = options.params(Method::IcGn);
     // Planned for any size that has room, so that settings out of range are reported before anything is read or
@@ -184,7 +188,11 @@ fn cost(method: Method) -> u64 {
 
 /// Measures the subject with every method and returns the completed rows.
 ///
-/// A separate thread measures, so that a stop does not have to wait for a field.
+/// A separate thread measures, so that a stop does not have to wait for a field. After a stop, rows are missing.
+///
+/// # Errors
+///
+/// When a setting of a method is out of range, or the thread panics.
 fn measure(
     options: &ConvergenceOptions,
     subject: Subject,
@@ -211,7 +219,7 @@ fn measure(
     Ok(rows)
 }
 
-/// Receives rows until the channel closes or a stop; returns whether it was stopped.
+/// Receives rows and passes each to `take`, until the channel closes or a stop; returns whether it was stopped.
 fn receive_rows(receiver: &Receiver<Row>, stop: &Stop, mut take: impl FnMut(Row)) -> bool {
     loop {
         match receiver.recv_timeout(LOOK) {
@@ -226,6 +234,10 @@ fn receive_rows(receiver: &Receiver<Row>, stop: &Stop, mut take: impl FnMut(Row)
 }
 
 /// Plans the correlator of a method for frames of this size.
+///
+/// # Errors
+///
+/// When a setting is out of range or there is no room for a subset.
 fn plan(options: &ConvergenceOptions, method: Method, size: Size) -> Result<Correlator, Failure> {
     let correlator = Correlator::new(&options.params(method), size.width, size.height)?;
     Ok(match method {
@@ -262,12 +274,12 @@ fn measure_methods(planned: Vec<(Method, Correlator)>, subject: &Subject, rows: 
     }
 }
 
-/// Whether two methods differ only in their number of points.
+/// Whether both methods are `spline-fft` with the same treatment of the peak, so that only their points differ.
 fn is_next(before: Method, method: Method) -> bool {
     matches!((before, method), (Method::Spline { peak: a, .. }, Method::Spline { peak: b, .. }) if a == b)
 }
 
-/// Correlates all pairs. Returns their answers in order, and the correlation time, s.
+/// Correlates all pairs. Returns their answers in order, and the time of the correlation without preparation, s.
 #[expect(clippy::disallowed_methods, reason = "a study of cost reads the clock")]
 fn correlate(correlator: &mut Correlator, subject: &Subject) -> (Answers, f64) {
     let (mut answers, mut field) = (Answers::new(), Vec::new());

@@ -73,7 +73,7 @@ impl Study<'_> {
         self.rows.iter().filter_map(|row| Some((points(row)?, row))).collect()
     }
 
-    /// Returns the number of points from which on the answers have converged.
+    /// Returns the number of points from which on the answers have converged; `None` if they have not.
     fn settled(&self, peak: Peak) -> Option<u32> {
         let stage = |(spline_points, row): (u32, &Row)| Stage {
             spline_points,
@@ -160,7 +160,7 @@ impl Study<'_> {
         Panel { title: "Error against the truth: rms error, px".to_owned(), curves }
     }
 
-    /// Returns a curve with and one without the peak fit, ringed at convergence.
+    /// Returns a curve with and one without the peak fit, ringed at convergence; `value_px` gives the value of a row.
     fn curves(&self, value_px: impl Fn(&Row) -> Option<f64>) -> Vec<Curve> {
         let curve = |(style, peak, name): (CurveStyle, Peak, &str)| {
             let rows = self.rows_with_peak(peak);

@@ -60,7 +60,8 @@ pub(super) fn judged_numbers(rows: &[Expected]) -> Vec<String> {
 
 /// Predicts the rig after every change and returns the feasible changes, best first; `None` after a stop.
 ///
-/// Each prediction takes `films` films. `tick` is called after each.
+/// Each prediction takes `films` films. `tick` is called after each change. A change that makes the rig unusable is
+/// left out.
 ///
 /// # Errors
 ///
@@ -87,7 +88,9 @@ pub(super) fn try_changes(
     Ok(Some(found))
 }
 
-/// Compares the predicted scatter `then`, after a change, with that of `now`; `None` if a number cannot be predicted.
+/// Returns the ratios of the predicted scatter `then`, after a change, to that of `now`, and their geometric mean.
+///
+/// `names` are the compared numbers. `None` if one of them cannot be predicted.
 fn compare(words: String, names: &[String], now: &Prediction, then: &Prediction) -> Option<Advice> {
     let ratio = |name: &String| Some((name.clone(), then.sigma(name)? / now.sigma(name)?));
     let ratios = names.iter().map(ratio).collect::<Option<Vec<_>>>()?;
@@ -168,7 +171,7 @@ fn exchange_pattern(rig: &Rig) -> Vec<Change> {
     PATTERNS.iter().filter_map(|name| with(name)).collect()
 }
 
-/// Returns the rig with twice the frame rate for the same motion.
+/// Returns the rig with twice the frame rate for the same motion, exposed for at most the time between two frames.
 fn double_frame_rate(rig: &Rig) -> Change {
     let mut changed = rig.clone();
     let camera = &mut changed.scenario.camera;
@@ -200,7 +203,8 @@ fn lengthen_film(rig: &Rig) -> Change {
     Change { words: "a longer film: twice the flight before contact, and as much more after it".into(), rig: changed }
 }
 
-/// Returns the rig with other settings of the measurement.
+/// Returns the rig with each other setting of the measurement that is worth a try: the window of velocities, and a
+/// match of the whole ball instead of its subsets.
 fn change_method(rig: &Rig) -> Vec<Change> {
     let mut changes = Vec::new();
     if let Some(window) = rig.config.velocity.window_frames {
@@ -222,7 +226,7 @@ fn change_method(rig: &Rig) -> Vec<Change> {
     changes
 }
 
-/// Returns the rig with a magnified scene; `None` for a rod.
+/// Returns the rig with the scene magnified by [`MAGNIFICATION`], image and speckles included; `None` for a rod.
 fn magnify(rig: &Rig) -> Option<Change> {
     let mut changed = rig.clone();
     let Rig { config, scenario } = &mut changed;

@@ -54,7 +54,7 @@ pub struct DesignOptions {
     pub json: bool,
 }
 
-/// Predicts the uncertainty of a rig.
+/// Predicts the uncertainty of a rig with its own scenario; returns no rows after a stop.
 ///
 /// # Errors
 ///

@@ -52,12 +52,13 @@ impl FilmSimulation {
     /// Simulates the film with the noise of this run and returns the tracker's rows.
     pub(super) fn simulate(&self, run: u64) -> TrackerRows {
         let mut stream = Stream::new(key(1, STEPS, run));
-        let white: Vec<[f64; 3]> = (0..self.frames.len()).map(|index| self.white_noise(index, &mut stream)).collect();
+        let white: Vec<[f64; 3]> =
+            (0..self.frames.len()).map(|index| self.draw_white_noise(index, &mut stream)).collect();
         let (mut tracker, mut rows) = (Tracker::new(&self.params), TrackerRows::default());
         for index in 0..self.frames.len() {
-            let outline = self.simulated_outline(index, &mut stream);
+            let outline = self.simulate_outline(index, &mut stream);
             for interval in &self.intervals {
-                let step = self.simulated_step(index, *interval, &white, &mut stream);
+                let step = self.simulate_step(index, *interval, &white, &mut stream);
                 tracker.push(&BodyStep { interval_frames: *interval, motion: step, ..outline }, &mut rows);
             }
         }
@@ -65,7 +66,9 @@ impl FilmSimulation {
         rows
     }
 
-    /// Returns the scatter of the pose in a frame (px, px, deg), which grows when the body is partly occluded.
+    /// Returns the scatter (sigma) of the pose in a frame (px, px, deg).
+    ///
+    /// It grows when the body is partly occluded, and shrinks between whole pixels from the reference.
     fn pose_sigma(&self, index: usize) -> [f64; 3] {
         let truth = &self.frames[index].0;
         let share = truth.visible_fraction.unwrap_or(1.0).max(0.05);
@@ -84,8 +87,8 @@ impl FilmSimulation {
         [there[0] - here[0], there[1] - here[1]]
     }
 
-    /// Draws the error of the pose in a frame, px, px and deg.
-    fn white_noise(&self, index: usize, stream: &mut Stream) -> [f64; 3] {
+    /// Draws the independent error of the pose in a frame, px, px and deg, from a normal distribution.
+    fn draw_white_noise(&self, index: usize, stream: &mut Stream) -> [f64; 3] {
         self.pose_sigma(index).map(|sigma| sigma * stream.normal())
     }
 
@@ -94,8 +97,10 @@ impl FilmSimulation {
         self.frames.get(index).is_some_and(|(truth, _)| truth.status == PointStatus::Valid)
     }
 
-    /// Returns the step of a frame with a simulated outline, without a motion.
-    fn simulated_outline(&self, index: usize, stream: &mut Stream) -> BodyStep {
+    /// Draws the outline of a frame around the true one, and returns it as a step without a motion.
+    ///
+    /// The step has no outline where the body is not visible.
+    fn simulate_outline(&self, index: usize, stream: &mut Stream) -> BodyStep {
         let (truth, _) = &self.frames[index];
         let (is_visible, like) = (self.is_visible(index), &self.noise.step);
         let place = [truth.center_x_px, truth.center_y_px].map(Option::unwrap_or_default);
@@ -129,16 +134,10 @@ impl FilmSimulation {
         }
     }
 
-    /// Returns the simulated step from a frame over an interval; `None` if the body is not visible at both ends.
+    /// Draws the step per frame from a frame over an interval; `None` if the body is not visible at both ends.
     ///
     /// It is the true motion plus the difference of the `white` errors of both poses and a random walk.
-    fn simulated_step(
-        &self,
-        index: usize,
-        interval: u32,
-        white: &[[f64; 3]],
-        stream: &mut Stream,
-    ) -> Option<RigidStep> {
+    fn simulate_step(&self, index: usize, interval: u32, white: &[[f64; 3]], stream: &mut Stream) -> Option<RigidStep> {
         // Drawn in any case, so that every variant of a rig has the same noise.
         let walk: [f64; 3] = std::array::from_fn(|_| stream.normal());
         let to = index + interval as usize;

@@ -118,7 +118,7 @@ impl Study<'_> {
         text
     }
 
-    /// Formats the helpful changes as a table.
+    /// Formats the helpful changes as a table, or a sentence if none helps.
     fn advice_text(&self) -> String {
         let helpful: Vec<&Advice> = self.advice.iter().filter(|advice| advice.helps()).collect();
         let Some(first) = helpful.first() else { return "no change reduces the scatter by more than 3 %".to_owned() };
@@ -140,7 +140,7 @@ fn percent(share: f64) -> String {
     format!("{:.0} %", 100.0 * share)
 }
 
-/// Formats the row of one result with three significant digits, with times in ms.
+/// Formats the row of one result with times in ms: the truth to four decimals, the errors to three significant digits.
 fn row_cells(expected: &Expected) -> Vec<String> {
     let (factor, unit) = if expected.unit == "s" { (1e3, "ms") } else { (1.0, expected.unit) };
     let digits = |value: f64| {

@@ -46,8 +46,8 @@ pub(super) struct PoseNoise {
 const MAX_SMOOTHING: f64 = 0.4;
 
 impl PoseNoise {
-    /// Returns the scatter (px, px, deg) of a pose of a body that has moved by `moved_px` since its reference was
-    /// taken.
+    /// Returns the scatter (sigma; px, px, deg) of a pose of a body that has moved by `moved_px` since its reference
+    /// was taken.
     pub(super) fn pose_at(&self, moved_px: [f64; 2]) -> [f64; 3] {
         let remaining = (1.0 - self.smoothing * between_pixels(moved_px)).sqrt();
         self.pose.map(|sigma| remaining * sigma)
@@ -106,6 +106,10 @@ impl PoseNoise {
 }
 
 /// Measures a few frames as the rig does and returns the steps over the shortest interval.
+///
+/// # Errors
+///
+/// When the settings cannot be used.
 fn measure_shortest_steps(rig: &Rig, world: &SimulatedFilm, frames: Range<u64>) -> Result<Vec<BodyStep>, Failure> {
     let (params, _) = analysis_params(&rig.config, &rig.format());
     let mut rows = measure_steps(&params, world, frames)?;
@@ -113,7 +117,7 @@ fn measure_shortest_steps(rig: &Rig, world: &SimulatedFilm, frames: Range<u64>) 
     Ok(rows)
 }
 
-/// Returns the lower bound of the scatter of a whole-body pose for this texture, px, px and deg.
+/// Returns the lower bound of the scatter (sigma) of a whole-body pose for this texture, px, px and deg.
 ///
 /// `light` is a frame without noise. Half of a match's variance belongs to the other frame.
 ///
@@ -131,7 +135,8 @@ fn noise_bound(rig: &Rig, light: &Image, center_px: [f64; 2], pixel_dn: f64) -> 
 
 /// Fits the reduction of the variance of a pose by interpolation half-way between pixels, by least squares: 0 to 0.4.
 ///
-/// `poses` holds variances and motions since the reference, and `bound` the scatter without interpolation.
+/// `poses` holds variances and motions since the reference, and `bound` the scatter without interpolation. The
+/// variances relative to the squared bound are averaged over the three coordinates. 0 without motion off whole pixels.
 fn fit_smoothing(poses: &[([f64; 3], [f64; 2])], bound: &[f64; 3]) -> f64 {
     let (mut squares, mut products) = (0.0, 0.0);
     for (variances, moved) in poses {

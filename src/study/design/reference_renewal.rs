@@ -90,6 +90,9 @@ pub(super) fn observe_matches(
 }
 
 /// Separates the variance of coordinate `k` over renderings into a part shared by all frames and a part of each frame.
+///
+/// `takes` holds the errors by rendering and frame. The parts are the components of a two-way analysis of variance. A
+/// single frame has the shared part alone, and fewer than two renderings give zero.
 fn separate_variances(takes: &[Vec<[f64; 3]>], k: usize) -> VarianceParts {
     let (count, frames) = (takes.len(), takes.first().map_or(0, Vec::len));
     if count < 2 || frames == 0 {
@@ -114,6 +117,10 @@ fn separate_variances(takes: &[Vec<[f64; 3]>], k: usize) -> VarianceParts {
 }
 
 /// Renders a frame of a film and prepares it for correlation.
+///
+/// # Errors
+///
+/// When the rendered bytes are not a frame.
 fn render_prepared(film: &SimulatedFilm, correlator: &Correlator, index: u64) -> Result<PreparedFrame, Failure> {
     let (mut bytes, mut image) = (vec![0; film.frame_bytes()], Image::default());
     film.render(index, &mut bytes);
@@ -121,8 +128,10 @@ fn render_prepared(film: &SimulatedFilm, correlator: &Correlator, index: u64) ->
     Ok(correlator.prepare(image.view()))
 }
 
-/// Matches every frame with the first, and the last frames with each of the `renewed` updated references, which follow
-/// the first frame; `None` if a match fails.
+/// Matches every frame with the first, and the last frames with each of the `renewed` updated references; `None` if a
+/// match fails.
+///
+/// `frames` are the indices of the `pictures`: the first frame, the updated references, and the last frames.
 fn match_frames(
     rig: &Rig,
     film: &SimulatedFilm,

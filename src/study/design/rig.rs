@@ -19,11 +19,13 @@ pub(super) struct Rig {
 }
 
 impl Rig {
-    /// Combines a configuration with its own scenario, or with `scenario` as seen by the rig's camera.
+    /// Combines a configuration with its own scenario, or with `scenario` as seen by the rig's camera. `noise_dn`
+    /// replaces the noise of the scenario.
     ///
     /// # Errors
     ///
-    /// When nothing can be predicted, because the rig replays a recording or its scale is unknown.
+    /// When nothing can be predicted: the rig has several bodies, replays a recording, or has no scenario or scale; and
+    /// the errors of [`Self::check`].
     pub(super) fn new(mut config: Config, scenario: Option<&str>, noise_dn: Option<f64>) -> Result<Self, Failure> {
         let origin = config.origin.clone();
         let refuse = |why: &str| UsageError(format!("{origin}: {why}"));
@@ -73,7 +75,7 @@ impl Rig {
             .map_err(|error| UsageError(format!("{}: {error}", self.config.origin)).into())
     }
 
-    /// Returns the format of the camera's frames.
+    /// Returns the format of the camera's frames; 8 bits unless the scenario has 10, 12 or 16.
     pub(super) fn format(&self) -> StreamFormat {
         let camera = &self.scenario.camera;
         let format = match camera.bits {
@@ -91,7 +93,7 @@ impl Rig {
         }
     }
 
-    /// Returns the speed of the body's fastest point in the image, px/s.
+    /// Returns an upper bound of the speed of the body's fastest point in the image, px/s: translation plus rim.
     pub(super) fn speed_px_s(&self) -> f64 {
         let Scenario { camera, scale, motion, .. } = &self.scenario;
         match motion {

@@ -69,8 +69,9 @@ struct Scatter {
 }
 
 impl Errors {
-    /// Computes mean and variance without outliers; `None` for fewer than two errors.
+    /// Computes mean and sample variance without outliers; `None` for fewer than two errors.
     ///
+    /// Outliers are further from the median than five times the 68.27 % quantile of that distance.
     /// A single film that selects another contact law would dominate the plain variance, although it also reports a
     /// large sigma.
     fn scatter(&self) -> Option<Scatter> {
@@ -115,8 +116,8 @@ pub fn spread(
     rows
 }
 
-/// Returns scatter and mean error of a velocity over the frames of a phase; `None` if no frame has enough films with
-/// it.
+/// Returns scatter and mean error of a velocity, both root mean squares over the frames of a phase; `None` if no frame
+/// has enough films with it.
 fn velocity_scatter(
     column: &VelocityColumn,
     phase: Phase,
@@ -147,7 +148,8 @@ fn velocity_scatter(
     })
 }
 
-/// Returns scatter and mean error of a number of the first impact; `None` if too few films have it.
+/// Returns scatter and mean error of a number of the first impact, in its last revision; `None` if too few films have
+/// it.
 fn impact_scatter(name: &'static str, exact: f64, films: &[TrackerRows]) -> Option<Expected> {
     let measured = films.iter().filter_map(|film| {
         let last = film.impacts.iter().filter(|impact| impact.number == 0).max_by_key(|impact| impact.revision)?;
@@ -167,7 +169,7 @@ fn impact_scatter(name: &'static str, exact: f64, films: &[TrackerRows]) -> Opti
     })
 }
 
-/// Returns the unit from the end of a column's name.
+/// Returns the unit from the end of a column's name; empty for a number without a unit.
 fn unit_of(name: &str) -> &'static str {
     let units = [("_rad_s", "rad/s"), ("_m_s2", "m/s^2"), ("_m_s", "m/s"), ("_mm", "mm"), ("_s", "s")];
     units.iter().find(|(end, _)| name.ends_with(end)).map_or("", |(_, unit)| unit)
@@ -208,6 +210,10 @@ fn true_velocities(world: &SimulatedFilm) -> Vec<VelocitySample> {
 }
 
 /// Simulates all films on all cores and returns their rows in order; `None` after a stop.
+///
+/// # Errors
+///
+/// When a thread panics.
 fn simulate_films(simulation: &FilmSimulation, films: u64, stop: &Stop) -> Result<Option<Vec<TrackerRows>>, Failure> {
     let threads = std::thread::available_parallelism().map_or(1, NonZeroUsize::get).min(films.max(1) as usize);
     let share = |thread: usize| (thread as u64..films).step_by(threads);

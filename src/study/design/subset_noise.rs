@@ -28,7 +28,7 @@ pub(super) struct Stepped {
     pub(super) walk: [f64; 3],
 }
 
-/// Observes the scatter of steps from frame `first` on.
+/// Observes the white noise of poses and the permanent error of steps from frame `first` on.
 ///
 /// # Errors
 ///
@@ -84,8 +84,8 @@ struct VarianceSums {
 impl VarianceSums {
     /// Adds the variance of coordinate `k` over the `closures` of all renderings; `shares` is its squared expected
     /// error.
-    fn add_closures(&mut self, off: &[[f64; 3]], k: usize, shares: f64) {
-        if let Some(variance) = variance(off.iter().map(|off| off[k])) {
+    fn add_closures(&mut self, closures: &[[f64; 3]], k: usize, shares: f64) {
+        if let Some(variance) = variance(closures.iter().map(|closure| closure[k])) {
             (self.closed, self.closed_shares) = (self.closed + variance, self.closed_shares + shares);
         }
     }
@@ -98,7 +98,8 @@ impl VarianceSums {
         }
     }
 
-    /// Returns the white noise of a pose, and the permanent error per unit of the expected one.
+    /// Returns the white noise of a pose (sigma), and the permanent error of a step relative to that noise and to the
+    /// expected error; 0 and 1 if there is no white noise.
     fn estimate(&self) -> [f64; 2] {
         let permanent = if self.closed_shares > 0.0 { self.closed / self.closed_shares } else { 0.0 };
         let pose = 0.5 * (self.stepped - permanent * self.stepped_shares) / self.steps.max(1.0);
@@ -106,7 +107,9 @@ impl VarianceSums {
     }
 }
 
-/// Returns the sum of the short steps minus the long one; `None` if one is missing.
+/// Returns the sum of the short steps from frame `start` minus the long one, px, px and deg; `None` if one is missing.
+///
+/// `short` and `long` are their intervals, frames.
 fn closure(rows: &[BodyStep], start: u64, short: u32, long: u32) -> Option<[f64; 3]> {
     let mut sum = step_motion(rows, start, long)?.map(|whole| -whole);
     for from in (start..start + u64::from(long)).step_by(short as usize) {

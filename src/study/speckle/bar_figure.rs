@@ -57,7 +57,7 @@ impl Figure<'_> {
         self.methods.len() as f64 * BAR + GAP
     }
 
-    /// Draws the figure.
+    /// Returns the text of the SVG file: a column of panels per set of speeds, and a row per error.
     pub(super) fn draw(&self) -> String {
         let figure = plot::Figure { heading: self.study.heading(), caption: self.caption };
         let top = figure.content_top() + LEGEND;
@@ -75,7 +75,9 @@ impl Figure<'_> {
         figure.draw((across * self.speeds.len() as f64).max(760.0), top + 3.0 * down, &content)
     }
 
-    /// Returns the vertical axis of a row of panels. Both sets of speeds share it, and so do x and y.
+    /// Returns the vertical axis of a row of panels: 0 is x, 1 is y, 2 the rotation.
+    ///
+    /// Both sets of speeds share it, and so do x and y.
     fn axis(&self, row: usize) -> LogAxis {
         let rows = if row == 2 { 2..3 } else { 0..2 };
         let paper = best_of_the_paper(self.study);
@@ -85,7 +87,7 @@ impl Figure<'_> {
         LogAxis::around(ends.chain(known), PLOT, 0.0)
     }
 
-    /// Draws the panel of one error (x, y or rotation) and one set of speeds.
+    /// Draws the panel of one error (`row` 0 is x, 1 is y, 2 the rotation) and one set of speeds.
     fn panel(&self, row: usize, speeds: Speeds, plot: PlotArea) -> Markup {
         let PlotArea { left, top, width } = plot;
         let axis = self.axis(row);
@@ -109,7 +111,9 @@ impl Figure<'_> {
         }
     }
 
-    /// Returns the bars of the method at `place` in the list, for one error (x, y or rotation) and one set of speeds.
+    /// Returns the bars of the method at `place` in the list, for the error of a `row` of panels and one set of speeds.
+    ///
+    /// A cross stands for a missing bar, and an exclamation mark for missing answers.
     fn bars(&self, place: usize, row: usize, speeds: Speeds, plot: PlotArea) -> Bars {
         let (method, axis) = (self.methods[place], self.axis(row));
         let mut drawn = Bars::default();

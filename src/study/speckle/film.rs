@@ -104,7 +104,7 @@ impl RenderedFilm {
         Ok(())
     }
 
-    /// Returns the centre of the ball, px.
+    /// Returns the true centre of the ball in the frame with this index, px.
     #[cfg(test)]
     fn center_px(&self, index: u64) -> [Option<f64>; 2] {
         let truth = self.world.truth(index);

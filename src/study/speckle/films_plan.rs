@@ -152,7 +152,8 @@ impl SpeckleStudy {
         lines.iter().copied()
     }
 
-    /// Returns the levels of the varied setting: grey levels of 255, px, or multiples of the slowest rate.
+    /// Returns the levels of the varied setting: grey levels of 255, px, or multiples of the slowest rate. Empty for a
+    /// study that varies none.
     pub(super) fn levels(self) -> &'static [f64] {
         match self {
             Self::Noise => &[0.0, 1.0, 2.0, 4.0, 8.0, 16.0],
@@ -162,7 +163,7 @@ impl SpeckleStudy {
         }
     }
 
-    /// Returns the column of the varied setting.
+    /// Returns the column of the varied setting; without meaning for a study that varies none.
     pub(super) fn level_column(self) -> &'static str {
         match self {
             Self::Noise => "noise_dn",
@@ -193,7 +194,7 @@ impl SpeckleStudy {
         }
     }
 
-    /// Returns the films of one pattern and set of speeds.
+    /// Returns the films of one pattern and set of speeds whose case the study includes, in the order of their numbers.
     fn films(self, pattern: usize, speeds: Speeds) -> Vec<Film> {
         let film = |(number, velocity): (usize, Velocity)| {
             let case = Case::from_velocity(&velocity);
@@ -210,7 +211,7 @@ impl SpeckleStudy {
         velocities.into_iter().enumerate().map(film).filter(|film| self.includes(film.case)).collect()
     }
 
-    /// Returns the motions at every level of a study over a setting.
+    /// Returns the motions at every level of a study over a setting, level by level; the frame rate divides them.
     fn level_motions(self) -> Vec<Velocity> {
         let motion = |level: f64, [x, y, turn]: [f64; 3]| {
             let slower = if self == Self::Rate { level } else { 1.0 };
@@ -281,7 +282,8 @@ impl Speeds {
         Velocity { px_frame: [speeds[x], speeds[y]], deg_frame: spins[number % SPINS_DEG] }
     }
 
-    /// Returns the velocity of a step of the peak study: tenths of a pixel, or a little less.
+    /// Returns the velocity of a step, counted from 0, of the peak study along x: `step + 1` tenths of a pixel per
+    /// frame, or 0.017 px less off the grid.
     fn peak_velocity(self, step: usize) -> Velocity {
         let offset_px = if self == Self::Paper { 0.0 } else { -0.017 };
         // Rounded, because 0.1 * 3 is not 0.3.
@@ -302,7 +304,7 @@ impl Case {
         }
     }
 
-    /// Returns the case of a motion with this velocity.
+    /// Returns the case of a motion with this velocity, whose translation is not negative.
     fn from_velocity(velocity: &Velocity) -> Self {
         let axes = velocity.px_frame.iter().filter(|speed| **speed > 0.0).count();
         match (axes, velocity.deg_frame.abs() > 0.0) {

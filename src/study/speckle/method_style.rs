@@ -21,7 +21,7 @@ pub(super) fn style(method: Method) -> CurveStyle {
     CurveStyle { color, dash: "", marker: Marker::Disc }
 }
 
-/// Draws a line of the legend for some methods.
+/// Draws a line of the legend for some methods, at height `top`, px.
 pub(super) fn legend(top: f64, methods: &[Method]) -> Markup {
     let entries: Vec<(CurveStyle, String)> =
         methods.iter().map(|method| (style(*method), method.title().to_owned())).collect();

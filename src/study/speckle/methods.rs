@@ -137,7 +137,7 @@ impl Evaluator {
         })
     }
 
-    /// Checks that enough windows fit on a ball.
+    /// Checks that more than three windows fit on a ball of this diameter in the middle of a frame.
     ///
     /// # Errors
     ///
@@ -215,7 +215,9 @@ impl Evaluator {
         methods.iter_mut().map(answer).collect()
     }
 
-    /// Correlates the windows of one method on the last measured frames; returns their number.
+    /// Correlates the windows of the method at index `place` again, for a timing; returns their number.
+    ///
+    /// `pair` must be the pair measured last, whose prepared frames are used. 0 if no ball is found in it.
     pub(super) fn correlate_again(&mut self, place: usize, pair: FramePair<'_>) -> usize {
         let Some(circle) = self.finder.find(pair.before) else { return 0 };
         let points = window_centers(&circle, self.windows, self.side_px);
@@ -266,7 +268,9 @@ fn window_centers(circle: &Circle, windows: Windows, side_px: usize) -> Vec<Grid
     grid::disc(circle.x_px, circle.y_px, radius_px, windows.step_px, windows.subset_size_px, side_px, side_px)
 }
 
-/// Returns the motion of the windows with their rotation replaced by that of the ring around the centre.
+/// Returns the motion of the windows, `near`, with its rotation replaced by that of the ring around the centre.
+///
+/// Without a rotation of the ring there is no answer.
 fn answer_with_ring(
     ring: &mut PolarCorrelator,
     reference: &PreparedFrame,
@@ -283,7 +287,7 @@ fn answer_with_ring(
     })
 }
 
-/// Matches all pixels of the ball, starting from the motion of the windows.
+/// Matches all pixels of the ball but its rim, starting from the motion of the windows.
 fn match_whole_ball(reference: &PreparedFrame, target: &PreparedFrame, circle: &Circle, near: &RigidMotion) -> Answer {
     let radius_px = circle.radius_px * (1.0 - RIM_CLEARANCE);
     let region = Region::Disc { x_px: circle.x_px, y_px: circle.y_px, radius_px };
@@ -317,7 +321,7 @@ fn no_answer(status: PointStatus) -> Answer {
     Answer { step: None, sigma: None, points: 0, status }
 }
 
-/// Returns the most frequent status of the windows without an answer; `Lost` if all have one.
+/// Returns the most frequent status of the windows without an answer; `Lost` if all have one or there are none.
 fn most_frequent_failure(field: &[FieldPoint]) -> PointStatus {
     let count = |status: PointStatus| field.iter().filter(|point| point.status == status).count();
     let failures = PointStatus::ALL.into_iter().filter(|status| *status != PointStatus::Valid);

@@ -96,7 +96,7 @@ struct Finished<'a> {
 ///
 /// When an option is invalid, or a file belongs to another study or cannot be written.
 pub fn run(study: SpeckleStudy, options: &SpeckleOptions, stop: &Stop) -> Result<Outcome, Failure> {
-    let job = job(study, options)?;
+    let job = resolve_job(study, options)?;
     // Settings without room for a subset are reported before anything is created.
     let evaluator = Evaluator::new(&job.methods, job.windows, film::SIDE_PX)?;
     evaluator.check_room(film::DIAMETERS_PX[0])?;
@@ -112,7 +112,7 @@ pub fn run(study: SpeckleStudy, options: &SpeckleOptions, stop: &Stop) -> Result
         // A program that measures differently must not resume the study.
         let kept = &rows[last * contents.rows()..];
         if *kept != job.measure_single(last)?[..] {
-            return Err(journal.measured_differently(last).into());
+            return Err(journal.film_mismatch_error(last).into());
         }
     }
     let bar = progress::part_bar(job.films.len() as u64, "study");
@@ -143,7 +143,7 @@ pub fn run(study: SpeckleStudy, options: &SpeckleOptions, stop: &Stop) -> Result
 /// # Errors
 ///
 /// [`UsageError`] when an option is invalid.
-fn job(study: SpeckleStudy, options: &SpeckleOptions) -> Result<Job, UsageError> {
+fn resolve_job(study: SpeckleStudy, options: &SpeckleOptions) -> Result<Job, UsageError> {
     let single = study == SpeckleStudy::Peak || !study.levels().is_empty();
     let or_default = |given: &[String], otherwise: &[&str]| -> Vec<String> {
         if given.is_empty() { otherwise.iter().map(|word| (*word).to_owned()).collect() } else { given.to_vec() }
@@ -183,7 +183,7 @@ fn job(study: SpeckleStudy, options: &SpeckleOptions) -> Result<Job, UsageError>
     })
 }
 
-/// Returns everything the rows depend on; a table made with other settings is not resumed.
+/// Returns the settings that the rows depend on, and the version; a table made with others is not resumed.
 fn settings(job: &Job) -> Value {
     let mut patterns: Vec<&str> = Vec::new();
     let mut speeds: Vec<&str> = Vec::new();

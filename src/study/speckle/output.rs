@@ -32,6 +32,10 @@ struct Results {
 
 impl Finished<'_> {
     /// Writes the tables and the figure, and prints a summary.
+    ///
+    /// # Errors
+    ///
+    /// When the film for the timings cannot be rendered, a table cannot be encoded, or a file cannot be written.
     pub(super) fn publish(&self) -> Result<(), Failure> {
         let study = self.job.study;
         let results = match study {
@@ -82,7 +86,7 @@ impl Finished<'_> {
     /// When the film for the timings cannot be rendered.
     fn peak_results(&self) -> Result<Results, Failure> {
         let points = peak_figure::points(self.job, self.rows);
-        let costs = peak_figure::costs(self.job)?;
+        let costs = peak_figure::measure_costs(self.job)?;
         let table = Table::new(points.iter().map(peak_figure::Point::cells));
         let time = Table::new(costs.iter().map(peak_figure::Cost::cells));
         Ok(Results {
@@ -119,7 +123,8 @@ impl Finished<'_> {
         Speeds::ALL.into_iter().filter(has).collect()
     }
 
-    /// Returns the caption: the settings, and an explanation of the figure.
+    /// Returns the lines of the caption: the settings, an explanation of the figure, and the missing answers of the
+    /// `shown` groups.
     fn caption(&self, shown: &[Group]) -> Vec<String> {
         let (job, study) = (self.job, self.job.study);
         let films: Vec<usize> = shown.iter().map(|group| group.films).collect();
@@ -161,11 +166,12 @@ impl Finished<'_> {
         }
     }
 
-    /// Returns the best pattern for each set of speeds and method.
+    /// Returns the best pattern for each set of speeds, method and kind of error.
     fn best(&self, shown: &[Group]) -> Vec<Best> {
         let measures = [Measure::Translation, Measure::Rotation];
-        let of =
-            |speeds: Speeds, method: Method| measures.into_iter().filter_map(move |of| best(shown, speeds, method, of));
+        let of = |speeds: Speeds, method: Method| {
+            measures.into_iter().filter_map(move |of| best_pattern(shown, speeds, method, of))
+        };
         let sets = self.speeds();
         sets.iter().flat_map(|speeds| self.job.methods.iter().flat_map(move |method| of(*speeds, *method))).collect()
     }
@@ -237,10 +243,10 @@ impl Finished<'_> {
     }
 
     /// Returns the settings and the results as one JSON object.
-    fn as_json(&self, found: Value) -> Value {
+    fn as_json(&self, results: Value) -> Value {
         let mut report = super::settings(self.job);
-        if let (Some(report), Value::Object(found)) = (report.as_object_mut(), found) {
-            report.extend(found);
+        if let (Some(report), Value::Object(results)) = (report.as_object_mut(), results) {
+            report.extend(results);
         }
         report
     }
@@ -254,7 +260,7 @@ impl Measure {
         }
     }
 
-    /// Returns the mean error of a group by this measure.
+    /// Returns the mean absolute error of a group by this measure, px/frame or deg/frame; `None` if it is missing.
     fn error_of(self, group: &Group) -> Option<f64> {
         match self {
             Self::Translation => translation_error(&group.errors),
@@ -275,11 +281,12 @@ struct Best {
     mean: f64,
 }
 
-/// Returns the group with the smallest mean error among those without missing answers.
-fn best(groups: &[Group], speeds: Speeds, method: Method, of: Measure) -> Option<Best> {
+/// Returns the pattern with the smallest mean error of a set of speeds and a method; `None` if each has missing
+/// answers.
+fn best_pattern(groups: &[Group], speeds: Speeds, method: Method, measure: Measure) -> Option<Best> {
     let whole = groups.iter().filter(|group| (group.speeds, group.method, group.missing) == (speeds, method, 0));
     let (group, mean) =
-        whole.filter_map(|group| Some((group, of.error_of(group)?))).min_by(|a, b| a.1.total_cmp(&b.1))?;
+        whole.filter_map(|group| Some((group, measure.error_of(group)?))).min_by(|a, b| a.1.total_cmp(&b.1))?;
     let pattern = PatternSetup::PAPER[group.pattern];
-    Some(Best { speeds: speeds.as_str(), method: method.as_str(), of: of.as_str(), pattern, mean: rounded(mean) })
+    Some(Best { speeds: speeds.as_str(), method: method.as_str(), of: measure.as_str(), pattern, mean: rounded(mean) })
 }

@@ -70,7 +70,7 @@ impl Cost {
     }
 }
 
-/// Returns every method at every speed over all patterns, sorted by speeds, method and speed.
+/// Returns the errors of every method at every speed over all patterns, sorted by set of speeds, method and speed.
 pub(super) fn points(job: &Job, rows: &[Row]) -> Vec<Point> {
     let mut points = Vec::new();
     for speeds in Speeds::ALL {
@@ -100,13 +100,15 @@ pub(super) fn points(job: &Job, rows: &[Row]) -> Vec<Point> {
     points
 }
 
-/// Measures the cost of every method on one film, alternating the methods.
+/// Measures the cost of every method on the first two frames of the first film, alternating the methods.
+///
+/// The cost is the minimum of [`TURNS`] timings of the correlation per window. Preparation is not counted.
 ///
 /// # Errors
 ///
 /// When the film cannot be rendered.
 #[expect(clippy::disallowed_methods, reason = "a study of cost reads the clock")]
-pub(super) fn costs(job: &Job) -> Result<Vec<Cost>, Failure> {
+pub(super) fn measure_costs(job: &Job) -> Result<Vec<Cost>, Failure> {
     let Some(plan) = job.films.first() else { return Ok(Vec::new()) };
     let rendered = film::moving_ball(&film::static_ball(plan.pattern, &job.filming)?, plan, &job.filming)?;
     let (mut bytes, mut before, mut after) = (Vec::new(), Image::default(), Image::default());
@@ -130,7 +132,7 @@ pub(super) fn costs(job: &Job) -> Result<Vec<Cost>, Failure> {
     Ok(job.methods.iter().zip(times).map(cost).collect())
 }
 
-/// Draws the figure.
+/// Returns the text of the SVG file: a chart per set of speeds, with the costs of the methods in the legend.
 pub(super) fn draw(job: &Job, points: &[Point], costs: &[Cost], caption: &[String]) -> String {
     let figure = Figure { heading: job.study.heading(), caption };
     let shown: Vec<Speeds> =

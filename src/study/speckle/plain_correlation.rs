@@ -37,20 +37,25 @@ impl PlainCorrelator {
         }
     }
 
-    /// Returns the displacement of one window with its position relative to the ball's centre.
+    /// Returns the displacement of the window centred at `center`, with its position relative to the ball's centre.
     ///
     /// `None` when the window exceeds the image or the peak lies at the maximum shift.
-    pub(super) fn displacement(&mut self, pair: FramePair<'_>, at: GridPoint, circle: &Circle) -> Option<CenterVector> {
+    pub(super) fn displacement(
+        &mut self,
+        pair: FramePair<'_>,
+        center: GridPoint,
+        circle: &Circle,
+    ) -> Option<CenterVector> {
         for (window, image) in self.windows.iter_mut().zip([pair.before, pair.after]) {
-            copy_window(image, at, self.subset_size_px, window)?;
+            copy_window(image, center, self.subset_size_px, window)?;
         }
         self.correlate();
         let [u_px, v_px] = self.peak()?;
-        let (x_px, y_px) = (f64::from(at.x) - circle.x_px, f64::from(at.y) - circle.y_px);
+        let (x_px, y_px) = (f64::from(center.x) - circle.x_px, f64::from(center.y) - circle.y_px);
         Some(CenterVector { x_px, y_px, u_px, v_px, sigma_px: 0.0 })
     }
 
-    /// Computes the sum of products of both windows at every shift.
+    /// Computes the sum of products of both windows at every shift up to [`REACH_PX`], over their overlap (Eq. 4).
     fn correlate(&mut self) {
         let (size, reach) = (self.subset_size_px as isize, REACH_PX as isize);
         let [before, after] = &self.windows;
@@ -101,10 +106,10 @@ impl PlainCorrelator {
     }
 }
 
-/// Copies a window and subtracts its mean; returns `None` when it exceeds the image.
-fn copy_window(image: ImageView<'_>, at: GridPoint, size: usize, window: &mut Vec<f32>) -> Option<()> {
+/// Copies a window of `size` px about `center` and subtracts its mean; returns `None` when it exceeds the image.
+fn copy_window(image: ImageView<'_>, center: GridPoint, size: usize, window: &mut Vec<f32>) -> Option<()> {
     let corner = |place: u32| (place as usize).checked_sub(size / 2);
-    let (left, top) = (corner(at.x)?, corner(at.y)?);
+    let (left, top) = (corner(center.x)?, corner(center.y)?);
     if left + size > image.width() || top + size > image.height() {
         return None;
     }

@@ -34,7 +34,7 @@ impl Contents<'_> {
         self.methods.len() * (self.frames as usize - 1)
     }
 
-    /// Whether these are all rows of a film, in order.
+    /// Whether these rows are those of a film in order, all of them or the first ones.
     fn are_of(&self, film: &Film, rows: &[Row]) -> bool {
         let wanted = (0..self.frames - 1).flat_map(|frame| self.methods.iter().map(move |method| (frame, *method)));
         rows.iter().zip(wanted).all(|(row, (frame, method))| row.is_of(film, frame, method))
@@ -74,8 +74,10 @@ impl ResumeTable {
         Ok((Self { path, file, has_header: whole > 0 }, rows))
     }
 
-    /// Returns the error that the last film was measured differently.
-    pub(super) fn measured_differently(&self, film: usize) -> UsageError {
+    /// Returns the error for a film whose rows in the table are not those that this version measures.
+    ///
+    /// `film` is its index from 0. The message counts from 1.
+    pub(super) fn film_mismatch_error(&self, film: usize) -> UsageError {
         UsageError(format!(
             "{}: film {} was measured differently by another version; {ADVICE}",
             self.path.display(),
@@ -98,7 +100,7 @@ impl ResumeTable {
     }
 }
 
-/// Compares the settings of an existing table with these, or writes them next to a new one.
+/// Compares the settings of an existing `table` with these, or writes them to `path` next to a new one.
 ///
 /// # Errors
 ///

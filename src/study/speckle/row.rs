@@ -77,7 +77,8 @@ impl Row {
         self.noise_dn.or(self.blur_px).or(self.rate)
     }
 
-    /// Returns measured minus true along x and y (px) and in rotation (deg).
+    /// Returns measured minus true along x and y (px per frame) and in rotation (deg per frame); `None` where it is
+    /// missing.
     pub(super) fn error(&self) -> [Option<f64>; 3] {
         let less = |measured: Option<f64>, truth: f64| measured.map(|measured| measured - truth);
         [

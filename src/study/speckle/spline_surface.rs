@@ -59,7 +59,8 @@ impl SplineSurface {
     }
 }
 
-/// Returns the first of the four coefficients at a position, px, counted from one before the image, and their weights.
+/// Returns the index of the first of the four coefficients at a position, px, counted from one before the image, and
+/// their weights, the values of the cubic B-spline.
 fn taps_and_weights(place_px: f64, length: usize) -> (usize, [f64; 4]) {
     let inside = place_px.clamp(0.0, (length - 1) as f64);
     let first = inside.floor();
@@ -86,6 +87,8 @@ fn mirror_index(index: usize, length: usize) -> usize {
 }
 
 /// Converts values to cubic B-spline coefficients, in place; the line is mirrored at its ends.
+///
+/// Filters it forwards and backwards with the pole sqrt(3) - 2 (Unser, Aldroubi and Eden, see [`SplineSurface`]).
 fn spline_coefficients(line: &mut [f64]) {
     let pole = 3f64.sqrt() - 2.0;
     let last = line.len() - 1;

@@ -64,7 +64,8 @@ const STATISTICS: [[&str; 4]; 3] = [
     ["mean_deg", "spread_deg", "max_deg", "bias_deg"],
 ];
 
-/// Returns the statistics along an axis as cells: mean, standard deviation, maximum and bias.
+/// Returns the statistics of an axis (0 is x, 1 is y, 2 the rotation) as cells: mean, standard deviation, maximum and
+/// bias.
 pub(super) fn statistics_cells(axis: usize, error: Option<ErrorStatistics>) -> [Cell; 4] {
     let values = [
         error.map(|error| error.mean),
@@ -113,7 +114,9 @@ impl Group {
     }
 }
 
-/// Groups the rows of a study, in the order of pattern, speeds, case and method.
+/// Groups the rows of a study by pattern, speeds, case and method, in the order of the films.
+///
+/// `rows` are those of all films in order, the same number for each, with the `methods` alternating.
 pub(super) fn groups(films: &[Film], methods: &[Method], rows: &[Row]) -> Vec<Group> {
     let each = rows.len() / films.len().max(1);
     let mut groups: Vec<(Group, [Vec<f64>; 3])> = Vec::new();

@@ -31,7 +31,7 @@ pub(super) struct Point {
 }
 
 impl Point {
-    /// Computes the statistics of a method at a level.
+    /// Computes the statistics of a method at a level. Rows with a missing error are only counted.
     fn compute(method: Method, level: f64, rows: &[&Row]) -> Self {
         let errors: Vec<[f64; 3]> = rows.iter().filter_map(|row| complete_error(row)).collect();
         let along = |axis: usize| ErrorStatistics::compute(&errors.iter().map(|error| error[axis]).collect::<Vec<_>>());
@@ -67,7 +67,8 @@ impl Point {
         cells
     }
 
-    /// Returns the values in the figure: px/frame and deg/frame, or relative errors in % for the frame rate.
+    /// Returns the mean errors of translation and rotation in the figure: px/frame and deg/frame, or relative errors in
+    /// % for the frame rate.
     fn shown(&self, study: SpeckleStudy) -> [Option<f64>; 2] {
         match study {
             SpeckleStudy::Rate => self.shares.map(|share| share.map(|share| 100.0 * share.mean)),
@@ -82,7 +83,7 @@ fn complete_error(row: &Row) -> Option<[f64; 3]> {
     Some([x?, y?, turn?])
 }
 
-/// Returns every method at every level, sorted by method and level.
+/// Returns the errors of every method at every level over all patterns, sorted by method and level.
 pub(super) fn points(job: &Job, rows: &[Row]) -> Vec<Point> {
     let point = |method: Method, level: f64| {
         let is_of =
@@ -112,7 +113,7 @@ fn level_label(study: SpeckleStudy) -> &'static str {
     }
 }
 
-/// Draws the figure: a curve per method, translation on the left, rotation on the right.
+/// Returns the text of the SVG file: a curve per method, translation on the left, rotation on the right.
 pub(super) fn draw(job: &Job, points: &[Point], caption: &[String]) -> String {
     let figure = Figure { heading: job.study.heading(), caption };
     let top = figure.content_top() + LEGEND + LogChart::TITLE;

@@ -46,7 +46,7 @@ impl Job {
         mut take: impl FnMut(Vec<Row>) -> Result<(), Failure>,
     ) -> Result<(), Failure> {
         let next = AtomicUsize::new(first);
-        let balls = self.balls(first)?;
+        let balls = self.prepare_balls(first)?;
         std::thread::scope(|scope| {
             let (sender, receiver) = sync_channel(2 * threads);
             let work = |sender: SyncSender<Done>| self.run_worker(&balls, &next, stop, &sender);
@@ -65,19 +65,27 @@ impl Job {
         })
     }
 
-    /// Measures a single film.
+    /// Measures the film with this index on the calling thread. Its rows are those that [`Self::run`] passes on.
     ///
     /// # Errors
     ///
     /// Any error of the film.
-    pub(super) fn measure_single(&self, number: usize) -> Result<Vec<Row>, Failure> {
-        let film = &self.films[number];
+    ///
+    /// # Panics
+    ///
+    /// If the job has no such film.
+    pub(super) fn measure_single(&self, index: usize) -> Result<Vec<Row>, Failure> {
+        let film = &self.films[index];
         let ball = film::static_ball(film.pattern, &self.filming_of(film))?;
         self.measure(&mut Evaluator::new(&self.methods, self.windows, SIDE_PX)?, &ball, film)
     }
 
-    /// Returns the balls that the films from `first` on need, per pattern and level.
-    fn balls(&self, first: usize) -> Result<Balls, Failure> {
+    /// Places the speckles of the balls that the films from `first` on need, per pattern and level.
+    ///
+    /// # Errors
+    ///
+    /// When a ball cannot be rendered.
+    fn prepare_balls(&self, first: usize) -> Result<Balls, Failure> {
         let mut balls = Balls::new();
         for film in &self.films[first..] {
             if let Entry::Vacant(place) = balls.entry((film.pattern, film.level)) {
@@ -97,7 +105,12 @@ impl Job {
         }
     }
 
-    /// Runs one thread: takes the next film until there are none, a stop, or the receiver is gone.
+    /// Runs one thread: measures the film with index `next` and sends its rows, until there are no films, a stop, or
+    /// the receiver is gone.
+    ///
+    /// # Errors
+    ///
+    /// When the methods cannot be planned. An error of a film is sent.
     fn run_worker(
         &self,
         balls: &Balls,
@@ -117,7 +130,11 @@ impl Job {
         Ok(())
     }
 
-    /// Renders one film and measures it with every method.
+    /// Renders one film and measures it with every method. Returns its rows, pair by pair and method by method.
+    ///
+    /// # Errors
+    ///
+    /// When the velocity is out of range, or the rendered bytes are not a frame.
     fn measure(&self, evaluator: &mut Evaluator, ball: &SimulatedFilm, plan: &Film) -> Result<Vec<Row>, Failure> {
         let rendered = film::moving_ball(ball, plan, &self.filming)?;
         let (mut bytes, mut before, mut after) = (Vec::new(), Image::default(), Image::default());
@@ -139,6 +156,10 @@ impl Job {
 }
 
 /// Passes the results of films from `first` on to `take` in order, whatever the order of their arrival.
+///
+/// # Errors
+///
+/// The first error of a film, in order, or of `take`.
 fn deliver_in_order(
     first: usize,
     receiver: Receiver<Done>,

@@ -179,7 +179,7 @@ impl Integration {
         }
     }
 
-    /// Integrates until the contact ends; returns an error after the maximum contact time.
+    /// Integrates until the contact ends. Returns [`PhysicsError::NoRebound`] after the maximum contact time.
     fn integrate(mut self) -> Result<Collision, PhysicsError> {
         while self.time_s() < MAX_CONTACT_S {
             self.update_patch_state();

@@ -29,7 +29,7 @@ pub(crate) struct Moment {
 }
 
 impl Moment {
-    /// Returns the occluders of the ball, with positions relative to a corner.
+    /// Returns the occluders of the ball, the half-plane first, with positions relative to a corner.
     fn occluders(&self, corner_px: [f64; 2]) -> Vec<Occluder> {
         let occluders = self.occluder.map(Occluder::Edge).into_iter().chain(self.front.map(Occluder::Ball));
         occluders.map(|occluder| occluder.relative_to(corner_px)).collect()
@@ -113,7 +113,7 @@ impl Ball {
         patch
     }
 
-    /// Returns the empty rectangle around the ball at all moments.
+    /// Returns the empty rectangle around the ball at all moments, within these rows of an image of this width.
     fn bounding_patch(&self, moments: &[Moment], width: usize, rows: Range<usize>) -> Patch {
         let reach = self.rim.reach_px();
         let span = |axis: usize, within: Range<usize>| {
@@ -156,7 +156,8 @@ impl Ball {
         }
     }
 
-    /// Adds the visible part of a regular pattern. An edge that cuts it is assumed to be perpendicular.
+    /// Draws the visible part of a regular pattern into ink without any. An edge that cuts it is assumed to be
+    /// perpendicular, so that coverages multiply.
     fn draw_regular(&self, paint: &RegularPaint, moment: &Moment, canvas: &mut Canvas<'_>) {
         let [x0, y0] = moment.pose.center_px;
         let occluders = moment.occluders([0.0; 2]);
@@ -185,7 +186,8 @@ impl Ball {
         }
     }
 
-    /// Adds the visible part of one line. An edge that cuts it is assumed to be perpendicular.
+    /// Adds the visible part of one line. An edge that cuts it is assumed to be perpendicular, so that coverages
+    /// multiply.
     fn draw_line(&self, line: &Line, occluders: &[Occluder], canvas: &mut Canvas<'_>) {
         let strip = |distance: f64, half: f64| {
             if distance.abs() < half - EDGE_SIGMA * self.sigma_px {

@@ -16,7 +16,8 @@ pub(crate) const REACH_SIGMA: f64 = 4.2;
 
 /// Returns nodes and weights of the Gauss-Legendre rule of `N` points on -1 to 1.
 ///
-/// Finds the roots of the Legendre polynomial by Newton's method.
+/// Finds the roots of the Legendre polynomial, the largest first, by Newton's method (W. H. Press et al., Numerical
+/// Recipes, 3rd ed. (2007), section 4.6).
 pub(crate) fn gauss_legendre<const N: usize>() -> [(f64, f64); N] {
     std::array::from_fn(|index| {
         let count = N as f64;
@@ -38,7 +39,8 @@ pub(crate) fn gauss_legendre<const N: usize>() -> [(f64, f64); N] {
 /// Returns the probability that two standard normal numbers with this correlation stay below `a` and `b`.
 ///
 /// It equals the blurred overlap of two half-planes whose inward normals enclose an angle with this cosine. R. L.
-/// Plackett, Biometrika 41 (1954) 351, <https://doi.org/10.1093/biomet/41.3-4.351>.
+/// Plackett, Biometrika 41 (1954) 351, <https://doi.org/10.1093/biomet/41.3-4.351>. `rule` has the nodes and weights of
+/// an integration from -1 to 1.
 pub(crate) fn bivariate_cdf(a: f64, b: f64, correlation: f64, rule: &[(f64, f64)]) -> f64 {
     let half = 0.5 * correlation.clamp(-1.0, 1.0).asin();
     let sum: f64 = rule
@@ -177,7 +179,8 @@ impl CutDisc {
 
 /// Returns the coverage of a pixel by a blurred disc that a rim cuts, 0 to 1.
 ///
-/// The profiles of its outward chords are summed along the rim. `place_px` is outward and along the rim.
+/// The profiles of its outward chords are summed along the rim. `place_px` is outward and along the rim, from the
+/// centre of the disc.
 fn cut_coverage(place_px: [f64; 2], radius_px: f64, rim_px: f64, sigma_px: f64, rule: &[(f64, f64)]) -> f64 {
     let [outward, along] = place_px;
     let center = rim_px.hypot(radius_px);

@@ -42,7 +42,7 @@ impl BodyLight {
         }
     }
 
-    /// Returns the light on a body at another scale.
+    /// Returns the light on a body magnified by `zoom`.
     pub(crate) fn zoomed(&self, zoom: f64) -> Self {
         Self {
             slope: self.slope.map(|slope| slope / zoom as f32),
@@ -65,7 +65,8 @@ impl BodyLight {
         self.lamp.as_ref().map_or(0.0, |lamp| lamp.gloss_dn(self.surface_normal(dx, dy)))
     }
 
-    /// Returns the unit normal of the sphere at a position from the centre; beyond the rim, that of the rim.
+    /// Returns the unit normal of the sphere (x right, y up, z to the camera) at a position from the centre (px, y
+    /// down); beyond the rim, that of the rim.
     fn surface_normal(&self, dx: f32, dy: f32) -> [f32; 3] {
         let radius2 = (dx * dx + dy * dy) * self.per_radius2;
         let scale = (self.per_radius2 / radius2.max(1.0)).sqrt();
@@ -74,6 +75,9 @@ impl BodyLight {
 }
 
 impl Lamp {
+    /// Prepares the lamp and the light from below.
+    ///
+    /// `surface_deg` is the tangent of the struck surface, counter-clockwise from x, `full_dn` the maximum grey level.
     fn new(setup: &LightSetup, surface_deg: f64, full_dn: f32) -> Self {
         let [x, y, z] = setup.lamp_direction();
         let (sin, cos) = surface_deg.to_radians().sin_cos();

@@ -36,13 +36,13 @@ impl Rim {
         Self::from_waves(radius_px, sigma_px, fuzz_px, waves)
     }
 
-    /// Tabulates the rim. The felt is a softer edge, shifted by the waves of its tufts.
+    /// Tabulates the rim. The felt is a softer edge, shifted by the waves of its tufts; without waves the rim is sharp.
     fn from_waves(radius_px: f64, sigma_px: f64, fuzz_px: f64, waves: Vec<(f64, f64)>) -> Self {
         let soft_px = if fuzz_px > 0.0 { sigma_px.hypot(SOFT * fuzz_px) } else { sigma_px };
         Self { disc: BlurredDisc::new(radius_px, soft_px), radius_px, sigma_px, fuzz_px, waves }
     }
 
-    /// Returns the rim at another scale.
+    /// Returns the rim magnified by `zoom`. The blur and the felt (`fuzz_px`) stay as wide in pixels.
     pub(crate) fn zoomed(&self, zoom: f64) -> Self {
         Self::from_waves(zoom * self.radius_px, self.sigma_px, self.fuzz_px, self.waves.clone())
     }
@@ -52,7 +52,7 @@ impl Rim {
         !self.waves.is_empty()
     }
 
-    /// The distance beyond which the ball is neglected.
+    /// The distance from the centre beyond which the ball is neglected, px.
     pub(crate) fn reach_px(&self) -> f64 {
         self.disc.reach_px() + 3.0 * self.fuzz_px
     }

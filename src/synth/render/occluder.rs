@@ -45,7 +45,7 @@ impl Occluder {
         }
     }
 
-    /// Returns the occluder relative to another origin.
+    /// Returns the occluder with positions relative to `corner_px`.
     pub(crate) fn relative_to(&self, corner_px: [f64; 2]) -> Self {
         let moved = |[x, y]: [f64; 2]| [x - corner_px[0], y - corner_px[1]];
         match self {
@@ -137,7 +137,7 @@ static RULE: LazyLock<[(f64, f64); 16]> = LazyLock::new(gauss_legendre);
 /// Divides a shape that reaches `half_px` to either side into chords; `ends` gives the ends of each.
 ///
 /// `splits` are the positions across at which the ends have a kink or a jump. The nodes are denser near the ends of an
-/// ellipse.
+/// ellipse. A finer blur `sigma_px` gives more chords.
 pub(crate) fn divide_into_chords(
     half_px: f64,
     sigma_px: f64,
@@ -215,7 +215,7 @@ pub(crate) fn disc_chord(radius_px: f64, across_px: f64) -> [f64; 2] {
     [-half, half]
 }
 
-/// Returns the fraction of the area of a disc that several occluders leave visible, 0 to 1.
+/// Returns the fraction of the area of a disc that several occluders leave visible, 0 to 1, by numerical integration.
 pub(crate) fn visible_fraction(disc: &DiscOutline, occluders: &[Occluder]) -> f64 {
     let radius = disc.radius_px;
     let [x, y] = disc.center_px;

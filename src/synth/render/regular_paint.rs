@@ -51,7 +51,7 @@ impl RegularPaint {
         })
     }
 
-    /// Returns the pattern at another scale.
+    /// Returns the pattern magnified by `zoom`. The blur of its edges stays as wide in pixels.
     pub(crate) fn zoomed(&self, zoom: f64) -> Self {
         Self { radius_px: zoom * self.radius_px, ..self.clone() }
     }
@@ -69,9 +69,9 @@ impl RegularPaint {
         normal_cdf(level_set(dx, dy) / (steepest * self.sigma_px).max(1e-9))
     }
 
-    /// Returns whether a point is painted, 0 or 1.
+    /// Returns 1 at a painted point and 0 elsewhere: the coverage without blur.
     #[cfg(test)]
-    pub(crate) fn is_painted(&self, pose: &Pose, dx: f64, dy: f64) -> f64 {
+    pub(crate) fn sharp_coverage_at(&self, pose: &Pose, dx: f64, dy: f64) -> f64 {
         f64::from(u8::from(self.level_set(self.body_point(pose, dx, dy)) > 0.0))
     }
 

@@ -26,7 +26,7 @@ pub(crate) struct Rod {
 }
 
 impl Rod {
-    /// Returns the speckled patch around the mark.
+    /// Returns the speckled patch, a rectangle around the mark as wide as the rod.
     pub(crate) fn speckled_field(scenario: &Scenario, setup: &RodSetup) -> Field {
         Field::Rectangle([scenario.radius_px(), 0.5 * (setup.patch_px[1] - setup.patch_px[0])])
     }

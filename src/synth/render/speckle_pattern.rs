@@ -74,7 +74,7 @@ impl Line {
         [self.middle_px[0] + reach * self.along[0], self.middle_px[1] + reach * self.along[1]]
     }
 
-    /// Whether both lines come closer than a pixel, or intersect.
+    /// Whether both lines come closer than a pixel at one of 41 points of either, or intersect.
     fn is_near(&self, other: &Self) -> bool {
         let apart = self.half_width_px + other.half_width_px + 1.0;
         (-20..=20).any(|part| {
@@ -152,7 +152,7 @@ impl Pattern {
         Ok(Self { speckles: placement.speckles, lines: placement.lines, discs, cut_discs, radii_px })
     }
 
-    /// Returns the pattern magnified by `zoom`, on a disc of radius `rim_px`.
+    /// Returns the pattern magnified by `zoom`, on a disc of radius `rim_px`. `sigma_px` is the blur of its tables.
     pub(crate) fn zoomed(&self, zoom: f64, rim_px: f64, sigma_px: f64) -> Self {
         let radii_px: Vec<f64> = self.radii_px.iter().map(|radius| zoom * radius).collect();
         let speckle = |speckle: &Speckle| Speckle { x_px: zoom * speckle.x_px, y_px: zoom * speckle.y_px, ..*speckle };
@@ -181,7 +181,7 @@ pub(crate) fn size_areas_px2(setup: &PatternSetup) -> Vec<f64> {
     (0..sizes).map(|size| setup.area_min_px2 * ratio.powf((size as f64 + 0.5) / sizes as f64)).collect()
 }
 
-/// Draws indices of sizes, uniform in area, that together cover at least `wanted_px2`.
+/// Draws indices into the `areas` (px^2, smallest first), uniform in area, that together cover at least `wanted_px2`.
 pub(crate) fn draw_sizes(areas: &[f64], wanted_px2: f64, stream: &mut Stream) -> Vec<usize> {
     let (low, high) = (areas[0], areas[areas.len() - 1]);
     let mut sizes = Vec::new();
@@ -212,6 +212,9 @@ struct Placement {
 }
 
 impl Placement {
+    /// Prepares an empty region with the cells of its neighbour search.
+    ///
+    /// `radii_px` are those of the sizes, smallest first, and `coverage` is the fraction to cover.
     fn new(field: Field, radii_px: Vec<f64>, coverage: f64) -> Self {
         let radius_px = field.enclosing_radius_px();
         let largest = radii_px[radii_px.len() - 1];

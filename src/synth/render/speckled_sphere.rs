@@ -68,7 +68,7 @@ impl SpeckledSphere {
         Ok(Self { spots, tables, ball_px, sigma_px })
     }
 
-    /// Adds the visible part of every speckle; positions are relative to the patch's corner.
+    /// Adds the visible part of every speckle to the ink; positions are relative to the patch's corner.
     pub(crate) fn draw(
         &self,
         orientation: &Orientation,
@@ -132,6 +132,7 @@ struct Placement<'a> {
 }
 
 impl<'a> Placement<'a> {
+    /// Prepares an empty sphere with slices about as high as the largest cap; `caps` are the sizes of the speckles.
     fn new(caps: &'a [SphericalCap]) -> Self {
         let widest = caps.iter().map(SphericalCap::opening_rad).fold(0.0, f64::max);
         // The heights of two touching spots differ by at most the angle between them.
@@ -140,7 +141,7 @@ impl<'a> Placement<'a> {
         Self { caps, slices: vec![Vec::new(); slices], near, spots: Vec::new(), covered_px2: 0.0 }
     }
 
-    /// Returns the slice that contains a direction.
+    /// Returns the index of the slice that contains a direction, counted from z = -1.
     fn slice_index(&self, direction: &[f64; 3]) -> usize {
         ((0.5 * (direction[2] + 1.0) * self.slices.len() as f64) as usize).min(self.slices.len() - 1)
     }

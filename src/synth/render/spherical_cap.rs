@@ -34,7 +34,7 @@ impl SphericalCap {
         self.plane_distance_px() * tilt_rad.sin()
     }
 
-    /// Returns half the width of the visible part, across the radius, px.
+    /// Returns half the width of the visible part, across the radius, px, at `tilt_rad` off the line of sight.
     pub(crate) fn half_width_px(&self, tilt_rad: f64) -> f64 {
         let behind = (tilt_rad - FRAC_PI_2).max(0.0).cos();
         let part = self.plane_distance_px() / (self.ball_px * behind);
@@ -169,8 +169,8 @@ impl CapView<'_> {
     }
 }
 
-/// Computes one page of a table: the profiles of the chords along the radius, blurred across it, in units of
-/// [`FULL`].
+/// Computes one page of a table, `2 * columns` rows of `columns` values: the profiles of the chords along the radius,
+/// blurred across it, in units of [`FULL`].
 fn tabulate_page(chords: &[Chord], reach_px: f64, columns: usize, sigma_px: f64) -> Vec<u16> {
     let scale = 1.0 / sigma_px;
     let blurred: Vec<f64> = chords

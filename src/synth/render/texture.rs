@@ -2,7 +2,9 @@
 
 use crate::numeric::Stream;
 
-/// Returns noise of mean 0 and standard deviation 1, smoothed by a Gaussian, row-major.
+/// Returns noise of mean 0 and standard deviation 1, smoothed by a Gaussian of `sigma_px` along x and y, row-major.
+///
+/// The texture wraps around at the edges of the image.
 pub(crate) fn smooth_noise(width: usize, height: usize, sigma_px: [f64; 2], mut stream: Stream) -> Vec<f32> {
     let white: Vec<f64> = (0..width * height).map(|_| stream.normal()).collect();
     let along = gaussian_weights(sigma_px[0]);
@@ -32,7 +34,8 @@ fn gaussian_weights(sigma_px: f64) -> Vec<f64> {
     weights.into_iter().map(|weight| weight / sum).collect()
 }
 
-/// Returns the weighted sum of the values around index `middle`. The row of `length` values wraps around.
+/// Returns the sum of the values around index `middle`, with the middle one of the `weights` on it. The row of `length`
+/// values wraps around.
 fn weighted_sum_at(weights: &[f64], middle: usize, length: usize, value: impl Fn(usize) -> f64) -> f64 {
     let start = middle + length * (1 + weights.len() / length) - weights.len() / 2;
     weights.iter().enumerate().map(|(step, weight)| weight * value((start + step) % length)).sum()

@@ -29,6 +29,10 @@ impl Scenario {
     }
 
     /// Checks the scale, and that only a single flat body approaches the camera.
+    ///
+    /// # Errors
+    ///
+    /// Returns [`ScenarioError`] for the first value that is out of range or does not fit the rest.
     fn check_scale(&self) -> Result<(), ScenarioError> {
         let (scale, key) = (&self.scale, "scale.nearer_per_s");
         check_range("scale.mm_per_px", scale.mm_per_px, 1e-6, 1e3)?;
@@ -43,6 +47,10 @@ impl Scenario {
     }
 
     /// Checks the motion, and that it suits the body and the occluder.
+    ///
+    /// # Errors
+    ///
+    /// Returns [`ScenarioError`] for the first value that is out of range or does not fit the rest.
     fn check_motion(&self) -> Result<(), ScenarioError> {
         let check_occluder_position = || match &self.occluder {
             Some(occluder) if occluder.point_px.is_none() => Err(ScenarioError::OccluderPlace),
@@ -76,6 +84,10 @@ impl Scenario {
     }
 
     /// Checks the camera, and that all stamps fit 64 bits.
+    ///
+    /// # Errors
+    ///
+    /// Returns [`ScenarioError`] for the first value that is out of range or does not fit the rest.
     fn check_camera(&self) -> Result<(), ScenarioError> {
         let camera = &self.camera;
         check_range("camera.width_px", f64::from(camera.width_px), 16.0, 8192.0)?;
@@ -101,6 +113,10 @@ impl Scenario {
     }
 
     /// Checks size, paint, felt and rod of the body.
+    ///
+    /// # Errors
+    ///
+    /// Returns [`ScenarioError`] for the first value that is out of range or does not fit the rest.
     fn check_body(&self) -> Result<(), ScenarioError> {
         let diameter_mm = self.body.diameter_mm;
         let (mm_per_px, camera) = (self.scale.mm_per_px, &self.camera);
@@ -139,6 +155,10 @@ impl Scenario {
     }
 
     /// Checks the felt of a ball and that the body can have felt.
+    ///
+    /// # Errors
+    ///
+    /// Returns [`ScenarioError`] for the first value that is out of range or does not fit the rest.
     fn check_fuzz(&self) -> Result<(), ScenarioError> {
         let (fuzz_px, key) = (self.body.fuzz_px, "body.fuzz_px");
         check_range(key, fuzz_px, 0.0, (0.125 * self.radius_px()).min(4.0))?;
@@ -159,6 +179,10 @@ impl Scenario {
     }
 
     /// Checks a rod and the settings that a rod does not support; without a rod, that nothing needs one.
+    ///
+    /// # Errors
+    ///
+    /// Returns [`ScenarioError`] for the first value that is out of range or does not fit the rest.
     fn check_rod(&self) -> Result<(), ScenarioError> {
         let Some(rod) = &self.body.rod else {
             let ringing = matches!(&self.motion, MotionSetup::Impact(impact) if impact.ringing.is_some());
@@ -196,6 +220,10 @@ impl Scenario {
     }
 
     /// Checks the settings of a flat that the camera sees from above.
+    ///
+    /// # Errors
+    ///
+    /// Returns [`ScenarioError`] for the first value that is out of range or does not fit the rest.
     fn check_flat(&self, flat: &OccluderSetup) -> Result<(), ScenarioError> {
         check_range("occluder.behind_px", flat.behind_px, 0.0, 8192.0)?;
         check_range("occluder.shadow", flat.shadow, 0.0, 1.0)?;
@@ -216,6 +244,10 @@ impl Scenario {
     }
 
     /// Checks grey levels, light and occluder.
+    ///
+    /// # Errors
+    ///
+    /// Returns [`ScenarioError`] for the first value that is out of range or does not fit the rest.
     fn check_light(&self) -> Result<(), ScenarioError> {
         check_range("shade.ball", self.shade.ball, 0.0, 1.0)?;
         check_range("shade.speckle", self.shade.speckle, 0.0, 1.0)?;
@@ -251,6 +283,10 @@ impl Scenario {
 
 impl LightSetup {
     /// Checks the lamp and its reflection.
+    ///
+    /// # Errors
+    ///
+    /// Returns [`ScenarioError`] for the first value that is out of range or does not fit the rest.
     fn check_lamp(&self) -> Result<(), ScenarioError> {
         check_range("light.lamp_elevation_deg", self.lamp_elevation_deg, 0.0, 90.0)?;
         check_range("light.lamp", self.lamp, 0.0, 1.0)?;
@@ -261,6 +297,11 @@ impl LightSetup {
 }
 
 impl PartSetup {
+    /// Checks length, velocity and spin of a segment.
+    ///
+    /// # Errors
+    ///
+    /// Returns [`ScenarioError`] for the first value that is out of range or does not fit the rest.
     fn check(&self) -> Result<(), ScenarioError> {
         check_range("motion.parts.frames", self.frames, 1e-6, 1e8)?;
         check_range("motion.parts.vx_px_frame", self.vx_px_frame, -1e4, 1e4)?;
@@ -272,6 +313,11 @@ impl PartSetup {
 }
 
 impl ImpactSetup {
+    /// Checks the values of a collision: its place and motion, the ball, the law, the ringing and the friction.
+    ///
+    /// # Errors
+    ///
+    /// Returns [`ScenarioError`] for the first value that is out of range or does not fit the rest.
     fn check(&self) -> Result<(), ScenarioError> {
         check_range("motion.contact_start_s", self.contact_start_s, 0.0, 1e3)?;
         check_position("motion.contact_center_px", self.contact_center_px)?;
@@ -319,7 +365,11 @@ const INTEGERS: [(&str, i64, i64); 9] = [
     ("other.body.pattern.repeats", 1, 64),
 ];
 
-/// Rejects whole numbers out of range before deserialization does.
+/// Rejects whole numbers out of range before deserialization does, which would not state key and range.
+///
+/// # Errors
+///
+/// Returns [`ScenarioError::OutOfRange`] for the first of [`INTEGERS`] that is out of range.
 pub(super) fn check_integers(scenario: &toml::Table) -> Result<(), ScenarioError> {
     for (key, low, high) in INTEGERS {
         let mut words = key.split('.');
@@ -332,6 +382,7 @@ pub(super) fn check_integers(scenario: &toml::Table) -> Result<(), ScenarioError
     Ok(())
 }
 
+/// Returns the error for a value out of its range.
 fn out_of_range(key: &'static str, value: impl ToString, range: impl Into<String>) -> ScenarioError {
     ScenarioError::OutOfRange { key, value: value.to_string(), range: range.into() }
 }
@@ -345,7 +396,11 @@ fn check_range(key: &'static str, value: f64, low: f64, high: f64) -> Result<(),
     if (low..=high).contains(&value) { Ok(()) } else { Err(out_of_range(key, value, format!("{low} to {high}"))) }
 }
 
-/// Checks that a position lies within 100,000 px of the image corner.
+/// Checks that both coordinates of a position lie within 100,000 px of the centre of the first pixel.
+///
+/// # Errors
+///
+/// Returns [`ScenarioError::OutOfRange`] with `key`.
 fn check_position(key: &'static str, place_px: [f64; 2]) -> Result<(), ScenarioError> {
     check_range(key, place_px[0], -1e5, 1e5)?;
     check_range(key, place_px[1], -1e5, 1e5)

@@ -313,6 +313,8 @@ impl CameraSetup {
 
 impl MotionSetup {
     /// Multiplies all lengths of the motion by `length` and the duration of a frame by `time`, both dimensionless.
+    ///
+    /// A collision is described in metres and seconds, so only its place in the image changes.
     fn rescale(&mut self, length: f64, time: f64) {
         match self {
             Self::Constant { vx_px_frame, vy_px_frame, omega_deg_frame, start_px } => {
@@ -373,8 +375,8 @@ impl Scenario {
         0.5 * self.body.diameter_mm / self.scale.mm_per_px
     }
 
-    /// Multiplies all lengths of motion by `length` and the duration of a frame by `time`; balls and images keep
-    /// their sizes.
+    /// Multiplies all lengths of motion in the image by `length` and the duration of a frame by `time`; balls and
+    /// images keep their sizes, and collisions their metres and seconds.
     pub(crate) fn rescale_motion(&mut self, length: f64, time: f64) {
         self.motion.rescale(length, time);
         if let Some(other) = &mut self.other {

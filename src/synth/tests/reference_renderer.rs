@@ -55,8 +55,8 @@ fn alone(pose: Pose) -> Moment {
     Moment { pose, occluder: None, front: None }
 }
 
-/// Returns the rendered image.
-fn drawn(scenario: &Scenario, surface: &Surface, moment: &Moment) -> Vec<f64> {
+/// Renders the image with the renderer under test, DN, row-major: ground, occluding flat, ball and front ball.
+fn render_image(scenario: &Scenario, surface: &Surface, moment: &Moment) -> Vec<f64> {
     let sigma_px = total_sigma_px(scenario.camera.blur_px);
     let mut picture: Vec<f64> = (0..SIDE * SIDE)
         .map(|index| {
@@ -88,20 +88,20 @@ fn drawn(scenario: &Scenario, surface: &Surface, moment: &Moment) -> Vec<f64> {
 }
 
 /// Returns the fraction of a fine cell inside an edge that passes it at this distance.
-fn inside(distance_px: f64) -> f64 {
+fn inside_fraction(distance_px: f64) -> f64 {
     (0.5 + distance_px * FINE as f64).clamp(0.0, 1.0)
 }
 
 const PAD: usize = 4;
 const FINE_SIDE: usize = (SIDE + 2 * PAD) * FINE;
 
-/// Returns the middle of a fine cell, px.
-fn place(index: usize) -> f64 {
+/// Returns the middle of the fine cell with this index along an axis, px of the image.
+fn cell_middle_px(index: usize) -> f64 {
     (index as f64 + 0.5) / FINE as f64 - 0.5 - PAD as f64
 }
 
-/// Returns the fine cells within this reach around a position.
-fn span(middle: f64, reach: f64) -> std::ops::Range<usize> {
+/// Returns the indices of the fine cells within `reach` of a position along an axis, px, and a few more.
+fn cells_around(middle: f64, reach: f64) -> std::ops::Range<usize> {
     let cell = |place: f64| ((place + 0.5 + PAD as f64) * FINE as f64).max(0.0) as usize;
     cell(middle - reach).saturating_sub(2)..(cell(middle + reach) + 3).min(FINE_SIDE)
 }
@@ -114,9 +114,10 @@ fn flat_ink(pattern: &Pattern, pose: &Pose) -> Vec<f64> {
     for speckle in &pattern.speckles {
         let [dx, dy] = turn([speckle.x_px, speckle.y_px]);
         let ([x, y], radius) = ([pose.center_px[0] + dx, pose.center_px[1] + dy], pattern.radii_px[speckle.size]);
-        for row in span(y, radius) {
-            for column in span(x, radius) {
-                ink[row * FINE_SIDE + column] += inside(radius - (place(column) - x).hypot(place(row) - y));
+        for row in cells_around(y, radius) {
+            for column in cells_around(x, radius) {
+                ink[row * FINE_SIDE + column] +=
+                    inside_fraction(radius - (cell_middle_px(column) - x).hypot(cell_middle_px(row) - y));
             }
         }
     }
@@ -125,12 +126,12 @@ fn flat_ink(pattern: &Pattern, pose: &Pose) -> Vec<f64> {
         let along = turn(line.along);
         for (index, ink) in ink.iter_mut().enumerate() {
             let (dx, dy) = (
-                place(index % FINE_SIDE) - pose.center_px[0] - middle[0],
-                place(index / FINE_SIDE) - pose.center_px[1] - middle[1],
+                cell_middle_px(index % FINE_SIDE) - pose.center_px[0] - middle[0],
+                cell_middle_px(index / FINE_SIDE) - pose.center_px[1] - middle[1],
             );
             let far = (dx * along[0] + dy * along[1]).abs();
             let wide = (dx * along[1] - dy * along[0]).abs();
-            *ink += inside(line.half_length_px - far) * inside(line.half_width_px - wide);
+            *ink += inside_fraction(line.half_length_px - far) * inside_fraction(line.half_width_px - wide);
         }
     }
     ink
@@ -150,12 +151,13 @@ fn sphere_ink(sphere: &SpeckledSphere, ball_px: f64, pose: &Pose) -> Vec<f64> {
             let depth = ball_px * ball_px - dx * dx - up * up;
             depth >= 0.0 && dx * nx + up * ny + depth.sqrt() * nz >= plane
         };
-        for row in span(y, radius + 0.5) {
-            for column in span(x, radius + 0.5) {
+        for row in cells_around(y, radius + 0.5) {
+            for column in cells_around(x, radius + 0.5) {
                 let points = POINTS.iter().flat_map(|down| POINTS.iter().map(move |right| (right, down)));
                 let fine = FINE as f64;
-                let covered =
-                    points.filter(|(right, down)| is_covered(place(column) + *right / fine, place(row) + *down / fine));
+                let covered = points.filter(|(right, down)| {
+                    is_covered(cell_middle_px(column) + *right / fine, cell_middle_px(row) + *down / fine)
+                });
                 ink[row * FINE_SIDE + column] += covered.count() as f64 / 16.0;
             }
         }
@@ -163,29 +165,29 @@ fn sphere_ink(sphere: &SpeckledSphere, ball_px: f64, pose: &Pose) -> Vec<f64> {
     ink
 }
 
-/// Returns the reference image.
-fn sampled(scenario: &Scenario, surface: &Surface, moment: &Moment) -> Vec<f64> {
+/// Renders the reference image, DN, row-major: sharp shapes on the fine grid, then lens and pixels.
+fn render_reference(scenario: &Scenario, surface: &Surface, moment: &Moment) -> Vec<f64> {
     let pose = &moment.pose;
     let ink = match surface {
         Surface::Flat(pattern) => flat_ink(pattern, pose),
         Surface::Sphere(sphere) => sphere_ink(sphere, scenario.radius_px(), pose),
         Surface::Regular(paint) => {
             let at = |index: usize| {
-                let place = [place(index % FINE_SIDE), place(index / FINE_SIDE)];
-                paint.is_painted(pose, place[0] - pose.center_px[0], place[1] - pose.center_px[1])
+                let place = [cell_middle_px(index % FINE_SIDE), cell_middle_px(index / FINE_SIDE)];
+                paint.sharp_coverage_at(pose, place[0] - pose.center_px[0], place[1] - pose.center_px[1])
             };
             (0..FINE_SIDE * FINE_SIDE).map(at).collect()
         }
     };
     let within = |round: &DiscOutline, x: f64, y: f64| {
-        inside(round.radius_px - (x - round.center_px[0]).hypot(y - round.center_px[1]))
+        inside_fraction(round.radius_px - (x - round.center_px[0]).hypot(y - round.center_px[1]))
     };
     let outline = DiscOutline { center_px: pose.center_px, radius_px: scenario.radius_px() };
     let sharp: Vec<f64> = (0..FINE_SIDE * FINE_SIDE)
         .map(|index| {
-            let (x, y) = (place(index % FINE_SIDE), place(index / FINE_SIDE));
+            let (x, y) = (cell_middle_px(index % FINE_SIDE), cell_middle_px(index / FINE_SIDE));
             let ball = within(&outline, x, y);
-            let free = moment.occluder.map_or(1.0, |flat| inside(flat.distance_px(x, y)));
+            let free = moment.occluder.map_or(1.0, |flat| inside_fraction(flat.distance_px(x, y)));
             let ink = match surface {
                 Surface::Flat(_) | Surface::Regular(_) => ball * ink[index].min(1.0),
                 Surface::Sphere(_) => ink[index],
@@ -196,12 +198,12 @@ fn sampled(scenario: &Scenario, surface: &Surface, moment: &Moment) -> Vec<f64> 
         })
         .collect();
     let weights = kernel(scenario.camera.blur_px);
-    let rows = convolved(&sharp, &weights);
-    let columns = convolved(&transposed(&rows, SIDE, FINE_SIDE), &weights);
-    transposed(&columns, SIDE, SIDE)
+    let rows = convolve_rows(&sharp, &weights);
+    let columns = convolve_rows(&transpose(&rows, SIDE, FINE_SIDE), &weights);
+    transpose(&columns, SIDE, SIDE)
 }
 
-/// Returns the Gaussian of the lens convolved with the pixel's box, on the fine grid.
+/// Returns the Gaussian of the lens convolved with the pixel's box, on the fine grid, with sum 1.
 fn kernel(blur_px: f64) -> Vec<f64> {
     let sigma = blur_px * FINE as f64;
     let reach = (PAD * FINE) as i32;
@@ -217,8 +219,8 @@ fn kernel(blur_px: f64) -> Vec<f64> {
     weights.into_iter().map(|weight| weight / sum).collect()
 }
 
-/// Convolves every row and keeps one value per pixel.
-fn convolved(values: &[f64], weights: &[f64]) -> Vec<f64> {
+/// Convolves every row of the fine grid with `weights` and keeps one value per pixel of the image.
+fn convolve_rows(values: &[f64], weights: &[f64]) -> Vec<f64> {
     let rows = values.len() / FINE_SIDE;
     (0..rows * SIDE)
         .map(|index| {
@@ -230,12 +232,13 @@ fn convolved(values: &[f64], weights: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Transposes rows and columns.
-fn transposed(values: &[f64], width: usize, height: usize) -> Vec<f64> {
+/// Transposes a row-major matrix of `width` columns and `height` rows.
+fn transpose(values: &[f64], width: usize, height: usize) -> Vec<f64> {
     (0..width * height).map(|index| values[(index % height) * width + index / height]).collect()
 }
 
-/// Estimates the shift along x and y of `picture` relative to `reference`, px.
+/// Estimates the shift along x and y of `picture` relative to `reference`, px, by least squares over the gradients of
+/// the reference.
 fn shift_px(picture: &[f64], reference: &[f64]) -> [f64; 2] {
     let mut sums = [0.0; 5];
     for row in 1..SIDE - 1 {
@@ -254,22 +257,23 @@ fn shift_px(picture: &[f64], reference: &[f64]) -> [f64; 2] {
     [-(yy * x - xy * y) / determinant, -(xx * y - xy * x) / determinant]
 }
 
-fn largest(picture: &[f64], reference: &[f64]) -> (f64, usize) {
+/// Returns the largest absolute difference of two images, DN, and the index of its pixel.
+fn largest_difference(picture: &[f64], reference: &[f64]) -> (f64, usize) {
     let differences = picture.iter().zip(reference).map(|(left, right)| (left - right).abs()).enumerate();
     differences.fold((0.0, 0), |best, (index, value)| if value > best.0 { (value, index) } else { best })
 }
 
 /// Renders both images and asserts that they differ by at most half a grey level; returns the shift between them.
-fn agree(scenario: &Scenario, surface: &Surface, moment: &Moment, what: &str) -> [f64; 2] {
-    let (worst_dn, shift) = compared(scenario, surface, moment, what);
+fn assert_agreement(scenario: &Scenario, surface: &Surface, moment: &Moment, what: &str) -> [f64; 2] {
+    let (worst_dn, shift) = compare_with_reference(scenario, surface, moment, what);
     assert!(worst_dn <= 0.5, "{what}: {worst_dn} DN");
     shift
 }
 
 /// Renders both images; returns their largest difference, DN, and the shift between them, px.
-fn compared(scenario: &Scenario, surface: &Surface, moment: &Moment, what: &str) -> (f64, [f64; 2]) {
-    let (picture, reference) = (drawn(scenario, surface, moment), sampled(scenario, surface, moment));
-    let (worst_dn, index) = largest(&picture, &reference);
+fn compare_with_reference(scenario: &Scenario, surface: &Surface, moment: &Moment, what: &str) -> (f64, [f64; 2]) {
+    let (picture, reference) = (render_image(scenario, surface, moment), render_reference(scenario, surface, moment));
+    let (worst_dn, index) = largest_difference(&picture, &reference);
     let shift = shift_px(&picture, &reference);
     let place = (index % SIDE, index / SIDE);
     eprintln!("{what}: {worst_dn:.3} DN at {place:?}, shift {shift:.6?} px");
@@ -292,7 +296,7 @@ fn a_ball_at_another_distance_is_drawn_within_half_a_grey_level_and_not_shifted(
         let sigma_px = total_sigma_px(near.camera.blur_px);
         let surface = Surface::Flat(pattern.zoomed(zoom, near.radius_px(), sigma_px));
         let moment = alone(pose(31.63, 31.88, 17.0));
-        let shift = agree(&near, &surface, &moment, &format!("{zoom} times as large"));
+        let shift = assert_agreement(&near, &surface, &moment, &format!("{zoom} times as large"));
         assert!(shift.iter().all(|part| part.abs() < 2e-4), "{shift:?}");
         let zoomed = Ball::new(&far, Surface::Flat(pattern.clone()), 255.0).zoomed(zoom).draw(&[moment], SIDE, 0..SIDE);
         let own = Ball::new(&near, surface, 255.0).draw(&[moment], SIDE, 0..SIDE);
@@ -306,7 +310,7 @@ fn a_ball_at_another_distance_is_drawn_within_half_a_grey_level_and_not_shifted(
 fn lines_are_drawn_within_half_a_grey_level() {
     let mut scenario = scenario();
     (scenario.body.pattern.lines, scenario.body.pattern.coverage) = (2, 0.25);
-    agree(&scenario, &pattern(&scenario), &alone(pose(31.63, 31.88, 17.0)), "lines");
+    assert_agreement(&scenario, &pattern(&scenario), &alone(pose(31.63, 31.88, 17.0)), "lines");
 }
 
 #[test]
@@ -315,7 +319,7 @@ fn a_speckled_ball_is_drawn_within_half_a_grey_level_and_not_shifted() {
     let pattern = pattern(&scenario);
     for (x, y, angle_deg) in POSES {
         let what = format!("({x}, {y}), {angle_deg} deg");
-        let shift = agree(&scenario, &pattern, &alone(pose(x, y, angle_deg)), &what);
+        let shift = assert_agreement(&scenario, &pattern, &alone(pose(x, y, angle_deg)), &what);
         assert!(shift.iter().all(|part| part.abs() < 2e-4), "{shift:?}");
     }
 }
@@ -331,7 +335,7 @@ fn a_speckled_sphere_is_drawn_within_half_a_grey_level_and_not_shifted_at_any_or
                 let mut pose = pose(x, y, angle_deg);
                 pose.orientation = Orientation::from_rotation_vector([tilt[0], tilt[1], pose.angle_rad]);
                 let what = format!("{area_max_px2} px^2 at ({x}, {y}), {angle_deg} deg, tilt {tilt:?}");
-                let shift = agree(&scenario, &sphere, &alone(pose), &what);
+                let shift = assert_agreement(&scenario, &sphere, &alone(pose), &what);
                 assert!(shift.iter().all(|part| part.abs() < 2e-4), "{shift:?}");
             }
         }
@@ -350,7 +354,12 @@ fn an_occluding_edge_in_front_of_the_ball_is_drawn_within_half_a_grey_level() {
                 let foot = scenario.radius_px() + gap_px;
                 let flat = HalfPlane { point_px: [31.63 - foot * normal[0], 31.88 - foot * normal[1]], normal };
                 let moment = Moment { occluder: Some(flat), ..alone(pose(31.63, 31.88, 25.0)) };
-                agree(&scenario, &surface, &moment, &format!("coverage {coverage}, gap {gap_px} px, {tilt_deg} deg"));
+                assert_agreement(
+                    &scenario,
+                    &surface,
+                    &moment,
+                    &format!("coverage {coverage}, gap {gap_px} px, {tilt_deg} deg"),
+                );
             }
         }
     }
@@ -369,7 +378,7 @@ fn another_ball_in_front_is_drawn_within_half_a_grey_level() {
         ] {
             let front = Some(DiscOutline { center_px, radius_px });
             let moment = Moment { front, ..alone(pose(31.63, 31.88, 25.0)) };
-            agree(&scenario, &surface, &moment, &format!("front {radius_px} px at {center_px:?}"));
+            assert_agreement(&scenario, &surface, &moment, &format!("front {radius_px} px at {center_px:?}"));
         }
     }
 }
@@ -393,7 +402,8 @@ fn a_regular_pattern_is_drawn_where_it_is() {
             let paint =
                 RegularPaint::new(&scenario.body.pattern, shape, scenario.radius_px(), sigma_px, Stream::new(5));
             let (surface, moment) = (Surface::Regular(paint.unwrap()), alone(pose(31.63, 31.88, 17.0)));
-            let (worst_dn, shift) = compared(&scenario, &surface, &moment, &format!("{layout:?} on {shape:?}"));
+            let (worst_dn, shift) =
+                compare_with_reference(&scenario, &surface, &moment, &format!("{layout:?} on {shape:?}"));
             let is_near = worst_dn < max_dn && shift.iter().all(|part| part.abs() < max_px);
             assert!(is_near, "{layout:?} on {shape:?}: {worst_dn} DN, {shift:?} px");
         }

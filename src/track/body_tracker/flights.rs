@@ -14,6 +14,7 @@ const SAME_SPEED_SIGMAS: f64 = 3.0;
 impl BodyTracker {
     /// Whether the velocities of an impact differ from those of the frames before and after it.
     ///
+    /// They do if a component differs by more than 1.5 % of the speed and by more than three standard uncertainties.
     /// The frames take more of the motion out of the image plane into account.
     pub(super) fn contradicts_flights(&self, impact: &Impact) -> bool {
         let period_s = self.params.frame_period_ns * 1e-9;
@@ -38,7 +39,7 @@ impl BodyTracker {
             || differs(after, impact.vn_after_m_s, impact.vt_after_m_s)
     }
 
-    /// Returns the velocity fitted around a node; `None` without a scale or enough nodes.
+    /// Returns the velocity fitted around a node, with its systematic errors; `None` without a scale or enough nodes.
     fn velocity_at(&self, node: &Pose) -> Option<BodyVelocity> {
         let regime = self.detector.as_ref().map_or(Regime::Unknown, |detector| detector.regime(node.frame));
         let here = self.outline_drift.local_drift(node, regime);

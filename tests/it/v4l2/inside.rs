@@ -204,7 +204,7 @@ fn luma_of_compressed_images_arrives_bit_for_bit_and_truncated_images_never() {
     let (width, height) = (320_u16, 240_u16);
     let most = 2 * u32::from(width) * u32::from(height);
     let _writer = Writer::start((width.into(), height.into()), sys::FOURCC_MJPG, most, move |number| {
-        let mut picture = sample::picture((width, height), |column, row| level(number, column, row));
+        let mut picture = sample::encode_picture((width, height), |column, row| level(number, column, row));
         if number % CUT == CUT - 1 {
             picture.truncate(picture.len() * 3 / 4);
         }

@@ -6,8 +6,8 @@ const PAYLOAD_BYTES: u32 = 1000;
 /// 200 bytes of content with short ids, 188 with long ones.
 const PACKET_BYTES: u32 = 28 + 8 + 200;
 
-/// A guarded socket, and one that the camera sends from.
-fn pair() -> (UdpSocket, UdpSocket) {
+/// Returns a filtered socket, and one that the camera sends from.
+fn socket_pair() -> (UdpSocket, UdpSocket) {
     let receiver = UdpSocket::bind("127.0.0.1:0").unwrap();
     receiver.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
     let shape =
@@ -16,39 +16,41 @@ fn pair() -> (UdpSocket, UdpSocket) {
     (receiver, UdpSocket::bind("127.0.0.9:0").unwrap())
 }
 
-/// A packet that the guard lets through, as a mark.
+/// Returns a packet that the filter accepts, to mark the end of the packets before it.
 fn mark() -> Vec<u8> {
     let mut mark = short(0, 1, 0, &[0; 36]);
     mark[8 + 3] = 1;
     mark
 }
 
-fn short(status: u16, content: u8, number: u32, data: &[u8]) -> Vec<u8> {
+/// Returns a packet with 16-bit ids: status, content type, packet number, and the content behind the header.
+fn short(status: u16, content: u8, packet_number: u32, data: &[u8]) -> Vec<u8> {
     let mut packet = [status.to_be_bytes(), 7_u16.to_be_bytes()].concat();
-    packet.extend((u32::from(content) << 24 | number).to_be_bytes());
+    packet.extend((u32::from(content) << 24 | packet_number).to_be_bytes());
     packet.extend(data);
     packet
 }
 
-fn long(status: u16, content: u8, number: u32, data: &[u8]) -> Vec<u8> {
+/// Returns a packet with 64-bit ids: status, content type, packet number, and the content behind the header.
+fn long(status: u16, content: u8, packet_number: u32, data: &[u8]) -> Vec<u8> {
     let mut packet = [status.to_be_bytes(), [0, 0]].concat();
     packet.extend((u32::from(content | 0x80) << 24).to_be_bytes());
     packet.extend(7_u64.to_be_bytes());
-    packet.extend(number.to_be_bytes());
+    packet.extend(packet_number.to_be_bytes());
     packet.extend(data);
     packet
 }
 
-/// Leader of an image of this payload type.
-fn leader(kind: u16, bytes: usize) -> Vec<u8> {
+/// Returns the content of a leader with this payload type, padded with zeros to `bytes`.
+fn leader(payload_type: u16, bytes: usize) -> Vec<u8> {
     let mut leader = vec![0; bytes];
-    leader[2..4].copy_from_slice(&kind.to_be_bytes());
+    leader[2..4].copy_from_slice(&payload_type.to_be_bytes());
     leader
 }
 
 /// Returns for each packet whether it passes the filter.
 fn through(packets: &[Vec<u8>]) -> Vec<bool> {
-    let (receiver, camera) = pair();
+    let (receiver, camera) = socket_pair();
     let to = receiver.local_addr().unwrap();
     let mut buffer = [0; 2048];
     let came = |packet: &Vec<u8>| {
@@ -114,7 +116,7 @@ fn packets_that_lie_about_themselves_are_dropped() {
 
 #[test]
 fn packets_from_elsewhere_are_dropped() {
-    let (receiver, camera) = pair();
+    let (receiver, camera) = socket_pair();
     let to = receiver.local_addr().unwrap();
     UdpSocket::bind("127.0.0.8:0").unwrap().send_to(&mark(), to).unwrap();
     let mut second = mark();

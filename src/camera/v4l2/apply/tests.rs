@@ -10,6 +10,7 @@ use std::collections::BTreeMap;
 const GAIN: u32 = 1;
 const AUTO_GAIN: u32 = 2;
 
+/// Returns a driver with six controls; the automatic ones are on and lock gain and exposure time.
 fn mock() -> Mock {
     let mock = Mock::new();
     let control =

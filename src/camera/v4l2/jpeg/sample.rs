@@ -61,8 +61,8 @@ impl Bits {
         }
     }
 
-    /// Writes a block of one level, as its difference from the previous block.
-    fn block(&mut self, codes: &Codes, end: (u32, u32), level: u8, last: &mut i32) {
+    /// Writes a block of one level, as its difference from `last`, the coefficient of the previous block of its colour.
+    fn put_block(&mut self, codes: &Codes, end: (u32, u32), level: u8, last: &mut i32) {
         let coefficient = 8 * (i32::from(level) - 128);
         let difference = coefficient - *last;
         *last = coefficient;
@@ -77,7 +77,7 @@ impl Bits {
 /// Encodes a colour image whose 8 x 8 px blocks have the grey level `level(column, row)`.
 ///
 /// The width must be a multiple of 16, the height of 8.
-pub fn picture((width, height): (u16, u16), level: impl Fn(usize, usize) -> u8) -> Vec<u8> {
+pub fn encode_picture((width, height): (u16, u16), level: impl Fn(usize, usize) -> u8) -> Vec<u8> {
     let mut file = vec![0xff, 0xd8, 0xff, 0xdb, 0, 67, 0];
     file.extend([1; 64]);
     file.extend([0xff, 0xc0, 0, 17, 8]);
@@ -90,11 +90,11 @@ pub fn picture((width, height): (u16, u16), level: impl Fn(usize, usize) -> u8) 
     for row in 0..usize::from(height) / 8 {
         for pair in 0..usize::from(width) / 16 {
             for column in [2 * pair, 2 * pair + 1] {
-                bits.block(&LUMA, LUMA_END, level(column, row), &mut last[0]);
+                bits.put_block(&LUMA, LUMA_END, level(column, row), &mut last[0]);
             }
             // Colours differ between blocks, which exposes a decoder that takes them for grey.
-            bits.block(&CHROMA, CHROMA_END, (40 + 50 * (pair % 4)) as u8, &mut last[1]);
-            bits.block(&CHROMA, CHROMA_END, (210 - 60 * (row % 3)) as u8, &mut last[2]);
+            bits.put_block(&CHROMA, CHROMA_END, (40 + 50 * (pair % 4)) as u8, &mut last[1]);
+            bits.put_block(&CHROMA, CHROMA_END, (210 - 60 * (row % 3)) as u8, &mut last[2]);
         }
     }
     bits.put((0x7f, 7));

@@ -1,7 +1,7 @@
 //! Images with known levels, complete and damaged.
 
 use super::decode_luma;
-use super::sample::picture;
+use super::sample::encode_picture;
 use crate::camera::v4l2::FrameSize;
 
 const SIZE: FrameSize = FrameSize { width_px: 48, height_px: 24 };
@@ -11,7 +11,7 @@ fn level(column: usize, row: usize) -> u8 {
 }
 
 fn sample() -> Vec<u8> {
-    picture((48, 24), level)
+    encode_picture((48, 24), level)
 }
 
 fn decoded(file: &[u8]) -> Result<Vec<u8>, String> {

@@ -18,6 +18,7 @@ impl Memories {
         Self(vec![[0xa5; ROOM]; count])
     }
 
+    /// Queues all of the memory as slots, whose tokens are the indices.
     fn lend_all(&mut self, camera: &mut V4l2Camera) {
         for (token, memory) in self.0.iter_mut().enumerate() {
             let memory = NonNull::new(memory.as_mut_ptr()).unwrap();
@@ -27,40 +28,42 @@ impl Memories {
     }
 }
 
-fn camera(mock: &Mock) -> V4l2Camera {
+fn open_camera(mock: &Mock) -> V4l2Camera {
     V4l2Camera::with_device(mock.device(), &settings()).unwrap()
 }
 
-/// A started camera with six slots.
-fn started(mock: &Mock, memories: &mut Memories) -> V4l2Camera {
-    let mut camera = camera(mock);
+/// Starts a camera with all of these slots.
+fn start_camera(mock: &Mock, memories: &mut Memories) -> V4l2Camera {
+    let mut camera = open_camera(mock);
     memories.lend_all(&mut camera);
     camera.start().unwrap();
     camera
 }
 
-fn frame(camera: &mut V4l2Camera) -> (Slot, u64) {
+/// Returns the slot and the sequence number of the next frame, which must be complete.
+fn next_frame(camera: &mut V4l2Camera) -> (Slot, u64) {
     match camera.next(SHORT).unwrap() {
         Next::Frame(slot, meta) => (slot, meta.sequence),
         other => panic!("{other:?}"),
     }
 }
 
-fn torn(camera: &mut V4l2Camera) -> (Slot, String) {
+/// Returns the slot and the defect of the next frame, which must be incomplete.
+fn next_incomplete(camera: &mut V4l2Camera) -> (Slot, String) {
     match camera.next(SHORT).unwrap() {
         Next::Incomplete(slot, reason) => (slot, reason),
         other => panic!("{other:?}"),
     }
 }
 
-/// Passes a hundred frames through and checks each byte.
+/// Passes a hundred frames through six slots and checks each byte; `copies` is whether they must be copied.
 fn run_through(mock: &Mock, copies: bool) {
     let mut memories = Memories::new(6);
-    let mut camera = started(mock, &mut memories);
+    let mut camera = start_camera(mock, &mut memories);
     assert_eq!(camera.copies(), copies);
     for count in 0..100_u8 {
         assert!(mock.fill(1000 + u32::from(count), count, 0), "the driver has no buffer for frame {count}");
-        let (mut slot, sequence) = frame(&mut camera);
+        let (mut slot, sequence) = next_frame(&mut camera);
         assert_eq!(sequence, u64::from(count));
         let (pixels, beyond) = slot.bytes_mut().split_at(8);
         assert_eq!(pixels, [count; 8]);
@@ -98,14 +101,14 @@ fn a_wait_in_vain_gives_no_buffer_back_and_the_stream_goes_on() {
         let mock = Mock::new();
         mock.state().takes_user = takes_user;
         let mut memories = Memories::new(6);
-        let mut camera = started(&mock, &mut memories);
+        let mut camera = start_camera(&mock, &mut memories);
         let owned = mock.state().owned.clone();
         for _ in 0..20 {
             assert!(matches!(camera.next(SHORT).unwrap(), Next::Timeout));
         }
         assert_eq!(mock.state().owned, owned);
         mock.fill(0, 7, 0);
-        assert_eq!(frame(&mut camera).1, 0);
+        assert_eq!(next_frame(&mut camera).1, 0);
     }
 }
 
@@ -115,7 +118,7 @@ fn a_frame_from_before_the_start_is_no_frame_and_its_count_says_nothing() {
         let mock = Mock::new();
         mock.state().takes_user = takes_user;
         let mut memories = Memories::new(6);
-        let mut camera = started(&mock, &mut memories);
+        let mut camera = start_camera(&mock, &mut memories);
         let owned = mock.state().owned.len();
         // A second after the start of the machine.
         let stamp_s = std::mem::replace(&mut mock.state().stamp_s, 1);
@@ -125,7 +128,7 @@ fn a_frame_from_before_the_start_is_no_frame_and_its_count_says_nothing() {
         mock.state().stamp_s = stamp_s;
         for (count, sequence) in [(40, 0), (41, 1)] {
             mock.fill(count, 7, 0);
-            assert_eq!(frame(&mut camera).1, sequence);
+            assert_eq!(next_frame(&mut camera).1, sequence);
         }
     }
 }
@@ -134,10 +137,10 @@ fn a_frame_from_before_the_start_is_no_frame_and_its_count_says_nothing() {
 fn a_gap_in_the_drivers_count_is_a_gap_in_the_sequence() {
     let mock = Mock::new();
     let mut memories = Memories::new(6);
-    let mut camera = started(&mock, &mut memories);
+    let mut camera = start_camera(&mock, &mut memories);
     for (count, sequence) in [(5, 0), (6, 1), (9, 4)] {
         mock.fill(count, 1, 0);
-        assert_eq!(frame(&mut camera).1, sequence);
+        assert_eq!(next_frame(&mut camera).1, sequence);
     }
 }
 
@@ -145,17 +148,17 @@ fn a_gap_in_the_drivers_count_is_a_gap_in_the_sequence() {
 fn damaged_short_and_repeated_frames_are_torn_and_leave_a_gap() {
     let mock = Mock::new();
     let mut memories = Memories::new(6);
-    let mut camera = started(&mock, &mut memories);
+    let mut camera = start_camera(&mock, &mut memories);
     mock.fill(0, 1, 0);
     mock.fill(1, 2, sys::V4L2_BUF_FLAG_ERROR);
     mock.fill_part(2, 3, 0, 5);
     mock.fill(2, 4, 0);
     mock.fill(3, 5, 0);
-    assert_eq!(frame(&mut camera).1, 0);
-    assert_eq!(torn(&mut camera).1, "frame 1: the driver marks it as damaged");
-    assert_eq!(torn(&mut camera).1, "frame 2: 5 bytes instead of 8");
-    assert_eq!(torn(&mut camera).1, "frame 2: not later than the previous frame");
-    assert_eq!(frame(&mut camera).1, 3);
+    assert_eq!(next_frame(&mut camera).1, 0);
+    assert_eq!(next_incomplete(&mut camera).1, "frame 1: the driver marks it as damaged");
+    assert_eq!(next_incomplete(&mut camera).1, "frame 2: 5 bytes instead of 8");
+    assert_eq!(next_incomplete(&mut camera).1, "frame 2: not later than the previous frame");
+    assert_eq!(next_frame(&mut camera).1, 3);
 }
 
 #[test]
@@ -163,13 +166,13 @@ fn without_a_slot_nothing_is_lost_that_the_driver_can_hold() {
     let mock = Mock::new();
     mock.state().takes_user = (false, false);
     let mut memories = Memories::new(1);
-    let mut camera = started(&mock, &mut memories);
+    let mut camera = start_camera(&mock, &mut memories);
     mock.fill(0, 1, 0);
     mock.fill(1, 2, 0);
-    let (slot, _) = frame(&mut camera);
+    let (slot, _) = next_frame(&mut camera);
     assert!(matches!(camera.next(SHORT).unwrap(), Next::Timeout));
     camera.queue(slot);
-    let (mut slot, sequence) = frame(&mut camera);
+    let (mut slot, sequence) = next_frame(&mut camera);
     assert_eq!((sequence, slot.bytes_mut()[0]), (1, 2));
 }
 
@@ -177,11 +180,11 @@ fn without_a_slot_nothing_is_lost_that_the_driver_can_hold() {
 fn slots_beyond_the_drivers_buffers_wait_their_turn() {
     let mock = Mock::new();
     let mut memories = Memories::new(12);
-    let mut camera = started(&mock, &mut memories);
+    let mut camera = start_camera(&mock, &mut memories);
     assert_eq!(mock.state().owned.len(), 8);
     for count in 0..50 {
         assert!(mock.fill(count, 1, 0));
-        let (slot, _) = frame(&mut camera);
+        let (slot, _) = next_frame(&mut camera);
         camera.queue(slot);
         assert_eq!(mock.state().owned.len(), 8);
     }
@@ -192,7 +195,7 @@ fn an_unplugged_camera_has_vanished_and_is_dropped_in_peace() {
     for (code, word) in [(libc::ENODEV, "it was unplugged"), (libc::EIO, "its driver reports an input/output error")] {
         let mock = Mock::new();
         let mut memories = Memories::new(6);
-        let mut camera = started(&mock, &mut memories);
+        let mut camera = start_camera(&mock, &mut memories);
         mock.state().broken = Some(code);
         match camera.next(SHORT) {
             Err(CameraError::Lost { id, reason }) => assert_eq!((id.as_str(), reason.as_str()), ("mock", word)),
@@ -205,9 +208,9 @@ fn an_unplugged_camera_has_vanished_and_is_dropped_in_peace() {
 fn a_refused_buffer_comes_back_as_torn_and_refusals_without_end_are_the_end() {
     let mock = Mock::new();
     let mut memories = Memories::new(6);
-    let mut camera = started(&mock, &mut memories);
+    let mut camera = start_camera(&mock, &mut memories);
     mock.fill(0, 1, 0);
-    let (slot, _) = frame(&mut camera);
+    let (slot, _) = next_frame(&mut camera);
     mock.state().refuses_buffers = Some(libc::EIO);
     camera.queue(slot);
     let mut refusals = 0;
@@ -232,5 +235,5 @@ fn a_refused_buffer_comes_back_as_torn_and_refusals_without_end_are_the_end() {
 fn a_slot_that_is_too_small_never_reaches_the_driver() {
     let mock = Mock::new();
     mock.state().size = (16, 16);
-    Memories::new(1).lend_all(&mut camera(&mock));
+    Memories::new(1).lend_all(&mut open_camera(&mock));
 }
