@@ -186,10 +186,11 @@ impl Printer {
     }
 }
 
-/// Formats a value as a cell of a CSV line; empty for null.
+/// Formats a value as a cell of a CSV line (RFC 4180); empty for null.
 fn csv_cell(value: &Value) -> String {
     match value {
         Value::Null => String::new(),
+        Value::String(text) if text.contains([',', '"', '\n', '\r']) => format!("\"{}\"", text.replace('"', "\"\"")),
         Value::String(text) => text.clone(),
         other => other.to_string(),
     }
@@ -269,4 +270,16 @@ fn field_rows(header: &FieldHeader, field: Option<PairField>) -> Rows {
         row_from_cells([("frame", json!(header.sequence))].into_iter().chain(json_cells(point, FieldPoint::COLUMNS)))
     };
     field.iter().flat_map(|field| &field.points).map(row).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_with_separators_are_quoted() {
+        assert_eq!(csv_cell(&json!("ball 1")), "ball 1");
+        assert_eq!(csv_cell(&json!("ball, \"red\"")), "\"ball, \"\"red\"\"\"");
+        assert_eq!(csv_cell(&Value::Null) + &csv_cell(&json!(1.5)), "1.5");
+    }
 }

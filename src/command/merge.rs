@@ -1,7 +1,7 @@
 //! `ricochet merge`: one table of many recordings.
 
 use super::export::{TABLES, write_merged};
-use crate::console::{Outcome, OutputFile, Overwrite, UsageError, print_note};
+use crate::console::{Outcome, OutputFile, Overwrite, UsageError, check_no_input, print_note};
 use crate::failure::Failure;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -27,7 +27,7 @@ pub struct MergeOptions {
 ///
 /// # Errors
 ///
-/// When no recording is found, one cannot be read, or two have different columns.
+/// When no recording is found, one cannot be read, two have different columns, or the output is one of them.
 pub fn run(options: &MergeOptions) -> Result<Outcome, Failure> {
     let topic = options.topic.as_str();
     if !TABLES.contains(&topic) {
@@ -47,6 +47,7 @@ pub fn run(options: &MergeOptions) -> Result<Outcome, Failure> {
     match &options.output {
         None => write_merged(&recordings, topic, std::io::stdout().lock(), "standard output")?,
         Some(path) => {
+            check_no_input(path, &recordings)?;
             let mut file = OutputFile::create(path, options.overwrite)?;
             let mut buffered = BufWriter::new(&mut file);
             let rows = write_merged(&recordings, topic, &mut buffered, &path.display().to_string())?;

@@ -93,3 +93,15 @@ fn one_bad_film_does_not_keep_the_others_from_being_measured() {
         assert!(String::from_utf8_lossy(&output.stderr).contains(reason), "{output:?}");
     }
 }
+
+#[test]
+fn a_table_never_replaces_a_recording_that_it_is_made_from() {
+    let rig = Rig::new();
+    let film = rig.path("film.mcap");
+    succeed(["simulate".as_ref(), "lacrosse".as_ref(), "-o".as_ref(), film.as_os_str()]);
+    let before = std::fs::metadata(&film).unwrap().len();
+    let output = ricochet(["merge", "--force"]).arg(&film).arg("-o").arg(&film).output().unwrap();
+    assert_eq!(output.status.code(), Some(2), "{output:?}");
+    assert!(String::from_utf8_lossy(&output.stderr).contains("overwrite an input"), "{output:?}");
+    assert_eq!(std::fs::metadata(&film).unwrap().len(), before);
+}

@@ -37,8 +37,9 @@ impl Recorder<'_> {
         // For a trigger within the stream's first block, the first frame is still to come.
         let start_ns = feed.held.front().map_or(newest.stamp_ns, |sample| sample.header().stamp_ns);
         let window = ShotWindow { from_ns: start_ns.saturating_sub(half_ns), to_ns: stamp_of(last) + half_ns };
+        let stamp_ns = stamp_of(trigger_frame);
         self.execute(&TriggerCause {
-            frame: FrameStamp { sequence: trigger_frame, stamp_ns: newest.stamp_ns },
+            frame: FrameStamp { sequence: trigger_frame, stamp_ns },
             text: cause.to_owned(),
         })?;
         self.begin(window, start_ns, &format!("{cause} at frame {trigger_frame}"), last + 1 - first)?;
