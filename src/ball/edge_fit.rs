@@ -123,10 +123,13 @@ struct Model {
     is_near: bool,
 }
 
-/// Returns a grey level near those of the block. Subtracting it preserves the precision of the sums.
+/// Returns the mean grey level of the first pixels of the block's bins, to be subtracted from all its grey levels.
+///
+/// The sums in single precision keep their digits near zero, so the exact value does not matter. A bin without pixels
+/// counts as 0, and a block without any has the level 0.
 fn reference_level(grey: &[Lane]) -> f32 {
-    let filled = grey.first().map_or(0.0, |first| first.iter().sum());
-    filled / LANES as f32
+    let sum: f32 = grey.first().map_or(0.0, |first| first.iter().sum());
+    sum / LANES as f32
 }
 
 /// Sums the terms of the normal equations for the position of the edge; with `ALL`, also those of blur and residuals.

@@ -160,14 +160,17 @@ fn follow(
     Ok(Outcome::Clean)
 }
 
+/// Prints rows as CSV or as one JSON object per line.
 struct Printer {
     json: bool,
+    /// The number of rows still to print; `None` without a limit.
     left: Option<u64>,
+    /// Whether the header of the CSV is printed.
     has_header: bool,
 }
 
 impl Printer {
-    /// Prints a row and returns whether more are wanted.
+    /// Prints a row and returns whether more are wanted. The CSV header has the columns of the first row.
     fn print(&mut self, row: &Map<String, Value>) -> bool {
         if self.left == Some(0) {
             return false;

@@ -133,7 +133,8 @@ impl Config {
         }
     }
 
-    /// Returns the trigger on measured motion at this nominal frame rate in Hz; `None` in other modes.
+    /// Creates the trigger on measured motion at this nominal frame rate in Hz; `None` unless
+    /// [`TriggerMode::is_measured`]. The mode `motion` is not, because it compares grey levels.
     ///
     /// `exposure_us` is that of [`motion`](Self::motion).
     pub fn measured_trigger(&self, frame_rate_hz: f64, exposure_us: f64) -> Option<MeasuredTrigger> {

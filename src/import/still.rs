@@ -71,8 +71,10 @@ impl Still {
     }
 }
 
-/// Returns the layout, the packed grey levels and their rule; `None` for floating-point numbers. Transparency is left
-/// out.
+/// Converts a decoded image to 8 or 16 bit grey; `None` for floating-point numbers. Transparency is ignored.
+///
+/// Returns the pixel format, the packed little-endian pixels and the rule by which colours became grey, empty if the
+/// image was grey. Colours of 16 bit always have a rule, even if the channels are equal.
 fn grey_levels(picture: DynamicImage) -> Option<(PixelFormat, Vec<u8>, &'static str)> {
     let picture = match picture {
         DynamicImage::ImageLumaA8(_) => DynamicImage::ImageLuma8(picture.into_luma8()),

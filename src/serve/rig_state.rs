@@ -120,9 +120,10 @@ impl PageState {
         *self = Self { impacts: std::mem::take(&mut self.impacts), ..Self::new(Arc::clone(&self.config)) };
     }
 
-    /// Updates the state by an event. `number` is called for an event that completes a recording, and returns the
-    /// recording's number.
-    pub(super) fn add_event(&mut self, event: &Event, number: impl FnOnce() -> u32, now_s: f64) {
+    /// Updates the state by an event that arrives at `now_s`. An event without influence on the state is ignored.
+    ///
+    /// `recording_number` is called for an event that completes a recording, and returns the recording's number.
+    pub(super) fn add_event(&mut self, event: &Event, recording_number: impl FnOnce() -> u32, now_s: f64) {
         match event.kind() {
             Some(EventKind::Prepared) if event.sequence == 0 => {
                 (self.origin_ns, self.has_ended, self.shot) = (None, false, None);
@@ -146,7 +147,7 @@ impl PageState {
             }
             Some(EventKind::Recorded) => {
                 let trigger_ns = self.shot.map_or(event.stamp_ns, |shot| shot.trigger_ns);
-                let saved = Some(Saved { number: number(), at_s: now_s });
+                let saved = Some(Saved { number: recording_number(), at_s: now_s });
                 self.shot = Some(ShotState { trigger_ns, saved });
                 self.fills_from_ns = event.stamp_ns;
             }

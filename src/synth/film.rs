@@ -105,9 +105,11 @@ impl Actor {
         Ok(Self { scenario, trajectory, body })
     }
 
-    /// Returns the magnification relative to the scale at `time_s`, because the body approaches the camera.
+    /// Returns the magnification of the body at `time_s` after the first stamp, relative to the scenario's `mm_per_px`.
     ///
-    /// It is 1 at first contact, or in the middle of the first exposure if there is no contact.
+    /// It is 1 at first contact, or in the middle of the first exposure if there is no contact. It exceeds 1 where the
+    /// body is nearer to the camera: the image of a pinhole camera is inversely proportional to the distance, which
+    /// decreases by `nearer_per_s` of its reference value per second.
     fn magnification(&self, time_s: f64) -> f64 {
         let reference_s = match &self.scenario.motion {
             MotionSetup::Impact(impact) => impact.contact_start_s,

@@ -325,8 +325,10 @@ fn add_lags_with<V: Vector>(dense: &[f32], side: usize, sums: &mut Lags) {
 }
 
 vectorized! {
-    /// Adds the squares of a residual, those of the slopes along x and y, and the products of both, in the order of
-    /// [`GradientNoise`].
+    /// Adds the sums over all pixels of r^2, gx^2, gy^2, gx^2 r^2 and gy^2 r^2 to `sums`, with the residual r in DN and
+    /// the gradients gx and gy in DN/px.
+    ///
+    /// Pixels outside the window must be zero.
     fn add_squares(gradients: [&[Lanes]; 2], residual: &[Lanes], sums: &mut [f64; 5]) = add_squares_with
 }
 
@@ -343,7 +345,7 @@ fn add_squares_with<V: Vector>(gradients: [&[Lanes]; 2], residual: &[Lanes], sum
     }
 }
 
-/// Adds the squares of eight residuals `left` and of the slopes `x` and `y`, and the products of both, to `totals`.
+/// Adds r^2, gx^2, gy^2, gx^2 r^2 and gy^2 r^2 of eight pixels to `totals`, with r = `left`, gx = `x` and gy = `y`.
 #[inline(always)]
 fn add_lane_squares<V: Vector>(x: V, y: V, left: V, totals: &mut [V; 5]) {
     let (x_squared, y_squared, squared) = (x.mul(x), y.mul(y), left.mul(left));

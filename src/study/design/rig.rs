@@ -121,7 +121,11 @@ impl Rig {
     ///
     /// # Errors
     ///
-    /// [`UsageError`] with the inconsistent numbers.
+    /// [`UsageError`] with the values in conflict, if
+    /// - the scenario is invalid;
+    /// - the body moves more than [`BLUR_SHARE`] of its radius during the exposure;
+    /// - it moves more than `correlation.search_px` from a reference to its target;
+    /// - it is a patch, or a ball in the rig and a rod in the scenario, or the reverse.
     pub(super) fn check(&self) -> Result<(), Failure> {
         let Self { config, scenario } = self;
         let refuse = |why: String| Err(UsageError(format!("{}: {why}", config.origin)).into());
@@ -129,13 +133,13 @@ impl Rig {
             return refuse(error.to_string());
         }
         let (camera, radius_px) = (&scenario.camera, scenario.radius_px());
-        let (blur_px, most_px) = (self.speed_px_s() * 1e-6 * camera.exposure_us, BLUR_SHARE * radius_px);
-        if blur_px > most_px {
+        let (blur_px, max_blur_px) = (self.speed_px_s() * 1e-6 * camera.exposure_us, BLUR_SHARE * radius_px);
+        if blur_px > max_blur_px {
             return refuse(format!(
                 "the body moves {blur_px:.1} px while the shutter is open for {} us, more than a quarter of its \
                  radius: expose for at most {:.0} us",
                 camera.exposure_us,
-                camera.exposure_us * most_px / blur_px
+                camera.exposure_us * max_blur_px / blur_px
             ));
         }
         let (step_px, search_px) = (self.speed_px_s() / camera.frame_rate_hz, config.correlation.search_px);

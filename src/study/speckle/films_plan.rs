@@ -152,8 +152,10 @@ impl SpeckleStudy {
         lines.iter().copied()
     }
 
-    /// Returns the levels of the varied setting: grey levels of 255, px, or multiples of the slowest rate. Empty for a
-    /// study that varies none.
+    /// Returns the levels of the varied setting; empty for a study that varies none.
+    ///
+    /// They are standard deviations of the noise in grey levels of 255, standard deviations of the lens blur in px, or
+    /// frame rates as multiples of the slowest.
     pub(super) fn levels(self) -> &'static [f64] {
         match self {
             Self::Noise => &[0.0, 1.0, 2.0, 4.0, 8.0, 16.0],
