@@ -47,7 +47,7 @@ pub fn run(options: &ListenOptions, stop: &Stop) -> Result<Outcome, Failure> {
     }
     let bus = Bus::join(&options.rig, "listen")?;
     wait_for_rig(&bus, options, stop)?;
-    let mut printer = Printer { json: options.json, left: options.count, has_header: false };
+    let mut printer = Printer { json: options.json, left: options.count, columns: Vec::new() };
     let mut follow = |take: &mut dyn FnMut() -> Result<Option<Rows>, BusError>| follow(&bus, &mut printer, stop, take);
     match options.topic.as_str() {
         "track" => follow(&mut rows_of(bus.listen()?, track_row)),
@@ -165,12 +165,15 @@ struct Printer {
     json: bool,
     /// The number of rows still to print; `None` without a limit.
     left: Option<u64>,
-    /// Whether the header of the CSV is printed.
-    has_header: bool,
+    /// The columns of the last CSV header that was printed.
+    columns: Vec<String>,
 }
 
 impl Printer {
-    /// Prints a row and returns whether more are wanted. The CSV header has the columns of the first row.
+    /// Prints a row and returns whether more are wanted.
+    ///
+    /// The CSV header has the columns of the first row. A row with others, as of a rod after a ball, prints a header
+    /// again; a column that a row lacks is empty.
     fn print(&mut self, row: &Map<String, Value>) -> bool {
         if self.left == Some(0) {
             return false;
@@ -178,14 +181,23 @@ impl Printer {
         if self.json {
             print_line(&Value::Object(row.clone()).to_string());
         } else {
-            if !self.has_header {
-                print_line(&row.keys().cloned().collect::<Vec<_>>().join(","));
-                self.has_header = true;
+            if self.add_columns(row) {
+                print_line(&self.columns.join(","));
             }
-            print_line(&row.values().map(csv_cell).collect::<Vec<_>>().join(","));
+            let cells = self.columns.iter().map(|column| row.get(column).map_or_else(String::new, csv_cell));
+            print_line(&cells.collect::<Vec<_>>().join(","));
         }
         self.left = self.left.map(|left| left - 1);
         self.left != Some(0)
+    }
+
+    /// Takes over the columns of a row unless all of them are known, and returns whether it did.
+    fn add_columns(&mut self, row: &Map<String, Value>) -> bool {
+        let is_new = row.keys().any(|column| !self.columns.contains(column));
+        if is_new {
+            self.columns = row.keys().cloned().collect();
+        }
+        is_new
     }
 }
 
@@ -278,6 +290,17 @@ fn field_rows(header: &FieldHeader, field: Option<PairField>) -> Rows {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_row_with_other_columns_needs_a_header() {
+        let mut printer = Printer { json: false, left: None, columns: Vec::new() };
+        let row = |names: &[&'static str]| row_from_cells(names.iter().map(|name| (*name, json!(1))));
+        assert!(printer.add_columns(&row(&["frame", "x_px"])));
+        assert!(printer.add_columns(&row(&["frame", "length_px", "x_px"])));
+        // A lost rod has no length: its cell is empty.
+        assert!(!printer.add_columns(&row(&["frame", "x_px"])));
+        assert_eq!(printer.columns, ["frame", "length_px", "x_px"]);
+    }
 
     #[test]
     fn texts_with_separators_are_quoted() {
