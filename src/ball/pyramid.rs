@@ -78,13 +78,15 @@ pub(super) fn blur(from: &GreyImage, scratch: &mut GreyImage, to: &mut GreyImage
 
 /// Closes an image (greyscale morphology) with a disc of radius 2 px.
 ///
-/// This removes dark marks up to 5 px wide and keeps straight and gently curved edges.
+/// This removes dark marks up to 4 px wide and keeps straight and gently curved edges.
 pub(super) fn remove_dark_marks(from: &GreyImage, scratch: &mut GreyImage, to: &mut GreyImage) {
     disc_filter(from, scratch, larger);
     disc_filter(scratch, to, smaller);
 }
 
-/// Opens an image (greyscale morphology) with a disc of radius 2 px, which removes bright marks up to 5 px wide.
+/// Opens an image (greyscale morphology) with a disc of radius 2 px.
+///
+/// This removes bright marks up to 4 px wide and keeps straight and gently curved edges.
 pub(super) fn remove_bright_marks(from: &GreyImage, scratch: &mut GreyImage, to: &mut GreyImage) {
     disc_filter(from, scratch, smaller);
     disc_filter(scratch, to, larger);
@@ -100,6 +102,8 @@ fn smaller(a: f32, b: f32) -> f32 {
 }
 
 /// Applies `pick` (a minimum or a maximum) over a 5 x 5 square without its corners; the border repeats.
+///
+/// An image with a side shorter than 5 px is copied.
 fn disc_filter(from: &GreyImage, to: &mut GreyImage, pick: impl Fn(f32, f32) -> f32 + Copy) {
     let (width, height) = (from.width, from.height);
     to.reshape(width, height);

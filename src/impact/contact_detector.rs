@@ -303,8 +303,8 @@ impl Detector {
 
     /// Counts a frame after a contact and, at [`END_AGAIN_FRAMES`], estimates the end of the force again.
     ///
-    /// The curve of the flight after the contact is followed backwards in time. The end is where the nodes leave it. The
-    /// previous end stays if the flight is too short or no node leaves the curve.
+    /// The curve of the flight after the contact is followed backwards in time. The end is where the nodes leave it.
+    /// The previous end stays if the flight is too short or no node leaves the curve.
     fn refine_end(&mut self, gravity: Option<f64>) {
         let Some((from, count)) = self.quiet else { return };
         let count = count + 1;
@@ -346,7 +346,7 @@ impl Detector {
         self.breaks.push_back(new);
     }
 
-    /// Returns the known regime of the motion at a frame.
+    /// Returns the known regime of the motion at a frame. The first flight starts at 0, the newest ends at `u64::MAX`.
     pub fn regime(&self, frame: u64) -> Regime {
         let next = self.breaks.partition_point(|b| b.from <= frame);
         let to = self.breaks.get(next).map_or(u64::MAX, |b| b.from.saturating_sub(1));

@@ -158,7 +158,7 @@ pub fn select_law(guess: &FirstGuess, samples: &[Sample], excess: f64) -> Option
     let drift_px = DRIFT * samples.iter().map(|s| s.walk).sum::<f64>() / samples.len() as f64;
     let sigmas = std::array::from_fn(|k| {
         let laws: Vec<_> =
-            weighed().map(|(f, w)| [w, f.findings[k] - findings[k], own_variance(f, k, drift_px).sqrt()]).collect();
+            weighed().map(|(f, w)| [w, f.findings[k] - findings[k], law_variance(f, k, drift_px).sqrt()]).collect();
         central_half_width(&laws)
     });
     let probabilities = weighed().map(|(f, w)| (f.family, w)).collect();
@@ -202,10 +202,12 @@ fn is_acceptable(f: &LawFit, excess: f64) -> bool {
     f.chi2 / f.freedom <= excess.powi(2) * (1.0 + 4.0 * (2.0 / f.freedom).sqrt())
 }
 
-/// Returns the variance of quantity `k` of one law, in the units of [`Findings`].
+/// Returns the variance of quantity `k` of [`Findings`] under one law, in the square of its unit.
 ///
-/// It contains the misfit of the law and its freedom at both ends. Each step drifts by `drift_px`.
-fn own_variance(f: &LawFit, k: usize, drift_px: f64) -> f64 {
+/// It sums the variance of the fit, widened by the misfit, the undetected ends of the force under free exponents or
+/// stiffness, and the displacement error that no residual reveals. `drift_px` is the random walk per step that
+/// neighbouring steps share, px.
+fn law_variance(f: &LawFit, k: usize, drift_px: f64) -> f64 {
     let own = f.sigmas[k].powi(2) * (f.chi2 / f.freedom).max(MIN_SCATTER);
     // Under free exponents or stiffness, start and end depend on the first and last two per cent of the force, which
     // are not observed. A y^1.5 contact takes UNSEEN of its depth over them; the depth is counted from the start.

@@ -352,7 +352,11 @@ impl Recorder<'_> {
     }
 
     /// Completes the file of a shot, publishes its matching, its losses and its path, and removes recordings beyond the
-    /// limits. A failure to write is reported and counted, not returned.
+    /// limits.
+    ///
+    /// # Errors
+    ///
+    /// When an event cannot be published. A failure to write is reported and counted, not returned.
     fn close(&mut self, mut open: OpenShot) -> Result<(), Failure> {
         let shortened = (0..self.feeds.len()).try_for_each(|camera| open.shorten(camera));
         let ends = open.ends();

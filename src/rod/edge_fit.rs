@@ -397,8 +397,9 @@ fn reweigh(profiles: &mut [Profile], model: &EdgeModel, fraction: f64) {
     }
 }
 
-/// Returns the position across, px, that is nearest to the model's and has enough plausible profiles, otherwise that
-/// with the most.
+/// Returns the position across the edge, px, from which the fit starts, within 2 px of the model's.
+///
+/// It is the nearest one with enough plausible profiles, otherwise that with the most.
 fn find_start(profiles: &[Profile], model: &EdgeModel) -> f64 {
     const SHIFTS_PX: [f64; 9] = [0.0, -0.5, 0.5, -1.0, 1.0, -1.5, 1.5, -2.0, 2.0];
     let limit = OUTLIER_FRACTIONS[0] * model.contrast().abs();

@@ -109,7 +109,7 @@ fn standard_deviations(steps: &[[f64; 3]]) -> Option<[f64; 3]> {
 }
 
 /// Returns the magnitudes of the mean displacement, px, and the mean rotation, deg, per frame; `None` if the body is
-/// static.
+/// static or there are fewer than two steps.
 ///
 /// It moves if one component exceeds both [`STILL_PX`] or [`STILL_DEG`] and [`STILL_SIGMAS`] standard errors of its
 /// mean.

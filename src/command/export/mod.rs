@@ -84,13 +84,13 @@ pub struct ExportOptions {
 }
 
 impl ExportOptions {
-    /// Opens the recording at the chosen camera.
-    fn recording(&self) -> Result<Recording, RecordingError> {
+    /// Opens the recording and selects the chosen camera.
+    fn open_recording(&self) -> Result<Recording, RecordingError> {
         Recording::open(&self.file)?.select_view(self.camera.as_deref())
     }
 
     /// Opens the frames of the film that the options name, or of the recording itself.
-    fn frames(&self, results: &Recording) -> Result<Frames, ExportError> {
+    fn open_frames(&self, results: &Recording) -> Result<Frames, ExportError> {
         result_film::open_frames(results, &self.film, self.camera.as_deref()).map_err(ExportError::Film)
     }
 }
@@ -188,19 +188,19 @@ fn write_topic(options: &ExportOptions) -> Result<u64, ExportError> {
             Err(ExportError::Usage("--camera: --format mcap keeps the results of all cameras".into()))
         }
         Format::Mcap => Ok(recording::copy_results(&options.file, output()?)?),
-        Format::Ros2 => Ok(recording::copy_as_ros2(&options.recording()?, output()?)?),
+        Format::Ros2 => Ok(recording::copy_as_ros2(&options.open_recording()?, output()?)?),
         Format::Parquet => {
             let path = output()?;
-            let recording = options.recording()?;
+            let recording = options.open_recording()?;
             write_whole(options, path, |file| parquet::write(&recording, topic, file, &path.display().to_string()))
         }
         Format::Npz => {
             let path = output()?;
-            let recording = options.recording()?;
+            let recording = options.open_recording()?;
             write_whole(options, path, |file| npz::write(&recording, topic, file, &path.display().to_string()))
         }
         Format::Csv => {
-            let recording = options.recording()?;
+            let recording = options.open_recording()?;
             match &options.output {
                 None => write_table(&recording, topic, io::stdout().lock(), "standard output"),
                 Some(path) => write_whole(options, path, |file| {

@@ -20,13 +20,13 @@ const ARROW: Color = [255, 210, 31];
 
 /// Writes an image per frame into a directory and returns their number.
 ///
-/// `frames` are written as they are: grey levels in 8 or 16 bits, none enlarged or stretched. Results are drawn over enlarged
-/// images in colour.
+/// `frames` are written as they are: grey levels in 8 or 16 bits, none enlarged or stretched. Results are drawn over
+/// enlarged images in colour.
 pub(super) fn write_all(options: &ExportOptions, directory: &Path) -> Result<u64, ExportError> {
     let to = directory.display().to_string();
     let failed = |source| ExportError::Write { to: to.clone(), source };
-    let recording = options.recording()?;
-    let frames = options.frames(&recording)?;
+    let recording = options.open_recording()?;
+    let frames = options.open_frames(&recording)?;
     std::fs::create_dir_all(directory).map_err(failed)?;
     let (mut count, mut first) = (0, None);
     let mut write = |sequence: u64, png: io::Result<Vec<u8>>| {

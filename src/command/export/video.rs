@@ -17,8 +17,8 @@ const MESSAGE_BYTES: u64 = 64 << 10;
 ///
 /// [`ExportError`] when a file cannot be read, the frames differ in size, or ffmpeg is missing or fails.
 pub(super) fn write(options: &ExportOptions, to: &Path) -> Result<u64, ExportError> {
-    let recording = options.recording()?;
-    let frames = options.frames(&recording)?;
+    let recording = options.open_recording()?;
+    let frames = options.open_frames(&recording)?;
     let failed = |source| ExportError::Write { to: to.display().to_string(), source };
     let mut video: Option<Video> = None;
     let mut count = 0;

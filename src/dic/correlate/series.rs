@@ -190,9 +190,9 @@ impl Series {
     }
 }
 
-/// Returns the pixel nearest to a coordinate, px; `None` for a negative one or one without a pixel.
-fn nearest_pixel(place: f64) -> Option<u32> {
-    (place >= 0.0 && place < f64::from(u32::MAX)).then(|| place.round() as u32)
+/// Returns the pixel nearest to a coordinate, px; `None` if it is negative, NaN or beyond the range of `u32`.
+fn nearest_pixel(coordinate: f64) -> Option<u32> {
+    (coordinate >= 0.0 && coordinate < f64::from(u32::MAX)).then(|| coordinate.round() as u32)
 }
 
 #[cfg(test)]

@@ -80,7 +80,7 @@ impl Stream {
     ///
     /// # Errors
     ///
-    /// The angle of a picture that is turned by no quarter, degrees; NaN if it is not stated.
+    /// The stated angle, degrees, if the matrix is malformed or rotates by no multiple of 90 degrees; NaN without one.
     pub(super) fn orientation(&self) -> Result<Orientation, f64> {
         let data = self.stream["side_data_list"].as_array();
         let matrix = data.into_iter().flatten().find(|data| data["displaymatrix"].is_string());

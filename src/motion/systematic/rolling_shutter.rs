@@ -159,7 +159,9 @@ impl RollingShutter {
         self.row_offset_px = 0.0;
     }
 
-    /// Widens the times of an impact by the uncertainty of the rows that showed them; `period_s` is a frame's.
+    /// Adds the error of the row timing to the uncertainties of the times and spins of an impact.
+    ///
+    /// `period_s` is the frame period, s.
     #[must_use]
     pub fn widen_times(&self, impact: Impact, period_s: f64) -> Impact {
         if !self.rolls() {
@@ -186,7 +188,10 @@ impl RollingShutter {
         }
     }
 
-    /// Widens the rates of a rotating body: one side of it is followed for longer, and that side changes as it rotates.
+    /// Adds the error of the row timing to the uncertainty of the rotation rate. The other rates stay the same.
+    ///
+    /// The side of a rotating body that moves down is followed for longer than the side that moves up. An uneven
+    /// pattern weights one side more, and turns with the body. An occluded part adds the error of the strained image.
     #[must_use]
     pub fn widen_rates(&self, rates: PixelRates) -> PixelRates {
         if !self.rolls() {
