@@ -122,9 +122,9 @@ fn memory_limit_bytes(file_bytes: u64) -> u64 {
     file_bytes.saturating_mul(2).saturating_add(SPARE_BYTES).min(FRAME_BYTES)
 }
 
-/// Unpacks pixels of `bits` (9 to 16) bits, stored without gaps and high bits first, to little-endian words. Bits at
-/// the end that fill no pixel are dropped.
-fn unpack_high_first(packed: &[u8], bits: u32) -> Vec<u8> {
+/// Unpacks pixels of `bits` (9 to 16) bits, stored without gaps and with the most significant bit first, to
+/// little-endian 16-bit words. Bits at the end that fill no pixel are dropped.
+fn unpack_msb_first(packed: &[u8], bits: u32) -> Vec<u8> {
     let mut words = Vec::with_capacity(packed.len() * 16 / bits as usize);
     let (mut held, mut held_bits) = (0_u32, 0);
     for byte in packed {

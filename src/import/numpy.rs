@@ -179,16 +179,17 @@ impl Array {
 }
 
 impl FrameSizes {
-    /// Collects frame `number`, from 0, of an array in Fortran order, as [`AxisOrder::FirstSlowest`] has it. `columns`
-    /// is the whole array, `bytes` the size of a sample.
-    fn frame_from_fortran(self, columns: &[u8], number: usize, bytes: usize) -> Vec<u8> {
+    /// Collects the samples of frame `number`, from 0, of an array in Fortran order, and returns them in C order.
+    ///
+    /// `columns` is the whole array, and `sample_bytes` the size of a sample.
+    fn frame_from_fortran(self, columns: &[u8], number: usize, sample_bytes: usize) -> Vec<u8> {
         let [frames, height, width] = [self.frames, self.height_px, self.width_px].map(|size| size as usize);
-        let mut pixels = Vec::with_capacity(height * width * self.channels as usize * bytes);
+        let mut pixels = Vec::with_capacity(height * width * self.channels as usize * sample_bytes);
         for y in 0..height {
             for x in 0..width {
                 for channel in 0..self.channels as usize {
-                    let at = bytes * (number + frames * (y + height * (x + width * channel)));
-                    pixels.extend_from_slice(&columns[at..at + bytes]);
+                    let at = sample_bytes * (number + frames * (y + height * (x + width * channel)));
+                    pixels.extend_from_slice(&columns[at..at + sample_bytes]);
                 }
             }
         }

@@ -1,8 +1,8 @@
 //! The scatter of a path: how much more its poses jump from frame to frame than their uncertainties allow.
 //!
-//! The uncertainty of a match follows from its residual. An encoder of films moves blocks by whole pixels and removes the
-//! residual, and regular paint matches at wrong places as well as at the right one. Neither shows in the residual of a
-//! pair of frames, but both show in the path: a body moves smoothly, and the poses jump about it.
+//! The uncertainty of a match follows from its residual. An encoder of films moves blocks by whole pixels and removes
+//! the residual, and regular paint matches at wrong places as well as at the right one. Neither shows in the residual
+//! of a pair of frames, but both show in the path: a body moves smoothly, and the poses jump about it.
 
 use super::velocity_fit::{Regime, fit_window, nodes_between};
 use super::{KnownMotion, PixelRates, Pose};
@@ -80,12 +80,15 @@ fn size(nodes: &[Pose], axis: usize) -> f64 {
     (squares / f64::max(count, 1.0)).sqrt()
 }
 
-/// Returns the fourth differences of one coordinate of the nodes.
+/// Returns the absolute fourth differences of a coordinate (`axis` 0 is x, 1 is y, 2 the angle) of the nodes.
+///
+/// They are in standard deviations of their noise. Those across a gap are left out.
 fn differences(nodes: &[Pose], axis: usize) -> impl Iterator<Item = f32> {
     nodes.windows(WEIGHTS.len()).filter_map(move |nodes| difference(nodes, axis))
 }
 
-/// Returns the fourth difference of poses in successive frames, relative to its noise; `None` across a gap.
+/// Returns the absolute fourth difference of poses in successive frames, in standard deviations of its noise; `None`
+/// across a gap or if all sigmas are 0.
 fn difference(nodes: &[Pose], axis: usize) -> Option<f32> {
     let (first, last) = (nodes.first()?, nodes.last()?);
     let part = |node: &Pose| if axis == 2 { node.turn } else { node.component };

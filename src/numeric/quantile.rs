@@ -46,10 +46,9 @@ pub fn median<T: Float>(values: &mut [T]) -> Option<T> {
     below.iter().copied().max_by(T::order).map(|before| before.middle(middle))
 }
 
-/// Returns the value at a fraction of the sorted values, 0 to 1: the nearest one, the upper of two; `None` without
-/// values.
+/// Returns the value at a fraction, 0 to 1, of the sorted values; `None` without values.
 ///
-/// Changes the order of the values.
+/// Between two values, it is the nearer one, or the upper one of two equally near. Changes the order of the values.
 pub fn quantile<T: Float>(values: &mut [T], fraction: f64) -> Option<T> {
     let last = values.len().checked_sub(1)?;
     let rank = ((last as f64 * fraction).round() as usize).min(last);

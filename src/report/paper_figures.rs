@@ -61,8 +61,9 @@ type Panel = (&'static str, Vec<TimeCurve>);
 /// A number of a row with its uncertainty.
 type Number<'a> = &'a dyn Fn(&VelocitySample) -> Option<(f64, f64)>;
 
-/// Draws the figures of one of the paper's experiments from the first body of a shot; none of another experiment.
+/// Draws the figures of one of the paper's experiments (`rod`, `tennis` or `lacrosse`) from the first body of a shot.
 ///
+/// Any other experiment has no figures.
 /// A figure with a panel without data, or without pictures of its moments, is left out.
 /// These are Figs. 10 and 11 of the rod, Figs. 13 to 16 of the tennis ball and Figs. 18 to 21 of the lacrosse ball.
 pub fn figures(shot: &Shot, experiment: &Experiment<'_>) -> Vec<Figure> {

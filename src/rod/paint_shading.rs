@@ -6,7 +6,7 @@ use crate::results::Estimate;
 /// The uncertainty of the shading because it is not linear, as a fraction of its change from the mean row.
 const NONLINEARITY: f64 = 0.1;
 
-/// Interpolates the paint of clean edges at `row`: a line weighted by their uncertainties.
+/// Interpolates the paint of clean edges at `row`, px: a line weighted by their uncertainties. The blur is the mean.
 ///
 /// Returns `None` if there is no clean edge.
 pub(super) fn clean_paint_at(clean: &[&Edge], row: f64) -> Option<CleanPaint> {

@@ -190,7 +190,8 @@ impl Trajectory {
     }
 }
 
-/// Returns displacement (m) and velocity (m/s) of a ringing mark at `time_s` after first contact.
+/// Returns displacement (m) and velocity (m/s) of a ringing mark, along the surface normal, at `time_s` after first
+/// contact; 0 before it.
 ///
 /// The velocity is a decaying sine, v exp(-t / tau) sin(2 pi f t), and the displacement its integral.
 fn ringing_motion(ringing: &RingingSetup, time_s: f64) -> (f64, f64) {

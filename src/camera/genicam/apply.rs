@@ -64,7 +64,7 @@ pub fn apply(device: &Device, settings: &config::Camera) -> Result<StreamFormat,
     };
     let stream =
         StreamFormat { width_px: size("Width")?, height_px: size("Height")?, format, frame_rate_hz, exposure_us };
-    check_region(settings, &stream)?;
+    check_size(settings, &stream)?;
     if let Some(gamma) = device.gamma().filter(|_| is_linear(settings)) {
         log::warn!(
             "{}: its Gamma is {gamma}, so grey levels are not proportional to light and edges appear displaced; set \
@@ -110,7 +110,7 @@ fn set_region(device: &Device, settings: &config::Camera) -> Result<(), CameraEr
 /// # Errors
 ///
 /// [`CameraError::Setting`] with the size that the camera keeps.
-fn check_region(settings: &config::Camera, stream: &StreamFormat) -> Result<(), CameraError> {
+fn check_size(settings: &config::Camera, stream: &StreamFormat) -> Result<(), CameraError> {
     for (name, wanted, kept) in
         [("Width", settings.width_px, stream.width_px), ("Height", settings.height_px, stream.height_px)]
     {

@@ -36,8 +36,9 @@ fn sum_neighbourhoods<V: Vector>(columns: &[f32]) -> V {
 vectorized! {
     /// Computes the sum over the [`SIDE`] x [`SIDE`] neighbourhood of every value whose neighbourhood lies inside.
     ///
-    /// `values` and `out` are planes with this row stride. All other values of `out` are kept, and so are those of the
-    /// last one to eight columns with a neighbourhood, which must be padding. `columns` is scratch memory for one row.
+    /// `values` and `out` are planes with this row stride, a multiple of [`LANES`]. All other values of `out` are kept,
+    /// and so are those of the last one to eight columns with a neighbourhood, which must be padding. `columns` is
+    /// scratch memory for one row.
     pub(in crate::dic) fn neighbourhood_sums(values: &[f32], stride: usize, columns: &mut [f32], out: &mut [f32]) =
         neighbourhood_sums_with
 }
@@ -58,8 +59,8 @@ fn neighbourhood_sums_with<V: Vector>(values: &[f32], stride: usize, columns: &m
 vectorized! {
     /// Whether every neighbourhood sum of `values` is less than `limit` times the number of its pixels.
     ///
-    /// `pixels` holds that number for each value. The same columns are left out as by [`neighbourhood_sums`]. `columns`
-    /// is scratch memory for one row.
+    /// `pixels` holds that number for each value. Stride, `columns` and the columns that are left out are those of
+    /// [`neighbourhood_sums`].
     pub(in crate::dic) fn are_within(
         values: &[f32],
         pixels: &[f32],

@@ -217,23 +217,23 @@ impl OcclusionSearch {
 
     /// Updates the visible pixels at `warp` and returns the noise of their residual, DN. Gain and offset are those of
     /// the previously visible pixels.
-    fn update_visible(&mut self, body: &Refiner<'_>, warp: &Warp, mask: Mask) -> f32 {
+    fn update_visible(&mut self, body: &Refiner<'_>, warp: &Warp, criterion: Mask) -> f32 {
         let (mut samples, mut residual) = (std::mem::take(&mut self.samples), std::mem::take(&mut self.residual));
         match body.sample_target(warp, &mut samples) {
             Ok(_) => self.refiner(body).residual_from(body, &samples, &mut residual),
             Err(_) => residual.clear(),
         }
-        let noise = self.update_mask(body, &residual, mask);
+        let noise = self.update_mask(body, &residual, criterion);
         (self.samples, self.residual) = (samples, residual);
         noise
     }
 
-    /// Updates the visible pixels by the criterion `mask` from a residual, and returns the noise of the residual on the
-    /// previously visible pixels, DN.
-    fn update_mask(&mut self, body: &Refiner<'_>, residual: &[Lanes], mask: Mask) -> f32 {
+    /// Updates the visible pixels from a residual, and returns the noise of the residual on the previously visible
+    /// pixels, DN, at least [`MIN_NOISE_DN`].
+    fn update_mask(&mut self, body: &Refiner<'_>, residual: &[Lanes], criterion: Mask) -> f32 {
         flatten_registration_errors(gradients(body), residual, &self.kept, MIN_NOISE_DN, &mut self.even);
         let noise = self.visibility.noise(&self.even, &self.kept).max(MIN_NOISE_DN);
-        match mask {
+        match criterion {
             Mask::Residual => self.visibility.mask_by_residual(body.window, &self.even, noise, &mut self.kept),
             Mask::Zncc => self.visibility.mask_by_zncc(body.window, &body.subset.levels, residual, &mut self.kept),
         }

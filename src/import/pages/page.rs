@@ -3,7 +3,7 @@
 use crate::image::PixelFormat;
 use crate::import::shape::Shape;
 use crate::import::still::Look;
-use crate::import::{ImportError, Orientation, grey, unpack_high_first};
+use crate::import::{ImportError, Orientation, grey, unpack_msb_first};
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
@@ -267,7 +267,7 @@ impl Page {
             }
             bits => {
                 let row = |row: &[u8]| {
-                    let mut words = unpack_high_first(row, bits);
+                    let mut words = unpack_msb_first(row, bits);
                     words.truncate(2 * row_samples);
                     words
                 };

@@ -5,7 +5,7 @@ use super::{Cine, u16_at, u32_at};
 use crate::image::PixelFormat;
 use crate::import::footage::Pixels;
 use crate::import::shape::Shape;
-use crate::import::{ImportError, grey, unpack_high_first};
+use crate::import::{ImportError, grey, unpack_msb_first};
 
 /// `biCompression` of pixels packed without gaps with 10 bits on the curve of the camera.
 const PACKED: u32 = 256;
@@ -163,12 +163,12 @@ impl Layout {
     fn unpack(&self, cine: &Cine, number: u64, stored: &[u8]) -> Pixels {
         let pixels = self.shape.width_px as usize * self.shape.height_px as usize;
         if pixels.is_multiple_of(4) && stored.len() == pixels / 4 * 5 {
-            let words = unpack_high_first(stored, 10);
+            let words = unpack_msb_first(stored, 10);
             let codes = words.chunks_exact(2).map(|pair| u16_at(pair, 0));
             return Ok(codes.flat_map(|code| self.linear[usize::from(code)].to_le_bytes()).collect());
         }
         if pixels.is_multiple_of(2) && stored.len() == pixels / 2 * 3 {
-            return Ok(unpack_high_first(stored, 12));
+            return Ok(unpack_msb_first(stored, 12));
         }
         Err(cine.invalid(format!("image {number}: {} bytes are not {pixels} pixels of 10 or 12 bits", stored.len())))
     }

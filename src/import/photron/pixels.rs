@@ -3,7 +3,7 @@
 use super::header::{self, Header};
 use crate::image::PixelFormat;
 use crate::import::shape::Shape;
-use crate::import::{ImportError, grey, levels, unpack_high_first};
+use crate::import::{ImportError, grey, levels, unpack_msb_first};
 use std::path::Path;
 
 /// The relative difference of the mean levels of the four places of a 2 x 2 square that shows a mosaic of colours.
@@ -154,7 +154,7 @@ impl Layout {
                 words.flat_map(u16::to_le_bytes).collect()
             }
             16 => stored,
-            bits => unpack_high_first(&stored, bits),
+            bits => unpack_msb_first(&stored, bits),
         }
     }
 

@@ -227,7 +227,8 @@ impl Rectifier {
 
     /// Finds the rigid motion per frame in the plane whose recorded image matches the one measured over a disc.
     ///
-    /// `jacobian` is the map's at the centre of the ball, and `frames` the interval of the step.
+    /// `jacobian` is the map's at the centre of the body, and `frames` the interval of the step. `None` beyond the
+    /// calibration.
     fn plane_motion(&self, step: &RigidStep, disc: &Disc, jacobian: &[[f64; 2]; 2], frames: f64) -> Option<RigidStep> {
         let Disc { seen, center, radius_px } = *disc;
         let measured = [frames * step.dx_px, frames * step.dy_px, (frames * step.dtheta_deg).to_radians()];

@@ -301,10 +301,10 @@ impl OutlineDrift {
         rates.share * significant_deviation(turn.value, turn.sigma.hypot(turn.walk * (count as f64).sqrt()))
     }
 
-    /// Returns the interval of uniform drift around a node, frames, the scatter in it (px, px, deg) and its lines.
+    /// Returns the interval of uniform drift around a node, frames, the rms scatter of its steps (px, px and deg per
+    /// frame; 0 if uniform), and the lines, if steps determine any. Without frames of the regime it is inverted.
     ///
-    /// A body that was struck unobserved rotates about another axis afterwards. Where steps scatter, only those near
-    /// the moment are used.
+    /// A body struck unobserved rotates about another axis afterwards. Where steps scatter, only near ones are used.
     fn uniform_interval(&self, node: &Pose, regime: Regime) -> ((f64, f64), [f64; 3], Option<Lines>) {
         let (from, to) = drift_window(node, regime);
         if from > to {
