@@ -26,10 +26,10 @@ const LIGHT_ERROR: f64 = 2.0;
 const MIN_TURN_DEG: f64 = 0.05;
 /// The rotations over several references from which they are compared with a direct match to the first, deg.
 ///
-/// By then a pattern has left its place, so that light that stays in the room no longer holds it back.
-const CLOSING_DEG: [f64; 2] = [15.0, 30.0];
+/// A pattern has left its place after such a rotation, and light that stays in the room no longer holds it back.
+const COMPARED_DEG: [f64; 2] = [15.0, 30.0];
 /// The number of standard uncertainties from which the two differ.
-const CLOSING_SIGMAS: f64 = 2.0;
+const COMPARED_SIGMAS: f64 = 2.0;
 /// The number of occluded pixels that is always allowed, since a pixel may be stuck.
 const FREE_OCCLUDED_PIXELS: f64 = 2.0;
 
@@ -68,10 +68,10 @@ struct RigidTrack {
     origin: Pose,
     /// The first reference and its pose, once it was renewed.
     first: Option<(RigidBody, Pose)>,
-    /// The number of times that the rotation over several references was compared with the first of them.
-    closings: usize,
-    /// The share by which it was wrong.
-    closing_error: Option<f64>,
+    /// The number of comparisons of the rotation over several references with a match to the first of them.
+    comparisons: usize,
+    /// The largest fraction of the rotation that these comparisons found missing or in excess.
+    rotation_error: Option<f64>,
     radius_px: f64,
     /// Whether nothing occluded the body in the reference.
     is_unoccluded: bool,
@@ -218,8 +218,8 @@ impl RigidMatcher {
             reference,
             origin,
             first: None,
-            closings: 0,
-            closing_error: None,
+            comparisons: 0,
+            rotation_error: None,
             radius_px,
             is_unoccluded,
             poses: vec![origin],
@@ -259,7 +259,7 @@ impl RigidMatcher {
             step: first.step_to(&second, circle, frames),
             visible_fraction: first.visible_fraction.filter(|_| track.is_unoccluded),
             lever: is_visible.then(|| track.reference.dilatation_error()),
-            light_fraction: larger(first.light_fraction(&second), track.closing_error),
+            light_fraction: larger(first.light_fraction(&second), track.rotation_error),
         })
     }
 }
@@ -301,7 +301,7 @@ impl RigidTrack {
         let place = self.poses.partition_point(|other| other.frame < frame);
         self.poses.insert(place, pose);
         if visible_fraction >= UNOCCLUDED_FRACTION {
-            self.close(target, &pose);
+            self.compare_with_first(target, &pose);
         }
         let center = self.reference.center();
         self.occlusions.extend(self.reference.occlusion_map().map(|map| OccludedFrame { frame, origin, center, map }));
@@ -323,10 +323,10 @@ impl RigidTrack {
     ///
     /// Whatever stands in the room and looks the same in neighbouring frames holds every short rotation back by the same
     /// share. Their sum then falls short of the direct match, in which the pattern has left its place.
-    fn close(&mut self, target: &PreparedFrame, pose: &Pose) {
+    fn compare_with_first(&mut self, target: &PreparedFrame, pose: &Pose) {
         let Some((reference, origin)) = self.first.as_mut() else { return };
         let turned_deg = pose.angle_deg - origin.angle_deg;
-        if CLOSING_DEG.get(self.closings).is_none_or(|limit| turned_deg.abs() < *limit) {
+        if COMPARED_DEG.get(self.comparisons).is_none_or(|limit| turned_deg.abs() < *limit) {
             return;
         }
         let (u_px, v_px) = (pose.x_px - origin.x_px, pose.y_px - origin.y_px);
@@ -336,11 +336,11 @@ impl RigidTrack {
             let apart_deg = motion.angle_deg - turned_deg;
             let apart_deg = apart_deg - 360.0 * (apart_deg / 360.0).round();
             let sigma_deg = motion.sigma_angle_deg.hypot(pose.sigma[2]);
-            (apart_deg.powi(2) - (CLOSING_SIGMAS * sigma_deg).powi(2)).max(0.0).sqrt()
+            (apart_deg.powi(2) - (COMPARED_SIGMAS * sigma_deg).powi(2)).max(0.0).sqrt()
         });
-        self.closings += 1;
-        self.closing_error =
-            larger(self.closing_error, Some(error_deg / turned_deg.abs()).filter(|error| *error > 0.0));
+        self.comparisons += 1;
+        self.rotation_error =
+            larger(self.rotation_error, Some(error_deg / turned_deg.abs()).filter(|error| *error > 0.0));
     }
 }
 

@@ -33,4 +33,4 @@ pub use systematic::RollingShutter;
 pub use systematic::{Intervals, RunningBias, SpeedBias};
 pub use systematic::{LocalDrift, OutlineDrift};
 pub use systematic::{SizeChange, ViewPosition, significant};
-pub use velocity_fit::{AUTO_AHEAD_FRAMES, KnownMotion, Regime, lag_frames, local_fit, smooth};
+pub use velocity_fit::{AUTO_AHEAD_FRAMES, KnownMotion, Regime, lag_frames, smooth};

@@ -104,6 +104,7 @@ fn difference(nodes: &[Pose], axis: usize) -> Option<f32> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::velocity_fit::fit_rates;
     use super::*;
 
     /// The nodes of a body that falls, with an error of x in each frame, px; the sigmas are 0.01.
@@ -135,7 +136,7 @@ mod tests {
         let snapped = near(&nodes(|frame| (0.3 * frame as f64).round() - 0.3 * frame as f64));
         let [x, y, rotation] = snapped.factors;
         assert!(x > 15.0 && (y - 1.0).abs() < 1e-12 && (rotation - 1.0).abs() < 1e-12, "{snapped:?}");
-        let rates = super::super::local_fit(&nodes(|_| 0.0), 20.0, 1).unwrap();
+        let rates = fit_rates(&nodes(|_| 0.0), 20.0, 1, [0.0; 2]).unwrap();
         let widened = snapped.apply_to_rates(rates, &nodes(|_| 0.0)[20]);
         assert!(widened.x.sigma >= 0.15 && widened.y.sigma >= 0.01);
         let struck = near(&nodes(|frame| if frame < 20 { 0.0 } else { -0.6 * (frame - 20) as f64 }));

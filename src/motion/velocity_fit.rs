@@ -86,16 +86,6 @@ pub enum Regime {
     },
 }
 
-/// Fits one polynomial of `order` per coordinate to all `nodes`, about `at_frames`, and returns the rates there.
-///
-/// A Savitzky-Golay fit generalised to true times, gaps and interleaved components. Every component has its own free
-/// offset, and the other coefficients are shared (Savitzky & Golay 1964, doi:10.1021/ac60214a047). Where the nodes do
-/// not determine the order it is lowered; `None` where they determine no rate. The sigmas are propagated from the
-/// nodes', and widened where the scatter about the fit is significantly larger.
-pub fn local_fit(nodes: &[Pose], at_frames: f64, order: u32) -> Option<PixelRates> {
-    fit_rates(nodes, at_frames, order as usize, [0.0; 2])
-}
-
 /// Returns the samples of one coordinate of the nodes: x (0), y (1) or the angle (2).
 fn axis_samples(nodes: &[Pose], axis: usize) -> Vec<Sample> {
     let sample = |n: &Pose| Sample {
@@ -116,8 +106,14 @@ fn has_rotation(nodes: &[Pose]) -> bool {
     turns.windows(2).filter(|pair| pair[0] == pair[1]).count() >= MIN_TURNING_STEPS
 }
 
-/// Fits like [`local_fit`], with a known acceleration along x and y, px/frame^2.
-fn fit_rates(nodes: &[Pose], at_frames: f64, order: usize, gravity: [f64; 2]) -> Option<PixelRates> {
+/// Fits one polynomial of `order` per coordinate to all `nodes`, about `at_frames`, and returns the rates there.
+///
+/// A Savitzky-Golay fit generalised to true times, gaps and interleaved components. Every component has its own free
+/// offset, and the other coefficients are shared (Savitzky & Golay 1964, doi:10.1021/ac60214a047). Where the nodes do
+/// not determine the order it is lowered; `None` where they determine no rate. The sigmas are propagated from the
+/// nodes', and widened where the scatter about the fit is significantly larger. `gravity` is a known acceleration along x
+/// and y, px/frame^2.
+pub(super) fn fit_rates(nodes: &[Pose], at_frames: f64, order: usize, gravity: [f64; 2]) -> Option<PixelRates> {
     let acceleration = [gravity[0], gravity[1], 0.0];
     let mut order = order;
     let is_turning = has_rotation(nodes);
@@ -140,7 +136,7 @@ fn fit_rates(nodes: &[Pose], at_frames: f64, order: usize, gravity: [f64; 2]) ->
     Some(PixelRates { x, y, theta, window_frames: u32::try_from(span).ok()?, order: u32::try_from(order).ok()? })
 }
 
-/// Fits like [`local_fit`] and includes the truncation error in the sigmas.
+/// Fits like [`fit_rates`] without an acceleration, and includes the truncation error in the sigmas.
 ///
 /// The truncation error is the difference from the rates of the next order that changes them, beyond their noise.
 fn fit_with_truncation_error(nodes: &[Pose], at_frames: f64, order: usize) -> Option<PixelRates> {

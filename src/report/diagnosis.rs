@@ -131,7 +131,7 @@ fn body_section(body: &BodyDiagnosis) -> Markup {
 
 /// Draws the status of every frame as a strip, with triangles at the frames that are shown.
 ///
-/// Of more than [`MAX_BARS`] frames, each bar shows the worst status of several.
+/// If there are more than [`MAX_BARS`] frames, each bar shows the worst status of several.
 fn status_strip(body: &BodyDiagnosis) -> Markup {
     let count = body.statuses.len();
     let group = count.div_ceil(MAX_BARS);

@@ -214,7 +214,7 @@ impl RodFinder {
 
     /// Returns the left and the right side, in columns of the region; `None` without two sides.
     ///
-    /// Of the pairs of lines of opposite sign within the allowed width, it is that whose weaker line is the strongest.
+    /// The sides are lines of opposite sign within the allowed width. The pair whose weaker line is the strongest is chosen.
     /// Each line must change over at least [`MIN_SIDE_ROWS`] rows.
     fn find_sides(&self, binary: &BinaryImage) -> Option<[Line; 2]> {
         let mut tried = find_extrema(&binary.column_steps(), MIN_DISTANCE_PX);

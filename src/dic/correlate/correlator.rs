@@ -304,7 +304,7 @@ impl Correlator {
     ///
     /// # Panics
     ///
-    /// As [`Self::correlate_kept`] does, or if there are fewer starts than subsets.
+    /// If [`Self::correlate_kept`] would panic, or if there are fewer starts than subsets.
     pub(in crate::dic) fn correlate_from(
         &mut self,
         kept: &KeptReference,

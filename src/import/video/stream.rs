@@ -29,8 +29,19 @@ impl Stream {
     ///
     /// [`ImportError::Invalid`] without ffprobe, or when the file has no video stream.
     pub(super) fn probe(path: &Path) -> Result<Self, ImportError> {
-        let options = "-v error -protocol_whitelist file -select_streams V:0 -show_streams -show_format -of json";
-        let mut ffprobe = Program::start("ffprobe", options, &[file_url(path)], path)?;
+        let stream = Self::probe_with(path, "")?;
+        match stream.input_options() {
+            "" => Ok(stream),
+            options => Self::probe_with(path, options),
+        }
+    }
+
+    /// Reads the properties of a file that is opened with the options `input`.
+    fn probe_with(path: &Path, input: &str) -> Result<Self, ImportError> {
+        let options = format!(
+            "-v error -protocol_whitelist file -select_streams V:0 -show_streams -show_format -of json {input}"
+        );
+        let mut ffprobe = Program::start("ffprobe", &options, &[file_url(path)], path)?;
         let messages = ffprobe.stderr().map(|pipe| spawn_text_reader(pipe, MESSAGE_BYTES));
         let output = ffprobe.stdout().map(|pipe| spawn_text_reader(pipe, OUTPUT_BYTES));
         let read = |from: Option<Receiver<String>>| match from {
@@ -51,7 +62,7 @@ impl Stream {
 
     /// Returns the options of ffmpeg and ffprobe under which they keep the times that the file stores.
     ///
-    /// As browsers do, ffmpeg plays a frame of a GIF that lasts 10 ms for 100 ms.
+    /// Without them, ffmpeg plays a frame of a GIF that lasts 10 ms for 100 ms, like a browser.
     pub(super) fn input_options(&self) -> &'static str {
         if self.container == "gif" { "-min_delay 1" } else { "" }
     }

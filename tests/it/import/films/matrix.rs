@@ -198,7 +198,7 @@ fn the_times_of_every_container_are_those_of_its_film() {
                 let expected_s = (time - moment(0.0).0) / container.rate_hz();
                 let off_s = meta.stamp_ns as f64 / 1e9 - expected_s;
                 assert!(off_s.abs() <= container.tick_s + 1e-6, "frame {n}: {off_s} s off; {summary}");
-                // By a clock of whole periods or coarser, irregular frames have other numbers.
+                // A clock of half a period or coarser rounds irregular times, which changes the numbers of their frames.
                 let is_exact = container.tick_s < 0.01 || kind == "constant" || kind == "gap";
                 assert!(meta.sequence as f64 == number || !is_exact, "frame {n}: {}; {summary}", meta.sequence);
             }

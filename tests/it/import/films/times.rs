@@ -190,3 +190,18 @@ fn a_rate_of_capture_in_xml_is_found() {
     assert_eq!(footage.frame_rate_hz, 100.0, "{}", footage.summary());
     assert!(footage.summary().contains("captureFps"), "{}", footage.summary());
 }
+
+/// Browsers play frames of 10 ms for 100 ms. The film was stored at 100 frames/s.
+#[test]
+fn the_frames_of_a_fast_gif_have_the_times_that_it_stores() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let footage = open(&Film { ending: "gif", codec: "-c:v gif", rate: "100", ..Film::default() }.write(folder.path()));
+    println!("{} {:?}", footage.summary(), footage.warnings);
+    assert_eq!(footage.frame_rate_hz, 100.0, "{}", footage.summary());
+    for (n, (meta, _)) in (0..).zip(frames(footage)) {
+        assert_eq!((meta.sequence, meta.stamp_ns), (n, n * 10_000_000));
+    }
+}
