@@ -45,7 +45,7 @@ impl SurfaceNode {
         }
     }
 
-    /// Returns one coordinate ([`NORMAL`], [`TANGENTIAL`] or [`ANGLE`]), px or rad.
+    /// Returns one coordinate (`NORMAL`, `TANGENTIAL` or `ANGLE`), px or rad.
     pub fn sample(&self, coordinate: usize) -> Sample {
         Sample {
             time_frames: self.time_frames,
