@@ -226,7 +226,7 @@ typedef struct {
 static_assert(sizeof(ricochet_event_t) == 232, "layout");
 static_assert(offsetof(ricochet_event_t, text) == 32, "layout");
 
-#define RICOCHET_STATUS_TYPE_NAME "ricochet.Status.v1"
+#define RICOCHET_STATUS_TYPE_NAME "ricochet.Status.v2"
 typedef struct {
     uint64_t run_id;
     uint32_t role;
@@ -244,9 +244,14 @@ typedef struct {
     uint64_t capacity;
     double rate_hz;
     double latency_s;
+    double row_latency_median_s;
+    double row_latency_p99_s;
+    double row_latency_p999_s;
+    double row_latency_max_s;
+    double row_latency_deviation_s;
 } ricochet_status_t;
-static_assert(sizeof(ricochet_status_t) == 112, "layout");
-static_assert(offsetof(ricochet_status_t, latency_s) == 104, "layout");
+static_assert(sizeof(ricochet_status_t) == 152, "layout");
+static_assert(offsetof(ricochet_status_t, row_latency_deviation_s) == 144, "layout");
 
 #define RICOCHET_PROGRESS_TYPE_NAME "ricochet.Progress.v1"
 typedef struct {

@@ -269,7 +269,7 @@ pub fn run(command: Command, stop: &Stop) -> Result<Outcome, Failure> {
         Command::Setup(options) => setup::run(&options, stop),
         Command::Diagnose(options) => diagnose::run(&options, stop),
         Command::Field(arguments) => Ok(command::field::run(&arguments.options()?, stop)?),
-        Command::Bench(options) => bench::run(&options),
+        Command::Bench(options) => bench::run(&options, stop),
         Command::Export(options) => {
             let exported = export::run(&options)?;
             Ok(Outcome::from_file(0, &options.file, exported.truncated.as_deref()))

@@ -7,7 +7,7 @@ use crate::image::FrameMeta;
 use crate::results::{Impact, VelocitySample};
 use crate::synth::{Scenario, ScenarioError, SimulatedFilm};
 use std::collections::VecDeque;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// Maximum memory of a film that is rendered in advance.
 const MAX_FILM_BYTES: u64 = 1 << 30;
@@ -56,14 +56,15 @@ pub fn meta(world: &SimulatedFilm, index: u64) -> FrameMeta {
 ///
 /// On demand it renders as fast as frames are taken and loses none. In real time, frames come at the scenario's rate,
 /// and a frame that finds no slot when its exposure starts is lost: its sequence number is skipped. Stamps come from
-/// the scenario in both cases, never from a clock.
+/// the scenario in both cases, never from a clock. An endless camera, by contrast, plays a film of the present.
 #[derive(Debug)]
 pub struct SimulatedCamera {
     world: SimulatedFilm,
     pace: Pace,
+    passes: Passes,
     /// The pulses of the simulated hardware trigger line.
     pulse: Option<Pulse>,
-    /// All frames, if rendering is too slow for real time.
+    /// All frames, if they are rendered in advance.
     film: Option<Vec<u8>>,
     started: Option<Instant>,
     /// The delivery times, in real time.
@@ -99,9 +100,37 @@ impl SimulatedCamera {
     /// [`CameraError::Setting`] if it can be rendered neither at its rate nor in advance.
     pub fn film(world: SimulatedFilm, pace: Pace) -> Result<Self, CameraError> {
         let film = if pace == Pace::Live { render_if_slow(&world)? } else { None };
-        Ok(Self {
+        Ok(Self::new(world, pace, film))
+    }
+
+    /// Renders a film in advance, to be played in real time, forwards and backwards in turn and without an end.
+    ///
+    /// The stamps are those of the host's clock. Nothing jumps if the bodies rest in the first and in the last frame,
+    /// which are each shown twice.
+    ///
+    /// # Errors
+    ///
+    /// [`CameraError::Setting`] if the film needs more than [`MAX_FILM_BYTES`].
+    pub fn endless(world: SimulatedFilm) -> Result<Self, CameraError> {
+        let film = render_in_advance(&world).ok_or_else(|| CameraError::Setting {
+            feature: "camera.endless".to_owned(),
+            value: "true".to_owned(),
+            reason: format!(
+                "{} frames of {} bytes exceed the {MAX_FILM_BYTES} bytes that may be rendered in advance: give the \
+                 scenario fewer frames",
+                world.frames(),
+                world.frame_bytes(),
+            ),
+        })?;
+        Ok(Self { passes: Passes::Endless { start_ns: 0 }, ..Self::new(world, Pace::Live, Some(film)) })
+    }
+
+    /// Returns a camera that has not started, with the frames that were rendered in advance.
+    fn new(world: SimulatedFilm, pace: Pace, film: Option<Vec<u8>>) -> Self {
+        Self {
             world,
             pace,
+            passes: Passes::One,
             pulse: None,
             film,
             started: None,
@@ -109,7 +138,31 @@ impl SimulatedCamera {
             passed: Duration::ZERO,
             slots: VecDeque::new(),
             index: 0,
-        })
+        }
+    }
+
+    /// Returns the number of frames until the end; practically unlimited for an endless camera.
+    fn frames(&self) -> u64 {
+        match self.passes {
+            Passes::One => self.world.frames(),
+            Passes::Endless { .. } => u64::MAX,
+        }
+    }
+
+    /// Returns the metadata of the frame with this index.
+    fn meta(&self, index: u64) -> FrameMeta {
+        match self.passes {
+            Passes::One => {
+                let film = meta(&self.world, index);
+                let silent_ns = (self.exposure_start(index).silent_s * 1e9).round() as u64;
+                let (stamp_ns, device_ns) = (film.stamp_ns + silent_ns, film.device_ns + silent_ns);
+                FrameMeta { stamp_ns, device_ns, ..film }
+            }
+            Passes::Endless { start_ns } => {
+                let device_ns = (1e9 * self.exposure_start(index).since_start_s).round() as u64;
+                stream_format(&self.world).frame_meta(index, start_ns + device_ns, device_ns)
+            }
+        }
     }
 
     /// Exposes the frames in bursts, one at each pulse of a simulated trigger line; `None` for one film without pauses.
@@ -208,6 +261,7 @@ impl SimulatedCamera {
     fn fill(&self, index: u64, slot: &mut Slot) {
         let bytes = self.world.frame_bytes();
         let target = &mut slot.bytes_mut()[..bytes];
+        let index = self.passes.frame_of_film(index, self.world.frames());
         match &self.film {
             Some(film) => target.copy_from_slice(&film[index as usize * bytes..(index as usize + 1) * bytes]),
             None => self.world.render(index, target),
@@ -242,6 +296,10 @@ impl Camera for SimulatedCamera {
 
     #[expect(clippy::disallowed_methods, reason = "a simulated live camera runs on the wall clock")]
     fn start(&mut self) -> Result<(), CameraError> {
+        if let Passes::Endless { start_ns } = &mut self.passes {
+            let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+            *start_ns = u64::try_from(since.saturating_sub(self.passed).as_nanos()).unwrap_or(u64::MAX);
+        }
         self.started = Some(Instant::now());
         Ok(())
     }
@@ -250,12 +308,12 @@ impl Camera for SimulatedCamera {
     ///
     /// If the slot is smaller than a frame.
     fn next(&mut self, timeout: Duration) -> Result<Next, CameraError> {
-        if self.index >= self.world.frames() {
+        if self.index >= self.frames() {
             return Ok(Next::End);
         }
         let Some((_, first)) = self.slots.front() else { return Ok(Next::Timeout) };
         let index = self.index.max(*first);
-        if index >= self.world.frames() {
+        if index >= self.frames() {
             self.index = index;
             return Ok(Next::End);
         }
@@ -267,10 +325,7 @@ impl Camera for SimulatedCamera {
         self.fill(index, &mut slot);
         self.record_delivery(index, begin);
         self.index = index + 1;
-        let mut meta = meta(&self.world, index);
-        let silent_ns = (self.exposure_start(index).silent_s * 1e9).round() as u64;
-        (meta.stamp_ns, meta.device_ns) = (meta.stamp_ns + silent_ns, meta.device_ns + silent_ns);
-        Ok(Next::Frame(slot, meta))
+        Ok(Next::Frame(slot, self.meta(index)))
     }
 
     fn seek(&mut self, sequence: u64) -> bool {
@@ -284,7 +339,30 @@ impl Camera for SimulatedCamera {
     }
 
     fn truth(&self, sequence: u64) -> Vec<VelocitySample> {
-        if sequence < self.world.frames() { self.world.truths(sequence) } else { Vec::new() }
+        match self.passes {
+            Passes::One if sequence < self.world.frames() => self.world.truths(sequence),
+            _ => Vec::new(),
+        }
+    }
+}
+
+/// The passes of a film.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Passes {
+    /// The film is played once.
+    One,
+    /// It is played forwards and backwards in turn, from this time on, ns since the Unix epoch.
+    Endless { start_ns: u64 },
+}
+
+impl Passes {
+    /// Returns the frame of a film of so many frames that is shown as the frame with this index.
+    fn frame_of_film(self, index: u64, frames: u64) -> u64 {
+        let within = index % (2 * frames);
+        match self {
+            Self::One => index,
+            Self::Endless { .. } => within.min(2 * frames - 1 - within),
+        }
     }
 }
 
@@ -298,8 +376,7 @@ struct ExposureStart {
 
 /// Renders the whole film if a frame takes [`MAX_RENDER_SHARE`] of the frame period or more; `None` if it takes less.
 ///
-/// That time is the shortest of three renderings of the first frame. The film is one frame after another, without
-/// padding.
+/// That time is the shortest of three renderings of the first frame.
 ///
 /// # Errors
 ///
@@ -311,24 +388,28 @@ fn render_if_slow(world: &SimulatedFilm) -> Result<Option<Vec<u8>>, CameraError>
     if render_s * world.frame_rate_hz() < MAX_RENDER_SHARE {
         return Ok(None);
     }
-    let film_bytes = bytes as u64 * world.frames();
-    if film_bytes > MAX_FILM_BYTES {
-        return Err(CameraError::Setting {
-            feature: "camera.frame_rate_hz".to_owned(),
-            value: world.frame_rate_hz().to_string(),
-            reason: format!(
-                "a frame takes {:.2} ms to render, and {} frames of {bytes} bytes exceed the {MAX_FILM_BYTES} bytes \
-                                 that may be rendered in advance: lower the rate or the number of frames, or set paced = false",
-                render_s * 1e3,
-                world.frames(),
-            ),
-        });
-    }
+    let film = render_in_advance(world).ok_or_else(|| CameraError::Setting {
+        feature: "camera.frame_rate_hz".to_owned(),
+        value: world.frame_rate_hz().to_string(),
+        reason: format!(
+            "a frame takes {:.2} ms to render, and {} frames of {bytes} bytes exceed the {MAX_FILM_BYTES} bytes that \
+             may be rendered in advance: lower the rate or the number of frames, or set paced = false",
+            render_s * 1e3,
+            world.frames(),
+        ),
+    })?;
+    Ok(Some(film))
+}
+
+/// Renders the whole film, one frame after another, without padding; `None` if it needs more than [`MAX_FILM_BYTES`].
+fn render_in_advance(world: &SimulatedFilm) -> Option<Vec<u8>> {
+    let bytes = world.frame_bytes();
+    let film_bytes = (bytes as u64).checked_mul(world.frames()).filter(|bytes| *bytes <= MAX_FILM_BYTES)?;
     let mut film = vec![0; film_bytes as usize];
     for (index, frame) in film.chunks_exact_mut(bytes).enumerate() {
         world.render(index as u64, frame);
     }
-    Ok(Some(film))
+    Some(film)
 }
 
 /// Returns the time that a piece of work takes, s.

@@ -266,6 +266,11 @@ fn status_row(message: &StatusMessage) -> Option<Map<String, Value>> {
         ("restarts", json!(message.restarts)),
         ("rate_hz", json!(message.rate_hz)),
         ("latency_s", json!(message.latency_s)),
+        ("row_latency_median_s", json!(message.row_latency_median_s)),
+        ("row_latency_p99_s", json!(message.row_latency_p99_s)),
+        ("row_latency_p999_s", json!(message.row_latency_p999_s)),
+        ("row_latency_max_s", json!(message.row_latency_max_s)),
+        ("row_latency_deviation_s", json!(message.row_latency_deviation_s)),
     ]))
 }
 

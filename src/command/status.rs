@@ -152,5 +152,8 @@ fn status_as_json(status: &StatusMessage) -> serde_json::Value {
         "sequence": status.sequence, "stamp_ns": status.stamp_ns, "rate_hz": status.rate_hz, "taken": status.taken,
         "given": status.given, "lost": status.lost, "dropped": status.dropped, "waiting": status.waiting,
         "capacity": status.capacity, "latency_s": status.latency_s, "restarts": status.restarts,
+        "row_latency_median_s": status.row_latency_median_s, "row_latency_p99_s": status.row_latency_p99_s,
+        "row_latency_p999_s": status.row_latency_p999_s, "row_latency_max_s": status.row_latency_max_s,
+        "row_latency_deviation_s": status.row_latency_deviation_s,
     })
 }

@@ -80,6 +80,9 @@ pub struct Camera {
     /// Whether frames come in real time (`simulated` and `recording`), default true. If false, they come as fast as the rig
     /// measures and none is lost. The results are the same.
     pub paced: bool,
+    /// Whether the whole film is drawn before the start, and then played forwards and backwards in turn until the rig is
+    /// stopped (`simulated` and paced only), default false. Timestamps are those of the present, and there is no truth.
+    pub endless: bool,
     /// The speed of a paced `recording` as a multiple of real time, 0.001 to 1000, default 1.
     pub playback_rate: f64,
     /// The start of playing a `recording`, 0 to 1000000 s from its first frame, default 0.
@@ -142,6 +145,11 @@ pub struct Camera {
 }
 
 impl Camera {
+    /// Whether the timestamps are those of the present, so that their age is a latency.
+    pub fn has_present_stamps(&self) -> bool {
+        self.is_device() || self.endless
+    }
+
     /// Whether each frame, or burst of frames, waits for a pulse.
     pub fn is_pulsed(&self) -> bool {
         self.trigger_source.is_some() || self.pulse.is_some()
@@ -181,6 +189,7 @@ pub(super) fn check_camera(table: &Table<'_>, raw: RawCamera) -> Result<Camera, 
         scenario: (source == Some(Source::Simulated)).then_some(scenario),
         id: table.single_line("id", raw.id)?,
         paced: raw.paced.unwrap_or(true),
+        endless: raw.endless.unwrap_or(false),
         playback_rate: table.number("playback_rate", raw.playback_rate, PLAYBACK_RATE)?.unwrap_or(1.0),
         from_s: table.number("from_s", raw.from_s, Bounds::closed(0.0, SPAN_S, "s"))?.unwrap_or(0.0),
         to_s: table.number("to_s", raw.to_s, Bounds::above(raw.from_s.unwrap_or(0.0), SPAN_S, "s"))?,
@@ -204,6 +213,7 @@ pub(super) fn check_camera(table: &Table<'_>, raw: RawCamera) -> Result<Camera, 
         features: check_features(table, raw.features)?,
     };
     check_required_keys(table, &camera)?;
+    check_endless(table, &camera)?;
     check_exposure(table, &camera)?;
     check_row_time(table, &camera)?;
     check_defects(table, &camera)?;
@@ -243,6 +253,17 @@ fn check_pulse(
     }
 }
 
+/// Checks that an endless film is paced, and plays without pauses.
+fn check_endless(table: &Table<'_>, camera: &Camera) -> Result<(), ConfigError> {
+    match camera.endless {
+        true if !camera.paced => Err(table.foreign_key_error("endless", "paced = false", "paced = true")),
+        true if camera.pulse.is_some() => {
+            Err(table.foreign_key_error("endless", "pulse_period_s", "a camera that runs freely"))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Returns the names of the sources, as an error lists them.
 pub(super) fn source_names() -> String {
     quoted(Source::ALL.map(Source::as_str).into_iter())
@@ -252,10 +273,11 @@ pub(super) fn source_names() -> String {
 /// describe how frames are taken.
 fn refuse_foreign_keys(table: &Table<'_>, source: Option<Source>, raw: &RawCamera) -> Result<(), ConfigError> {
     use Source::{Genicam, Recording, Simulated, V4l2};
-    let keys: [OwnedKey<'_, Source>; 22] = [
+    let keys: [OwnedKey<'_, Source>; 23] = [
         ("id", raw.id.is_some(), &[Recording, Genicam, V4l2]),
         ("scenario", raw.scenario.is_some(), &[Simulated]),
         ("paced", raw.paced.is_some(), &[Simulated, Recording]),
+        ("endless", raw.endless.is_some(), &[Simulated]),
         ("playback_rate", raw.playback_rate.is_some(), &[Recording]),
         ("from_s", raw.from_s.is_some(), &[Recording]),
         ("to_s", raw.to_s.is_some(), &[Recording]),

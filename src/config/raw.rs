@@ -126,6 +126,10 @@ tables! {
         /// results are the same. For `simulated` and `recording`.
         #[key("true or false", "true")]
         paced: bool,
+        /// Whether the whole film is drawn before the start, and then played forwards and backwards in turn until the rig
+        /// is stopped. Timestamps are those of the present, and there is no truth. For `simulated` and paced only.
+        #[key("true or false", "false")]
+        endless: bool,
         /// The speed of a paced `recording`.
         #[key("0.001 to 1000 times real time", "1")]
         playback_rate: f64,

@@ -23,7 +23,7 @@ named_enum! {
 }
 
 described! {
-    "ricochet.Status.v1"
+    "ricochet.Status.v2"
     /// The state of one process of the rig, a few times per second. All counts begin with the process.
     #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
     #[repr(C)]
@@ -61,6 +61,17 @@ described! {
         pub rate_hz: f64,
         /// The latency, host time minus the stamp of the last processed frame, s; 0 when the source is not live.
         pub latency_s: f64,
+        /// The median time from the stamp of a frame to the publication of its velocity in this run, s; this and the
+        /// following are 0 for other processes than the tracker, and when the source is not live.
+        pub row_latency_median_s: f64,
+        /// Its 99 % quantile, s.
+        pub row_latency_p99_s: f64,
+        /// Its 99.9 % quantile, s.
+        pub row_latency_p999_s: f64,
+        /// Its maximum, s.
+        pub row_latency_max_s: f64,
+        /// Its standard deviation, the jitter, s.
+        pub row_latency_deviation_s: f64,
     }
 }
 

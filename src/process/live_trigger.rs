@@ -78,7 +78,7 @@ impl LiveTrigger {
             standalone: StandaloneTrigger::new(config),
             states: States::new(config.bodies.len(), recorder),
             is_pulsed: mode == TriggerMode::Hardware,
-            is_live: config.camera.is_device(),
+            is_live: config.camera.has_present_stamps(),
             exposure_ns: 0,
             decided: Vec::new(),
         }

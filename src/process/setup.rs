@@ -3,7 +3,7 @@
 use crate::bus::Limits;
 use crate::camera::genicam::GenicamCamera;
 use crate::camera::replay::{Playback, PlaybackRate, ReplayCamera, TimeRange};
-use crate::camera::simulated::{SimulatedCamera, load_scenario};
+use crate::camera::simulated::{SimulatedCamera, load_scenario, stream_format};
 use crate::camera::v4l2::V4l2Camera;
 use crate::camera::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
 use crate::config::{self, Config};
@@ -41,7 +41,7 @@ impl Source {
     /// If it does not answer or refuses a setting.
     pub fn open(config: &Config) -> Result<Self, CameraError> {
         let camera = open_camera(config)?;
-        let live = config.camera.is_device();
+        let live = config.camera.has_present_stamps();
         Ok(Self { format: camera.format(), identity: camera.identity(), pace: camera.pace(), camera, live })
     }
 
@@ -128,10 +128,14 @@ pub fn open_camera(config: &Config) -> Result<Box<dyn Camera>, CameraError> {
         .ok_or_else(|| CameraError::NotFound { id: config.origin.clone(), reason: "it has no camera.source".into() })?;
     Ok(match source {
         config::Source::Simulated => {
-            let world = SimulatedFilm::new(&load_configured_scenario(config)?)
-                .map_err(|error| scenario_error(config, &error))?;
-            let pace = if camera.paced { Pace::Live } else { Pace::OnDemand };
-            Box::new(SimulatedCamera::film(world, pace)?.pulsed(camera.pulse)?)
+            let world = simulated_world(config)?;
+            match camera.endless {
+                true => Box::new(SimulatedCamera::endless(world)?),
+                false => {
+                    let pace = if camera.paced { Pace::Live } else { Pace::OnDemand };
+                    Box::new(SimulatedCamera::film(world, pace)?.pulsed(camera.pulse)?)
+                }
+            }
         }
         config::Source::Recording => {
             let path = PathBuf::from(camera.id.clone().unwrap_or_default());
@@ -158,18 +162,23 @@ pub fn open_camera(config: &Config) -> Result<Box<dyn Camera>, CameraError> {
     })
 }
 
-/// Returns the simulated film behind the camera, which has the ground truth; `None` for other cameras.
+/// Returns the simulated film that is played once and has the ground truth; `None` for other cameras.
 ///
 /// # Errors
 ///
 /// If the scenario is unknown or invalid.
 pub fn truth_world(config: &Config) -> Result<Option<SimulatedFilm>, CameraError> {
-    if config.camera.source != Some(config::Source::Simulated) {
-        return Ok(None);
-    }
-    let world =
-        SimulatedFilm::new(&load_configured_scenario(config)?).map_err(|error| scenario_error(config, &error))?;
-    Ok(Some(world))
+    let is_played_once = config.camera.source == Some(config::Source::Simulated) && !config.camera.endless;
+    is_played_once.then(|| simulated_world(config)).transpose()
+}
+
+/// Returns the configured film, without a rendered frame.
+///
+/// # Errors
+///
+/// If the scenario is unknown or invalid.
+fn simulated_world(config: &Config) -> Result<SimulatedFilm, CameraError> {
+    SimulatedFilm::new(&load_configured_scenario(config)?).map_err(|error| scenario_error(config, &error))
 }
 
 /// Returns the configured scenario, `lacrosse` by default, with the camera settings of the rig.
@@ -241,6 +250,10 @@ pub(super) fn expected_format(config: &Config) -> Result<StreamFormat, CameraErr
         let format = camera.pixel_format.unwrap_or_default();
         let exposure_us = camera.exposure_us.unwrap_or(0.0);
         return Ok(StreamFormat { width_px, height_px, format, frame_rate_hz, exposure_us });
+    }
+    if camera.source == Some(config::Source::Simulated) {
+        // An open camera may render its whole film first.
+        return Ok(stream_format(&simulated_world(config)?));
     }
     Ok(open_camera(config)?.format())
 }

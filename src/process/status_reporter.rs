@@ -3,6 +3,7 @@
 use super::action::ActionOutcome;
 use super::clock::{PeriodicTimer, host_ns, now};
 use super::frame_stamp::FrameStamp;
+use super::latency::LatencyHistogram;
 use super::summary::Summary;
 use crate::bus::{Bus, BusError, Limits, Publisher};
 use crate::message::{Event, EventKind, Progress, Role, StatusMessage};
@@ -25,6 +26,8 @@ pub(super) struct StatusReporter {
     rate: (Instant, u64),
     status_message: StatusMessage,
     is_live: bool,
+    /// Time from the stamps of frames to their rows, in this run; `None` for a process without rows.
+    row_latencies: Option<LatencyHistogram>,
 }
 
 impl StatusReporter {
@@ -44,6 +47,7 @@ impl StatusReporter {
                 ..StatusMessage::default()
             },
             is_live: false,
+            row_latencies: None,
         })
     }
 
@@ -52,8 +56,30 @@ impl StatusReporter {
         self.is_live = true;
     }
 
-    /// Sets the run of all following messages.
+    /// Marks the stamps as those of the present, in a process that reports each row that it publishes.
+    pub(super) fn set_live_rows(&mut self) {
+        self.set_live();
+        self.row_latencies = Some(LatencyHistogram::default());
+    }
+
+    /// Adds the latency of a row that was published just now, of the frame with this stamp, ns. Has no effect without
+    /// [`set_live_rows`](Self::set_live_rows).
+    pub(super) fn add_row(&mut self, stamp_ns: u64) {
+        if let Some(latencies) = &mut self.row_latencies {
+            latencies.add(Duration::from_nanos(host_ns().saturating_sub(stamp_ns)));
+        }
+    }
+
+    /// Describes the latencies of the rows of this run in words; `None` if there are none.
+    pub(super) fn row_latencies(&self) -> Option<String> {
+        self.row_latencies.as_ref().and_then(LatencyHistogram::description)
+    }
+
+    /// Sets the run of all following messages, and forgets the latencies of the previous one.
     pub(super) fn set_run(&mut self, run_id: u64) {
+        if let Some(latencies) = &mut self.row_latencies {
+            latencies.clear();
+        }
         self.status_message.run_id = run_id;
         self.progress_message.run_id = run_id;
     }
@@ -133,6 +159,14 @@ impl StatusReporter {
         message.given = summary.given;
         message.lost = summary.lost;
         message.dropped = summary.dropped;
+        if let Some(latencies) = &self.row_latencies {
+            let quantile_s = |probability| latencies.quantile_us(probability).map_or(0.0, |us| us as f64 * 1e-6);
+            message.row_latency_median_s = quantile_s(0.5);
+            message.row_latency_p99_s = quantile_s(0.99);
+            message.row_latency_p999_s = quantile_s(0.999);
+            message.row_latency_max_s = latencies.max().as_secs_f64();
+            message.row_latency_deviation_s = latencies.deviation_s();
+        }
         message.latency_s = if self.is_live { host_ns().saturating_sub(newest.stamp_ns) as f64 * 1e-9 } else { 0.0 };
         self.status.send(message)
     }

@@ -1,5 +1,6 @@
 //! Starts the processes of a rig, monitors them, restarts those that die, and stops them in order.
 
+mod camera_group;
 mod child;
 mod heartbeat;
 mod page;
@@ -21,12 +22,12 @@ use crate::bus::{self, Bus, Subscriber};
 use crate::config::{Config, TriggerMode};
 use crate::failure::{ExitCode, Failure};
 use crate::message::{Event, EventKind, Role, StatusMessage};
+use camera_group::CameraGroup;
 pub use child::{Child, Page};
 use child::{ChildFailure, Running, Start};
 use heartbeat::{Heartbeat, process_state};
 use service_manager::ServiceManager;
 use shot_lines::ShotLines;
-use std::any::Any;
 use std::collections::BTreeMap;
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
@@ -44,40 +45,6 @@ const DRAIN_TIMEOUT: Duration = Duration::from_secs(60);
 const STOP_DRAIN_TIMEOUT: Duration = Duration::from_secs(20);
 /// Time for a process to end after it was asked to.
 const STOP_TIMEOUT: Duration = Duration::from_secs(3);
-
-/// One camera of the rig, which has its own rig name on the bus.
-struct CameraGroup<'a> {
-    /// Name of the view; empty for the main camera.
-    name: &'a str,
-    config: &'a Config,
-    /// Size of its frames in shared memory.
-    ring_bytes: u64,
-    status: Subscriber<StatusMessage>,
-    bus: Bus,
-    _services: Vec<Box<dyn Any>>,
-}
-
-impl<'a> CameraGroup<'a> {
-    /// Creates the shared memory of a camera, except its frames.
-    fn open(name: &'a str, config: &'a Config, bus: Bus) -> Result<Self, Failure> {
-        let format = expected_format(config)?;
-        config.check_calibration(format.width_px, format.height_px)?;
-        config.check_ring(format.slot_bytes(), format.frame_rate_hz)?;
-        let limits = limits(config, &format);
-        let services = bus.open_services(&limits)?;
-        let status = bus.subscriber(&limits)?;
-        bus.reserve()?;
-        let ring_bytes = limits.ring_bytes(format.slot_bytes());
-        Ok(Self { name, config, ring_bytes, status, bus, _services: services })
-    }
-
-    /// Returns its processes, readers before the camera. The recorder is shared by all cameras.
-    fn children(&self, camera: u32) -> Vec<Child> {
-        let workers = (0..self.config.workers.count).map(|index| Child { camera, role: Role::Correlate, index });
-        let tracker = workers.clone().next().map(|first| Child { role: Role::Track, ..first });
-        workers.chain(tracker).chain([Child { camera, role: Role::Acquire, index: 0 }]).collect()
-    }
-}
 
 /// The supervisor of a rig.
 pub struct Supervisor<'a> {
@@ -112,7 +79,8 @@ pub struct Extras {
 
 /// Runs every process of a rig until its stream ends or it is asked to stop.
 ///
-/// `watch` is called every few milliseconds with the latest status of every process.
+/// `watch` is called every few milliseconds with the latest status of every process, and a last time when all have
+/// ended. A stop that is abandoned kills the processes instead of waiting for their results.
 ///
 /// # Errors
 ///
@@ -125,8 +93,12 @@ pub fn run(
 ) -> Result<Summary, Failure> {
     let mut supervisor = Supervisor::start(config, extras)?;
     let outcome = supervisor.run_until_end(stop, &mut watch);
+    if stop.is_abandoned() {
+        supervisor.kill_processes(|_| true);
+    }
     supervisor.stop_all();
     supervisor.receive()?;
+    watch(&supervisor.statuses);
     outcome?;
     Ok(supervisor.summary)
 }
@@ -225,7 +197,7 @@ impl<'a> Supervisor<'a> {
         stop: &Stop,
         watch: &mut dyn FnMut(&BTreeMap<Child, StatusMessage>),
     ) -> Result<(), Failure> {
-        while self.is_filming() {
+        while self.is_filming() && !stop.is_abandoned() {
             self.receive()?;
             watch(&self.statuses);
             if self.clean_up.restart_if_due() {
@@ -458,6 +430,16 @@ impl<'a> Supervisor<'a> {
         selected.filter_map(|(_, running)| running.line.as_ref()).for_each(Line::end);
     }
 
+    /// Kills the selected processes that still run.
+    fn kill_processes(&mut self, is_selected: impl Fn(&Child) -> bool) {
+        let selected = self.children.iter_mut().filter(|(child, _)| is_selected(child));
+        for mut process in selected.filter_map(|(_, running)| running.process.take()) {
+            // An error means that it has just ended.
+            let _ = process.kill();
+            let _ = process.wait();
+        }
+    }
+
     /// Ends every process that still runs. The page stays until the others have ended.
     fn stop_all(&mut self) {
         self.children.values_mut().for_each(|running| running.waits_for_memory = false);
@@ -485,11 +467,7 @@ impl<'a> Supervisor<'a> {
             ended.iter().for_each(|(child, code)| self.count_losses(*child, *code));
             std::thread::sleep(POLL_PERIOD);
         }
-        let selected = self.children.iter_mut().filter(|(child, _)| is_selected(child));
-        for process in selected.filter_map(|(_, running)| running.process.as_mut()) {
-            let _ = process.kill();
-            let _ = process.wait();
-        }
+        self.kill_processes(is_selected);
     }
 }
 

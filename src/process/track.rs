@@ -39,6 +39,9 @@ pub fn run(config: &Config, launch: &Launch, stop: &Stop) -> Result<Summary, Fai
     let previous = previous.filter(|_| launch.is_restart);
     let mut reporter = StatusReporter::new(&bus, &limits, Role::Track, 0)?;
     reporter.set_queue(0, limits.field_depth() as u64);
+    if config.camera.has_present_stamps() {
+        reporter.set_live_rows();
+    }
     let mut loop_ = Loop {
         fields: bus.field_subscriber(&limits)?,
         tracks: bus.publisher(&limits)?,
@@ -227,6 +230,7 @@ impl Loop<'_> {
         }
         for sample in &rows.velocities {
             self.velocities.send(&VelocityMessage::new(sample, run_id))?;
+            self.reporter.add_row(sample.stamp_ns);
         }
         for alarm in &rows.alarms {
             self.publish_alarm(alarm)?;
@@ -279,11 +283,11 @@ impl Loop<'_> {
         }
         self.flush(end)?;
         self.live_trigger.end_stream(self.newest, &self.reporter)?;
-        self.reporter.publish_event(
-            EventKind::Tracked,
-            FrameStamp { sequence: end, ..self.newest },
-            "every result was published",
-        )?;
+        let text = match self.reporter.row_latencies() {
+            None => "every result was published".to_owned(),
+            Some(latencies) => format!("every result was published; from a frame to its velocity: {latencies}"),
+        };
+        self.reporter.publish_event(EventKind::Tracked, FrameStamp { sequence: end, ..self.newest }, &text)?;
         self.reporter.publish_done(end)
     }
 }

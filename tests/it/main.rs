@@ -11,6 +11,7 @@
 mod accuracy;
 mod allocation;
 mod ball;
+mod bench_live;
 mod browser;
 mod bus;
 mod calibration;

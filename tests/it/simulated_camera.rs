@@ -140,3 +140,35 @@ fn a_bad_scenario_is_refused_with_its_key() {
         "cannot set camera feature scenario to lacrosse: camera.frame_rate_hz = 0 is out of range: allowed is 0.001 to 10000000"
     );
 }
+
+#[test]
+fn an_endless_film_turns_at_its_ends_and_its_stamps_are_of_the_present() {
+    let (rate_hz, count) = (2000.0, 3);
+    let world = SimulatedFilm::new(&small(rate_hz, count)).unwrap();
+    let film: Vec<Vec<u8>> = (0..count)
+        .map(|index| {
+            let mut frame = vec![0; world.frame_bytes()];
+            world.render(index, &mut frame);
+            frame
+        })
+        .collect();
+    let mut camera = SimulatedCamera::endless(world).unwrap();
+    let mut memory = Memory::new(10, film[0].len());
+    (0..10).for_each(|token| camera.queue(memory.slot(token)));
+    let host_ns = || std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap().as_nanos() as u64;
+    let before_ns = host_ns();
+    camera.start().unwrap();
+    let after_ns = host_ns();
+    let mut first_ns = 0;
+    for (index, shown) in [0, 1, 2, 2, 1, 0, 0, 1, 2, 2].into_iter().enumerate() {
+        let (mut slot, meta) = frame(camera.next(LONG).unwrap());
+        assert_eq!(meta.sequence, index as u64);
+        assert!(slot.bytes_mut()[..] == film[shown], "frame {index}");
+        if index == 0 {
+            first_ns = meta.stamp_ns;
+            assert!((before_ns..=after_ns).contains(&first_ns));
+        }
+        assert_eq!((meta.stamp_ns - first_ns, meta.device_ns), (index as u64 * 500_000, index as u64 * 500_000));
+        assert!(camera.truth(meta.sequence).is_empty());
+    }
+}

@@ -287,13 +287,18 @@ class Status(ctypes.Structure):
         ("capacity", ctypes.c_uint64),
         ("rate_hz", ctypes.c_double),
         ("latency_s", ctypes.c_double),
+        ("row_latency_median_s", ctypes.c_double),
+        ("row_latency_p99_s", ctypes.c_double),
+        ("row_latency_p999_s", ctypes.c_double),
+        ("row_latency_max_s", ctypes.c_double),
+        ("row_latency_deviation_s", ctypes.c_double),
     ]
-    SIZE_BYTES = 112
+    SIZE_BYTES = 152
     ALIGNMENT_BYTES = 8
 
     @staticmethod
     def type_name():
-        return "ricochet.Status.v1"
+        return "ricochet.Status.v2"
 
 
 class Progress(ctypes.Structure):

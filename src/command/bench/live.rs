@@ -41,7 +41,7 @@ const BLOCK_FRAMES: u32 = 16;
 ///
 /// When the ball cannot be measured or the result cannot be printed.
 pub(super) fn run(options: &BenchOptions) -> Result<(), Failure> {
-    let duration = Duration::from_secs_f64(options.seconds.clamp(0.01, 60.0));
+    let duration = options.duration();
     let film = Film::new()?;
     let whole = film.time_frame_us(Rotation::Rigid, duration)?;
     let alone = film.time_frame_us(Rotation::Field, duration)?;

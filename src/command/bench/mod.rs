@@ -1,14 +1,18 @@
 //! `ricochet bench`: the measuring and recording speed of this machine.
 
 mod live;
+mod pipeline;
 mod record;
 mod windows;
 
-use crate::console::Outcome;
+use crate::console::{Outcome, UsageError};
 use crate::failure::Failure;
 use crate::numeric::median;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
+
+use crate::process::Stop;
+use pipeline::{BenchRate, ImageSize};
 
 /// The options of `ricochet bench`.
 #[derive(Debug, Clone, clap::Args)]
@@ -19,9 +23,24 @@ pub struct BenchOptions {
     /// windows: maximum number of threads [default: the number of cores].
     #[arg(long)]
     pub threads: Option<usize>,
-    /// Measuring time per row, s.
-    #[arg(long, default_value_t = 0.5)]
-    pub seconds: f64,
+    /// Measuring time per row, s; with --rate the filming time [default: 0.5; 5; 2 for each rate of --rate max].
+    #[arg(long)]
+    pub seconds: Option<f64>,
+    /// live: run all processes of a rig at this frame rate, Hz, or search for the highest: `max`.
+    #[arg(long, value_name = "HZ|max")]
+    pub rate: Option<BenchRate>,
+    /// live --rate: number of subsets, or several separated by commas [default: 64; 16,64,256 for --rate max].
+    #[arg(long, value_delimiter = ',', requires = "rate")]
+    pub subsets: Vec<usize>,
+    /// live --rate: image size, px: SIDE or WIDTHxHEIGHT [default: 512].
+    #[arg(long, requires = "rate")]
+    pub size: Option<ImageSize>,
+    /// live --rate: number of correlation workers [default: that of a rig file without one].
+    #[arg(long, requires = "rate", value_parser = clap::value_parser!(u32).range(1..=64))]
+    pub workers: Option<u32>,
+    /// live --rate: frames in the ring [default: 20000, or 2000 for --rate max, in at most a quarter of the memory].
+    #[arg(long, requires = "rate")]
+    pub ring: Option<u64>,
     /// record: directory to write into; the files are removed afterwards.
     #[arg(long, default_value = ".")]
     pub directory: PathBuf,
@@ -33,7 +52,7 @@ pub struct BenchOptions {
 /// A part of the work that can be measured by itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Part {
-    /// Time per frame on one core.
+    /// Time per frame on one core; with --rate, all processes of a rig.
     Live,
     /// Subsets per second for each method and number of threads.
     Windows,
@@ -46,13 +65,29 @@ pub enum Part {
 /// # Errors
 ///
 /// When the part cannot be measured or the result cannot be printed.
-pub fn run(options: &BenchOptions) -> Result<Outcome, Failure> {
-    match options.part {
-        Part::Live => live::run(options)?,
-        Part::Windows => windows::run(options)?,
-        Part::Record => record::run(options)?,
+pub fn run(options: &BenchOptions, stop: &Stop) -> Result<Outcome, Failure> {
+    match (options.part, options.rate) {
+        (Part::Live, Some(rate)) => return pipeline::run(options, rate, stop),
+        (_, Some(_)) => return Err(UsageError("--rate: for `bench live` only".into()).into()),
+        (part, None) => run_part(part, options)?,
     }
     Ok(Outcome::Clean)
+}
+
+/// Measures a part of the work alone.
+fn run_part(part: Part, options: &BenchOptions) -> Result<(), Failure> {
+    match part {
+        Part::Live => live::run(options),
+        Part::Windows => windows::run(options),
+        Part::Record => record::run(options),
+    }
+}
+
+impl BenchOptions {
+    /// Returns the measuring time per row.
+    fn duration(&self) -> Duration {
+        Duration::from_secs_f64(self.seconds.unwrap_or(0.5).clamp(0.01, 60.0))
+    }
 }
 
 /// Returns the median; NaN of nothing.

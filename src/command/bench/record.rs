@@ -42,7 +42,7 @@ pub(super) fn run(options: &BenchOptions) -> Result<(), Failure> {
     let files = Files::new(&options.directory);
     let (mut plain, mut recorded) = (Vec::new(), Vec::new());
     let start = now();
-    while plain.len() < TURNS.start || (start.elapsed().as_secs_f64() < options.seconds && plain.len() < TURNS.end) {
+    while plain.len() < TURNS.start || (start.elapsed() < options.duration() && plain.len() < TURNS.end) {
         // The order alternates because the previous write still fills the queue of the disk.
         if plain.len() % 2 == 0 {
             plain.push(files.write_plain(&pool)?);

@@ -99,7 +99,7 @@ pub(super) fn run(options: &BenchOptions) -> Result<(), Failure> {
     let counts = (0..usize::BITS).map(|power| 1 << power).take_while(|count| *count < max_threads).chain([max_threads]);
     let counts: Vec<usize> = counts.collect();
     let frames = (render_speckles(Point::default(), 1), render_speckles(SHIFT, 2));
-    let duration = Duration::from_secs_f64(options.seconds.clamp(0.01, 60.0));
+    let duration = options.duration();
     let mut rows = Vec::new();
     for case in CASES {
         let mut rates = vec![Vec::new(); counts.len()];

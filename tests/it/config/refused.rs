@@ -335,6 +335,13 @@ fn keys_that_do_not_apply_are_refused_and_not_ignored() {
         paced,
         "rig.toml, line 7: camera.paced = false: does not go with source = \"genicam\"; it belongs to source = \"simulated\", \"recording\""
     );
+    for (given, why) in [
+        ("paced = false", "paced = false; it belongs to paced = true"),
+        ("pulse_period_s = 1", "pulse_period_s; it belongs to a camera that runs freely"),
+    ] {
+        let endless = refusal(&format!("{SIMULATED}endless = true\n{given}\n"));
+        assert!(endless.contains("camera.endless = true: does not go with ") && endless.contains(why), "{endless}");
+    }
     let width = refusal("[camera]\nsource = \"recording\"\nid = \"a.mcap\"\nwidth_px = 512\n");
     assert_eq!(
         width,
