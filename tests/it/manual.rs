@@ -4,7 +4,7 @@
 //! these commands print: `...` stands for anything. A block `toml` is saved under the name that the text before it gives.
 //! A paragraph that ends with a colon names what its block needs: a camera, ffmpeg or OpenCV.
 
-use crate::support::{Background, Rig, frames, is_required, wait_until};
+use crate::support::{Background, Rig, frames, is_required, succeed, wait_until};
 use ricochet::cli::{self, Parsed};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -220,6 +220,9 @@ fn follow(page: &str) {
                 if block.text.contains("film.avi") {
                     session.run("ffmpeg -loglevel error -i images/%04d.png -c:v ffv1 -pix_fmt gray film.avi");
                 }
+                if block.text.contains("phone.mp4") && !session.path("phone.mp4").exists() {
+                    session.run("ricochet export recordings/lacrosse.mcap --topic frames --format mp4 -o phone.mp4");
+                }
                 printed = commands(block).map(|line| session.run(&as_installed(line))).collect();
             }
             "sh" => {
@@ -256,6 +259,42 @@ fn the_guide_can_be_followed() {
 #[test]
 fn the_page_of_the_cameras_can_be_followed() {
     follow("docs/cameras.md");
+}
+
+#[test]
+fn the_short_guides_can_be_followed() {
+    ["docs/phone.md", "docs/scale.md", "docs/rate.md", "docs/reading-report.md"].into_iter().for_each(follow);
+}
+
+/// The pages that the table of contents names, in its order.
+fn contents() -> Vec<String> {
+    let summary = read("docs/SUMMARY.md");
+    let targets = summary.split("](").skip(1).map(|rest| rest.split(')').next().unwrap());
+    targets.map(|page| format!("docs/{page}")).collect()
+}
+
+#[test]
+fn the_book_has_each_page_once() {
+    let mut named = contents();
+    let mut pages: Vec<String> = pages().into_iter().filter(|page| page.starts_with("docs/")).collect();
+    pages.retain(|page| page != "docs/SUMMARY.md");
+    named.sort();
+    pages.sort();
+    assert_eq!(named, pages);
+    assert!(read("book.toml").contains("src = \"docs\""));
+}
+
+#[test]
+fn the_table_of_exit_codes_is_the_same_on_each_page_and_in_the_help() {
+    let help = succeed(["--help"]);
+    for code in ["0", "1", "2", "3", "4", "5", "6", "7", "130"] {
+        assert!(help.lines().any(|line| line.trim_start().starts_with(&format!("{code}  "))), "{code}: {help}");
+        for page in ["docs/guide.md", "docs/statuses.md"] {
+            let text = read(page);
+            let row = [format!("| {code} | "), format!("| {code}, ")];
+            assert!(text.lines().any(|line| row.iter().any(|row| line.starts_with(row))), "{page}: {code}");
+        }
+    }
 }
 
 #[test]
