@@ -36,11 +36,11 @@ mod field;
 mod study;
 
 use clap::error::ErrorKind;
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use field::Field;
 use std::ffi::OsString;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use study::Study;
 
 /// The exit codes, as `--help` shows them.
@@ -53,7 +53,8 @@ Exit codes:
   4  The shared memory cannot be used, or no such rig runs
   5  A recording or another file cannot be read or written
   6  Finished, but data were lost
-  7  Finished, but no body was measured in any frame";
+  7  Finished, but no body was measured in any frame
+130  Interrupted by Ctrl-C (143: by SIGTERM); nothing unfinished is left";
 
 /// Measures an impact live with a high-speed camera.
 #[derive(Debug, Parser)]
@@ -201,10 +202,11 @@ pub fn parse() -> Parsed {
 
 /// Parses these arguments as a command line that begins with the program's name, like [`parse`].
 pub fn parse_from(args: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> Parsed {
-    match Args::try_parse_from(args) {
+    let words: Vec<OsString> = args.into_iter().map(Into::into).collect();
+    match parse_words(&words) {
         Ok(line) => Parsed::Run(line.command),
         Err(error) if error.use_stderr() && error.kind() != ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
-            let message = one_line(&error.to_string());
+            let message = file_without_command(&error, &words).unwrap_or_else(|| one_line(&error.to_string()));
             let _ = writeln!(std::io::stderr(), "ricochet: {message}; see `ricochet --help`");
             Parsed::Printed(2)
         }
@@ -215,21 +217,64 @@ pub fn parse_from(args: impl IntoIterator<Item = impl Into<OsString> + Clone>) -
     }
 }
 
+/// Parses the words of a command line. A number after an option may be negative, so that its range is what refuses it.
+fn parse_words(words: &[OsString]) -> Result<Args, clap::Error> {
+    let command = with_negative_numbers(Args::command());
+    Args::from_arg_matches(&command.try_get_matches_from(words)?)
+}
+
+/// Lets a command and its subcommands take negative numbers as values.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    command.allow_negative_numbers(true).mut_subcommands(with_negative_numbers)
+}
+
+/// Returns the command to use for a file that stands where a command is expected; `None` for any other error.
+fn file_without_command(error: &clap::Error, words: &[OsString]) -> Option<String> {
+    let file =
+        words.get(1).map(Path::new).filter(|file| error.kind() == ErrorKind::InvalidSubcommand && file.exists())?;
+    let command = if file.extension().is_some_and(|ending| ending == "toml") { "run" } else { "analyze" };
+    let file = file.display();
+    Some(format!("{file} is a file, and a command is missing: `ricochet {command} {file}`"))
+}
+
 /// Joins clap's message into one line, without its `error:` prefix and the usage that `--help` repeats.
 fn one_line(text: &str) -> String {
     let message = text.lines().take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more"));
     let words = message.flat_map(str::split_whitespace).collect::<Vec<_>>().join(" ");
-    words.strip_prefix("error: ").unwrap_or(&words).to_owned()
+    let words = words.strip_prefix("error: ").unwrap_or(&words);
+    words.replace("invalid float literal", "not a number; decimals follow a point, as in 63.25")
 }
 
-/// Whether this process was started by a supervisor and has to end with it.
-pub fn is_supervised(command: &Command) -> bool {
-    match command {
-        Command::Acquire(role) | Command::Correlate(role) | Command::Track(role) | Command::Record(role) => {
-            role.supervised.domain.is_some()
-        }
-        Command::Serve(options) => options.supervised.domain.is_some(),
-        _ => false,
+/// The end of a command at Ctrl-C or a termination signal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ending {
+    /// A supervisor decides, since others depend on this process.
+    Supervised,
+    /// The command stops a rig, a camera or a stream in order, and then ends by itself.
+    InOrder,
+    /// The command ends at once and leaves nothing unfinished.
+    AtOnce,
+}
+
+impl Ending {
+    /// Returns the end of a command.
+    pub fn of(command: &Command) -> Self {
+        let supervised = match command {
+            Command::Acquire(role) | Command::Correlate(role) | Command::Track(role) | Command::Record(role) => {
+                &role.supervised
+            }
+            Command::Serve(options) => &options.supervised,
+            Command::Run { .. }
+            | Command::Demo(_)
+            | Command::Replay(_)
+            | Command::Check(_)
+            | Command::Trigger(_)
+            | Command::Listen(_) => return Self::InOrder,
+            // At a rate it measures a whole rig.
+            Command::Bench(options) if options.rate.is_some() => return Self::InOrder,
+            _ => return Self::AtOnce,
+        };
+        if supervised.domain.is_some() { Self::Supervised } else { Self::InOrder }
     }
 }
 
@@ -256,8 +301,8 @@ pub fn run(command: Command, stop: &Stop) -> Result<Outcome, Failure> {
         Command::Listen(options) => listen::run(&options, stop),
         Command::Replay(options) => replay::run(&options, stop),
         Command::Analyze(options) => match options.shard {
-            None => analyze::run(&options, stop),
-            Some(shard) => batch::run(&options, shard, stop),
+            None => analyze::run(&options),
+            Some(shard) => batch::run(&options, shard),
         },
         Command::Doctor(options) => doctor::run(&options),
         Command::Merge(options) => merge::run(&options),
@@ -266,9 +311,9 @@ pub fn run(command: Command, stop: &Stop) -> Result<Outcome, Failure> {
         Command::Completions { shell } => shell::completions(shell, Args::command()),
         Command::Man { command, output } => shell::manual(command.as_deref(), output.as_deref(), Args::command()),
         Command::Init(options) => init::run(&options),
-        Command::Setup(options) => setup::run(&options, stop),
-        Command::Diagnose(options) => diagnose::run(&options, stop),
-        Command::Field(arguments) => Ok(command::field::run(&arguments.options()?, stop)?),
+        Command::Setup(options) => setup::run(&options),
+        Command::Diagnose(options) => diagnose::run(&options),
+        Command::Field(arguments) => Ok(command::field::run(&arguments.options()?)?),
         Command::Bench(options) => bench::run(&options, stop),
         Command::Export(options) => {
             let exported = export::run(&options)?;
@@ -286,6 +331,6 @@ pub fn run(command: Command, stop: &Stop) -> Result<Outcome, Failure> {
             Ok(Outcome::Clean)
         }
         Command::Simulate(options) => simulate::run(&options),
-        Command::Study(study) => study.run(stop),
+        Command::Study(study) => study.run(),
     }
 }

@@ -21,6 +21,8 @@ pub enum ExitCode {
     DataLost = 6,
     /// Finished, but no body was measured in any frame, whatever was lost.
     NothingMeasured = 7,
+    /// Interrupted before it was finished.
+    Interrupted = 130,
 }
 
 impl ExitCode {
@@ -76,6 +78,21 @@ impl Failure {
     /// Whether another process has already printed the error.
     pub fn is_reported(&self) -> bool {
         self.is_reported
+    }
+
+    /// Whether the reader of the output, such as `head`, has closed it because it has enough.
+    pub fn is_closed_output(&self) -> bool {
+        let mut next: Option<&(dyn Error + 'static)> = Some(self.error.as_ref());
+        while let Some(cause) = next {
+            if cause
+                .downcast_ref::<std::io::Error>()
+                .is_some_and(|error| error.kind() == std::io::ErrorKind::BrokenPipe)
+            {
+                return true;
+            }
+            next = cause.source();
+        }
+        false
     }
 }
 

@@ -14,6 +14,10 @@
 
 pub mod failure;
 
+pub mod interrupt;
+
+pub mod input;
+
 pub mod results;
 
 pub mod image;

@@ -1,11 +1,13 @@
 //! The `ricochet` program: every role and every command.
 
-use ricochet::cli::{self, Parsed};
+use ricochet::cli::{self, Ending, Parsed};
 use ricochet::failure;
+use ricochet::interrupt;
 use ricochet::process::Stop;
-use std::io::Write;
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
+use std::io::{self, Write};
 use std::process::ExitCode;
-use std::sync::Arc;
 
 fn main() -> ExitCode {
     let command = match cli::parse() {
@@ -13,25 +15,23 @@ fn main() -> ExitCode {
         Parsed::Printed(code) => return ExitCode::from(code),
     };
     env_logger::Builder::from_env(env_logger::Env::default().default_filter_or("warn")).format_timestamp(None).init();
-    let is_supervised = cli::is_supervised(&command);
+    let ending = Ending::of(&command);
     let stop = Stop::default();
-    // A process with a supervisor ends when its supervisor says so. A signal to all processes at once, as a service manager
-    // sends it, must not end them before the frames that others still publish.
-    let flag = if is_supervised { Arc::default() } else { stop.flag() };
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-        if let Err(error) = signal_hook::flag::register(signal, Arc::clone(&flag)) {
-            report(&format!("cannot install signal handlers: {error}"));
-            return failure::ExitCode::Internal.into();
-        }
+    if let Err(error) = handle_signals(ending, &stop) {
+        report(&format!("cannot install signal handlers: {error}"));
+        return failure::ExitCode::Internal.into();
     }
-    match cli::run(command, &stop) {
+    let outcome = cli::run(command, &stop);
+    interrupt::settle();
+    match outcome {
         Ok(outcome) => {
             // The supervisor reports the losses of its processes together with its own.
-            if let Some(losses) = outcome.losses().filter(|_| !is_supervised) {
+            if let Some(losses) = outcome.losses().filter(|_| ending != Ending::Supervised) {
                 report(&losses);
             }
             outcome.exit_code().map_or(ExitCode::SUCCESS, Into::into)
         }
+        Err(failure) if failure.is_closed_output() => ExitCode::SUCCESS,
         Err(failure) => {
             if !failure.is_reported() {
                 report(&failure.to_string());
@@ -39,6 +39,24 @@ fn main() -> ExitCode {
             failure.exit_code().into()
         }
     }
+}
+
+/// Makes Ctrl-C and the termination signal end the command in its way.
+fn handle_signals(ending: Ending, stop: &Stop) -> io::Result<()> {
+    if ending == Ending::AtOnce {
+        interrupt::allow_end();
+    }
+    // A process with a supervisor ends when its supervisor says so. A signal to all processes at once, as a service manager
+    // sends it, must not end them before the frames that others still publish.
+    let stop = (ending != Ending::Supervised).then(|| stop.clone());
+    let mut signals = Signals::new([SIGINT, SIGTERM])?;
+    std::thread::spawn(move || {
+        for signal in signals.forever() {
+            stop.iter().for_each(Stop::request);
+            interrupt::end(signal);
+        }
+    });
+    Ok(())
 }
 
 /// Prints an error. If standard error is full or closed, the exit code alone shows it.

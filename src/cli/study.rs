@@ -4,7 +4,6 @@ use clap::Subcommand;
 
 use crate::console::Outcome;
 use crate::failure::Failure;
-use crate::process::Stop;
 use crate::study::speckle::SpeckleStudy;
 use crate::study::{ConvergenceOptions, convergence};
 use crate::study::{DesignOptions, design};
@@ -58,10 +57,10 @@ impl Study {
     /// # Errors
     ///
     /// Any error of the study.
-    pub(super) fn run(&self, stop: &Stop) -> Result<Outcome, Failure> {
+    pub(super) fn run(&self) -> Result<Outcome, Failure> {
         let (study, options) = match self {
-            Self::Convergence(options) => return convergence::run(options, stop),
-            Self::Design(options) => return design::run(options, stop),
+            Self::Convergence(options) => return convergence::run(options),
+            Self::Design(options) => return design::run(options),
             Self::Translation(options) => (SpeckleStudy::Translation, options),
             Self::Translation2(options) => (SpeckleStudy::Translation2, options),
             Self::Rotation(options) => (SpeckleStudy::Rotation, options),
@@ -71,6 +70,6 @@ impl Study {
             Self::Blur(options) => (SpeckleStudy::Blur, options),
             Self::Rate(options) => (SpeckleStudy::Rate, options),
         };
-        speckle::run(study, options, stop)
+        speckle::run(study, options)
     }
 }

@@ -11,7 +11,7 @@ use crate::console::{Outcome, Overwrite, UsageError, print_line, print_note, pro
 use crate::failure::Failure;
 use crate::image::{Frame, FrameMeta, FrameRuns};
 use crate::measure::{MeasureError, MeasureParams, Measured, Measurer, Share};
-use crate::process::{FrameRange, Shot, Stop, analysis_params, recording_info, reference_picture};
+use crate::process::{FrameRange, Shot, analysis_params, recording_info, reference_picture};
 use crate::recording::{Recording, RecordingError, part_path};
 use crate::report;
 use crate::results::{Estimate, Impact};
@@ -67,11 +67,11 @@ pub struct AnalyzeOptions {
 /// # Errors
 ///
 /// When the film or the rig file cannot be used, or the results cannot be written.
-pub fn run(options: &AnalyzeOptions, stop: &Stop) -> Result<Outcome, Failure> {
+pub fn run(options: &AnalyzeOptions) -> Result<Outcome, Failure> {
     let film = open(options, &options.inputs)?;
     let output =
         options.output.clone().unwrap_or_else(|| free_results_path(&options.inputs, options.camera.as_deref()));
-    measure_and_print(film, options, &options.inputs, &output, stop)
+    measure_and_print(film, options, &options.inputs, &output)
 }
 
 /// Opens a film with the chosen rig file and number of workers, within the chosen interval. Nothing but the results is
@@ -110,11 +110,10 @@ pub(super) fn measure_and_print(
     options: &AnalyzeOptions,
     inputs: &[PathBuf],
     output: &Path,
-    stop: &Stop,
 ) -> Result<Outcome, Failure> {
     Overwrite::REFUSED.check(output)?;
     let (truncated, format, config) = (film.truncated.clone(), film.format, film.config.clone());
-    let measured = measure(film, output, stop)?;
+    let measured = measure(film, output)?;
     let results = Recording::open(&measured.path)?;
     let rows = results.velocities()?.collect::<Result<Vec<_>, _>>()?;
     let rows = rows.iter().filter(|row| measured.runs.contains(row.frame));
@@ -165,17 +164,17 @@ pub(super) struct MeasuredFilm {
     pub(super) runs: FrameRuns,
 }
 
-/// Measures every frame of a film into a results file. After a stop, the remaining frames count as missing.
+/// Measures every frame of a film into a results file.
 ///
 /// # Errors
 ///
 /// When the film cannot be read or the results cannot be written. No partial results file remains.
-pub(super) fn measure(film: Film, output: &Path, stop: &Stop) -> Result<MeasuredFilm, Failure> {
+pub(super) fn measure(film: Film, output: &Path) -> Result<MeasuredFilm, Failure> {
     let Film { format, config, metadata, count, frames, reference, .. } = film;
     config.check_calibration(format.width_px, format.height_px)?;
     let (measure_params, tracker_params) = analysis_params(&config, &format);
     let mut info = recording_info(&config, &format, &CameraIdentity::default(), "none: analysed offline");
-    for key in ["camera", "serial", "host", "trigger", GIVEN_RATE, GIVEN_ORDER, SETTINGS] {
+    for key in ["camera", "serial", "host", "date", "trigger", GIVEN_RATE, GIVEN_ORDER, SETTINGS] {
         if let Some(value) = metadata.get(key) {
             info.metadata.insert(key.to_owned(), value.clone());
         }
@@ -185,10 +184,10 @@ pub(super) fn measure(film: Film, output: &Path, stop: &Stop) -> Result<Measured
     let meta = match frames.peek() {
         Some(Ok((meta, _))) => *meta,
         _ => {
-            return Err(frames
-                .next()
-                .and_then(Result::err)
-                .unwrap_or_else(|| UsageError("cannot measure a film of 0 frames".into()).into()));
+            return Err(frames.next().and_then(Result::err).unwrap_or_else(|| {
+                UsageError("cannot measure a film of 0 frames; --from and --to are seconds from its first frame".into())
+                    .into()
+            }));
         }
     };
     let (first, stamp_ns) = (meta.sequence, meta.stamp_ns);
@@ -197,8 +196,7 @@ pub(super) fn measure(film: Film, output: &Path, stop: &Stop) -> Result<Measured
     let range = FrameRange { first, last: None, max_delay_frames: u64::MAX };
     let mut shot = Shot::create(output, &config, &info)?;
     shot.begin(0, Some(&tracker_params), range);
-    let bar = progress::frame_bar(count, "analyze");
-    let mut unread = 0;
+    let bar = progress::bar(count, "analyze");
     let mut runs = FrameRuns::default();
     let whole = std::thread::scope(|scope| -> Result<(), Failure> {
         let (answers, results) = channel();
@@ -213,11 +211,6 @@ pub(super) fn measure(film: Film, output: &Path, stop: &Stop) -> Result<Measured
         }
         drop(answers);
         for frame in frames {
-            if stop.requested() {
-                // Everything measured so far is complete; the rest counts as missing.
-                unread = count.saturating_sub(shot.frames()).max(1);
-                break;
-            }
             let (meta, bytes) = frame?;
             runs.push(meta.sequence);
             shot.write_frame(0, &Frame { meta, bytes: &bytes })?;
@@ -235,7 +228,7 @@ pub(super) fn measure(film: Film, output: &Path, stop: &Stop) -> Result<Measured
         let _ = std::fs::remove_file(part_path(output));
         return Err(error);
     }
-    let (missing, end) = (shot.lost(0) + unread, shot.next_frame(0));
+    let (missing, end) = (shot.lost(0), shot.next_frame(0));
     let (finished, _) = shot.finish(&[end])?;
     Ok(MeasuredFilm { path: finished.path, missing, runs })
 }

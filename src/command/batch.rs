@@ -8,7 +8,7 @@ use super::shard::{SETTINGS, Shard};
 use crate::config::Config;
 use crate::console::{Outcome, UsageError, print_note};
 use crate::failure::{ExitCode, Failure, Fatal};
-use crate::process::Stop;
+use crate::interrupt;
 use crate::recording::{Recording, part_path};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -34,19 +34,17 @@ impl Fatal for FailedFilms {
 ///
 /// A list that cannot be read, films of one name, or films that cannot be measured. These do not keep others from being
 /// measured.
-pub fn run(options: &AnalyzeOptions, shard: Shard, stop: &Stop) -> Result<Outcome, Failure> {
+pub fn run(options: &AnalyzeOptions, shard: Shard) -> Result<Outcome, Failure> {
     let folder = options.output.clone().unwrap_or_else(|| PathBuf::from("."));
     std::fs::create_dir_all(&folder)?;
     let films = list_films(&options.inputs)?;
     let named = results_by_film(&films, &folder)?;
     let _lock = lock_share(&folder, shard)?;
+    interrupt::set_advice("the same command continues with the films that are left");
     let (mut lost, mut empty, mut failures, mut tried) = (0, 0, Vec::new(), 0);
     for (film, results) in named.iter().skip(shard.index - 1).step_by(shard.of) {
-        if stop.requested() {
-            break;
-        }
         tried += 1;
-        match measure_film(options, film, results, stop) {
+        match measure_film(options, film, results) {
             Ok(Outcome::Clean) => {}
             Ok(Outcome::Lost { count, .. }) => lost += count,
             Ok(Outcome::NothingMeasured { count, .. }) => {
@@ -131,7 +129,7 @@ fn lock_share(folder: &Path, shard: Shard) -> Result<std::fs::File, Failure> {
 /// # Errors
 ///
 /// When the results are those of other settings, or the film cannot be measured.
-fn measure_film(options: &AnalyzeOptions, film: &Path, results: &Path, stop: &Stop) -> Result<Outcome, Failure> {
+fn measure_film(options: &AnalyzeOptions, film: &Path, results: &Path) -> Result<Outcome, Failure> {
     let inputs = [film.to_owned()];
     let mut opened = analyze::open(options, &inputs)?;
     let settings = settings_checksum(options, &opened.config, film);
@@ -146,7 +144,7 @@ fn measure_film(options: &AnalyzeOptions, film: &Path, results: &Path, stop: &St
     // The share is locked, so an unfinished file is that of a process that died.
     let _ = std::fs::remove_file(part_path(results));
     opened.metadata.insert(SETTINGS.into(), settings);
-    analyze::measure_and_print(opened, options, &inputs, results, stop)
+    analyze::measure_and_print(opened, options, &inputs, results)
 }
 
 /// Returns the version, and a CRC-32 of everything that results depend on; of the film itself only its size in bytes.

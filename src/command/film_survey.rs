@@ -5,7 +5,6 @@ use crate::console::{UsageError, progress};
 use crate::failure::Failure;
 use crate::image::{Frame, FrameMeta, Image};
 use crate::import::Order;
-use crate::process::Stop;
 use crate::survey::{ExaminedFrame, Follower, Identified, Movement, Mover, Path, Sampler, identify, needed_frames};
 use indicatif::ProgressBar;
 use std::collections::BTreeSet;
@@ -57,17 +56,13 @@ impl FilmFiles {
     ///
     /// # Errors
     ///
-    /// When the film cannot be read, `take` fails, or a stop is requested.
+    /// When the film cannot be read, or `take` fails.
     pub(super) fn visit(
         &self,
-        stop: &Stop,
         mut take: impl FnMut(u64, FrameMeta, &[u8]) -> Result<Visit, Failure>,
     ) -> Result<(), Failure> {
         for (index, frame) in (0..).zip(self.open()?.frames) {
             let (meta, bytes) = frame?;
-            if stop.requested() {
-                return Err(UsageError("stopped before the film was read".into()).into());
-            }
             if take(index, meta, &bytes)? == Visit::Stop {
                 break;
             }
@@ -80,9 +75,9 @@ impl FilmFiles {
     /// # Errors
     ///
     /// When the film is shorter or cannot be read.
-    pub(super) fn frame(&self, number: u64, stop: &Stop) -> Result<(FrameMeta, Vec<u8>), Failure> {
+    pub(super) fn frame(&self, number: u64) -> Result<(FrameMeta, Vec<u8>), Failure> {
         let mut found = None;
-        self.visit(stop, |index, meta, bytes| {
+        self.visit(|index, meta, bytes| {
             if index < number {
                 return Ok(Visit::GoOn);
             }
@@ -105,23 +100,23 @@ pub(super) enum Visit {
 /// # Errors
 ///
 /// When the film cannot be read, has no frame, or its frames differ in size.
-pub(super) fn survey(film: &FilmFiles, stop: &Stop) -> Result<Surveyed, Failure> {
+pub(super) fn survey(film: &FilmFiles) -> Result<Surveyed, Failure> {
     let opened = film.open()?;
     let OpenedFilm { frame_rate_hz, rate_source, count: announced, warnings, .. } = opened;
     warnings.iter().for_each(|warning| log::warn!("{warning}"));
     drop(opened.frames);
-    let bar = progress::frame_bar(3 * announced, "survey");
-    let (sampler, count) = sample_frames(film, announced, &bar, stop)?;
+    let bar = progress::bar(3 * announced, "survey");
+    let (sampler, count) = sample_frames(film, announced, &bar)?;
     let size_px = sampler.0;
     let movement = sampler.1.movement();
     let kinds = match &movement {
-        Some(movement) => identify_all(film, movement, size_px, &bar, stop)?,
+        Some(movement) => identify_all(film, movement, size_px, &bar)?,
         None => Vec::new(),
     };
     let movers = movement.iter().flat_map(|movement| movement.movers.iter().cloned());
     let bodies = movers.zip(kinds).map(|(mover, kind)| SurveyedBody { mover, kind, path: None });
     let mut bodies = bodies.fold(Vec::new(), add_or_join);
-    follow_all(film, &mut bodies, size_px, &bar, stop)?;
+    follow_all(film, &mut bodies, size_px, &bar)?;
     bar.finish_and_clear();
     Ok(Surveyed { size_px, count, frame_rate_hz, rate_source, movement, bodies })
 }
@@ -150,10 +145,10 @@ type Sampled = (([usize; 2], Sampler), u64);
 /// # Errors
 ///
 /// When the film cannot be read, has no frame, or its frames differ in size.
-fn sample_frames(film: &FilmFiles, announced: u64, bar: &ProgressBar, stop: &Stop) -> Result<Sampled, Failure> {
+fn sample_frames(film: &FilmFiles, announced: u64, bar: &ProgressBar) -> Result<Sampled, Failure> {
     let mut sampled: Option<([usize; 2], Sampler)> = None;
     let (mut image, mut count) = (Image::default(), 0);
-    film.visit(stop, |index, meta, bytes| {
+    film.visit(|index, meta, bytes| {
         bar.inc(1);
         count = index + 1;
         let size_px = [meta.width_px as usize, meta.height_px as usize];
@@ -178,12 +173,11 @@ fn identify_all(
     movement: &Movement,
     size_px: [usize; 2],
     bar: &ProgressBar,
-    stop: &Stop,
 ) -> Result<Vec<Identified>, Failure> {
     let needed = needed_frames(movement);
     let mut examinations = identify(movement, size_px);
     let mut image = Image::default();
-    film.visit(stop, |index, meta, bytes| {
+    film.visit(|index, meta, bytes| {
         bar.inc(1);
         if needed.binary_search(&index).is_ok() {
             Frame { meta, bytes }.unpack(&mut image)?;
@@ -201,7 +195,6 @@ fn follow_all(
     bodies: &mut [SurveyedBody],
     size_px: [usize; 2],
     bar: &ProgressBar,
-    stop: &Stop,
 ) -> Result<(), Failure> {
     let mut followers = Vec::new();
     for (place, body) in bodies.iter().enumerate() {
@@ -214,7 +207,7 @@ fn follow_all(
         return Ok(());
     }
     let (mut image, mut first_ns) = (Image::default(), None);
-    film.visit(stop, |index, meta, bytes| {
+    film.visit(|index, meta, bytes| {
         bar.inc(1);
         let t_s = meta.stamp_ns.saturating_sub(*first_ns.get_or_insert(meta.stamp_ns)) as f64 * 1e-9;
         Frame { meta, bytes }.unpack(&mut image)?;

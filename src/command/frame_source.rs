@@ -78,8 +78,9 @@ impl Film {
         fps: Option<f64>,
         order: Order,
     ) -> Result<Self, Failure> {
-        if let Some(fps) = fps.filter(|fps| !(fps.is_finite() && *fps > 0.0)) {
-            return Err(UsageError(format!("--fps {fps}: must be a positive number")).into());
+        if let Some(fps) = fps.filter(|fps| !(*fps > 0.0 && *fps <= import::MAX_RATE_HZ)) {
+            let most = import::MAX_RATE_HZ;
+            return Err(UsageError(format!("--fps {fps:e}: must be above 0 and at most {most:e}")).into());
         }
         let mut film = match inputs {
             [first, ..] if import::is_importable(first) => match camera {

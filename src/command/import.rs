@@ -58,7 +58,7 @@ pub fn run(options: &ImportOptions) -> Result<Imported, Failure> {
     // The frames of films and of empty backgrounds take a fraction of their size.
     let writer_options = WriterOptions { compression: Compression::Zstd1, ..WriterOptions::default() };
     let mut writer = RecordingWriter::create(&options.output, &info, &writer_options)?;
-    let bar = progress::frame_bar(footage.count, "import");
+    let bar = progress::bar(footage.count, "import");
     for frame in footage {
         let (meta, bytes) = frame?;
         writer.write_frame(&Frame { meta, bytes: &bytes })?;

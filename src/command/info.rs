@@ -2,6 +2,7 @@
 
 use crate::process::{Matcher, Matching};
 use crate::recording::{Recording, RecordingError};
+use crate::report;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -36,6 +37,8 @@ pub struct Info {
     pub truncated: Option<String>,
     /// The damaged parts.
     pub damage: Vec<String>,
+    /// The date of the first frame, or the one that the imported file stated; `None` if neither is known.
+    pub date: Option<String>,
     /// The frames, if any can be read.
     pub frames: Option<FramesInfo>,
     /// The reason why no frame, or not every frame, can be read.
@@ -162,6 +165,9 @@ pub fn inspect(recording: &Recording) -> Result<Info, RecordingError> {
     let half_period_ns = frames.as_ref().and_then(|frames| Some((0.5e9 / frames.frame_rate_hz?) as u64)).unwrap_or(0);
     let camera = |name| inspect_camera(recording, name, &stamps_ns, half_period_ns);
     let topics = recording.topics().into_iter();
+    // Results without frames have it in their metadata.
+    let stated_ns = || recording.metadata().get("first_stamp_ns").and_then(|text| text.parse().ok());
+    let first_ns = stamps_ns.first().copied().or_else(stated_ns).unwrap_or_default();
     Ok(Info {
         file: recording.path().to_path_buf(),
         later_files: recording.files().skip(1).map(Into::into).collect(),
@@ -169,6 +175,7 @@ pub fn inspect(recording: &Recording) -> Result<Info, RecordingError> {
         library: recording.library().into(),
         truncated: recording.truncated().map(Into::into),
         damage: recording.verify()?,
+        date: report::date(first_ns, recording.metadata()),
         frames,
         frames_error,
         cameras: recording.views().into_iter().map(camera).collect::<Result<_, _>>()?,
@@ -310,6 +317,7 @@ fn info_text(info: &Info) -> String {
     for damage in &info.damage {
         line("damage", damage.clone());
     }
+    line("filmed", info.date.clone().unwrap_or_else(|| "date unknown".into()));
     match (&info.frames, &info.frames_error) {
         (Some(frames), _) => write_frame_lines(frames, &mut line),
         (None, reason) => line("frames", format!("none: {}", reason.clone().unwrap_or_default())),

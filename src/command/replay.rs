@@ -139,7 +139,7 @@ pub fn run(options: &ReplayOptions, stop: &Stop) -> Result<Outcome, Failure> {
 /// Plays one stream, paced by its camera source.
 fn play_alone(played: &Played, stop: &Stop) -> Result<Summary, Failure> {
     let total = played.recording.frame_count();
-    let bar = progress::frame_bar(total, "replay");
+    let bar = progress::bar(total, "replay");
     let tracker = Child::first(Role::Track);
     let summary = process::supervise(&played.config, stop, Extras::default(), |latest| {
         if let Some(status) = latest.get(&tracker) {

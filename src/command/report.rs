@@ -48,9 +48,11 @@ pub fn run(options: &ReportOptions) -> Result<Outcome, Failure> {
         let recording = Recording::open(file)?.select_view(camera)?;
         let mut shot = match options.film.first() {
             None => Shot::read(&recording)?,
-            Some(path) => {
-                Shot::read_with(&recording, path, result_film::open_frames(&recording, &options.film, camera)?)?
-            }
+            Some(path) => Shot::read_with(
+                &recording,
+                path,
+                result_film::open_frames(&recording, &options.film, camera, "report")?,
+            )?,
         };
         if let Ok(config) = frame_source::rig_config(&recording, camera, None) {
             shot.set_measured(body_summary::summarize_shot(&shot, &config));

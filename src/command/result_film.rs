@@ -1,7 +1,7 @@
 //! The frames that results were measured in: in the same recording, or in a film apart from it.
 
 use super::frame_source::{GIVEN_ORDER, GIVEN_RATE, REVERSED, restamp};
-use crate::console::UsageError;
+use crate::console::{UsageError, progress};
 use crate::failure::Failure;
 use crate::image::FrameMeta;
 use crate::import::{self, Order};
@@ -11,26 +11,33 @@ use std::path::{Path, PathBuf};
 /// Frames in order, each with its header.
 pub(super) type Frames = Box<dyn Iterator<Item = Result<(FrameMeta, Vec<u8>), RecordingError>>>;
 
-/// Opens the frames of results: those of `film`, else those of the recording itself.
+/// Opens the frames of results: those of `film`, else those of the recording itself. A bar with this label shows how many
+/// were taken.
 ///
 /// The film gets the same stamps as when it was measured.
 ///
 /// # Errors
 ///
 /// When a file cannot be opened, or when there are no frames and no film.
-pub(super) fn open_frames(results: &Recording, film: &[PathBuf], camera: Option<&str>) -> Result<Frames, Failure> {
+pub(super) fn open_frames(
+    results: &Recording,
+    film: &[PathBuf],
+    camera: Option<&str>,
+    label: &'static str,
+) -> Result<Frames, Failure> {
     if film.is_empty() {
         if results.frame_count() == 0 {
             let path = results.path().display();
             let reason = "it has no frames; pass the film that it was measured in with --film";
             return Err(UsageError(format!("{path}: {reason}")).into());
         }
-        return Ok(Box::new(results.frames()?));
+        return Ok(Box::new(progress::bar(results.frame_count(), label).wrap_iter(results.frames()?)));
     }
     let fps = results.metadata().get(GIVEN_RATE).and_then(|text| text.parse().ok());
     let is_reversed = results.metadata().get(GIVEN_ORDER).is_some_and(|order| order == REVERSED);
     let order = if is_reversed { Order::Reversed } else { Order::Forward };
-    Ok(open(film, camera, fps, order)?.frames)
+    let opened = open(film, camera, fps, order)?;
+    Ok(Box::new(progress::bar(opened.count, label).wrap_iter(opened.frames)))
 }
 
 /// A film opened for its frames.

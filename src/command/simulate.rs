@@ -66,7 +66,7 @@ pub fn run(options: &SimulateOptions) -> Result<Outcome, Failure> {
 /// Renders every frame into the recording, with its true velocities.
 fn render_frames(world: &SimulatedFilm, format: &StreamFormat, writer: &mut RecordingWriter) -> Result<(), Failure> {
     let mut bytes = vec![0; format.slot_bytes()];
-    let bar = progress::frame_bar(world.frames(), "simulate");
+    let bar = progress::bar(world.frames(), "simulate");
     for index in 0..world.frames() {
         world.render(index, &mut bytes);
         writer.write_frame(&Frame { meta: simulated::meta(world, index), bytes: &bytes })?;

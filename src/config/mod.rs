@@ -55,7 +55,7 @@ pub use view::View;
 
 use check::Table;
 use raw::RawView;
-use std::io::Read;
+use std::io::{ErrorKind, Read};
 use std::path::Path;
 use text::Text;
 
@@ -270,6 +270,7 @@ fn read_small(path: &Path) -> Result<String, String> {
     match read {
         Ok(bytes) if bytes as u64 > FILE_BYTES_MAX => Err(format!("larger than {FILE_BYTES_MAX} bytes")),
         Ok(_) => Ok(text),
+        Err(error) if error.kind() == ErrorKind::InvalidData => Err("it is no text, and a rig file is one".into()),
         Err(error) => Err(error.to_string()),
     }
 }

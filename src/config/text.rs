@@ -28,6 +28,15 @@ pub(super) struct Text<'t> {
     prefix: String,
 }
 
+/// Returns a hint for a line whose value is a number with a decimal comma; `None` for any other line.
+fn decimal_comma_hint(line: &str) -> Option<&'static str> {
+    let (_, value) = line.split_once('=')?;
+    let (whole, rest) = value.trim().split_once(',')?;
+    let is_digits = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    let is_number = is_digits(whole.trim_start_matches(['-', '+'])) && is_digits(rest.split(' ').next()?);
+    is_number.then_some("; decimals follow a point, as in 63.25")
+}
+
 impl<'t> Text<'t> {
     /// Parses the text as TOML with any content; `origin` names it in errors.
     ///
@@ -36,8 +45,10 @@ impl<'t> Text<'t> {
     /// [`ConfigError`] with the line of the first error of syntax.
     pub fn new(text: &'t str, origin: &'t str) -> Result<Self, ConfigError> {
         let table = DeTable::parse(text).map_err(|error| {
-            let line = Some(line_at(text, error.span().map_or(text.len(), |span| span.start)));
-            ConfigError { origin: origin.into(), line, problem: Problem::Syntax(one_line(error.message())).into() }
+            let line = line_at(text, error.span().map_or(text.len(), |span| span.start));
+            let hint = text.lines().nth(line.saturating_sub(1)).and_then(decimal_comma_hint).unwrap_or_default();
+            let problem = Problem::Syntax(one_line(error.message()) + hint).into();
+            ConfigError { origin: origin.into(), line: Some(line), problem }
         })?;
         let mut places = Vec::new();
         collect_table(table.get_ref(), "", &mut places);

@@ -2,6 +2,7 @@
 
 use super::UsageError;
 use crate::failure::{ExitCode, Failure, Fatal};
+use crate::interrupt::{self, Unfinished};
 use std::ffi::OsString;
 use std::fmt::Display;
 use std::fs::File;
@@ -72,6 +73,8 @@ pub struct OutputFile {
     /// The new file; the output itself where it is a device or a pipe.
     part: PathBuf,
     file: File,
+    /// The note that removes the new file at a signal; `None` for a device or a pipe.
+    _unfinished: Option<Unfinished>,
 }
 
 impl OutputFile {
@@ -82,12 +85,19 @@ impl OutputFile {
     /// [`UsageError`] as [`Overwrite::check`]; [`WriteError`] when the directory takes no file.
     pub fn create(path: &Path, overwrite: Overwrite) -> Result<Self, Failure> {
         overwrite.check(path)?;
-        let failed = |error: io::Error| WriteError::new(path, error);
+        let failed = |error: io::Error| match error.kind() {
+            io::ErrorKind::NotFound => WriteError::new(path, "its folder does not exist; create it first"),
+            _ => WriteError::new(path, error),
+        };
         let is_special = path.symlink_metadata().is_ok_and(|found| !found.is_file());
-        let part = if is_special { path.to_owned() } else { part_path(path).map_err(failed)? };
-        let mut options = File::options();
-        let opened = options.write(true).create_new(!is_special).open(&part);
-        Ok(Self { file: opened.map_err(failed)?, path: path.to_owned(), overwrite, part })
+        if is_special {
+            let file = File::options().write(true).open(path).map_err(failed)?;
+            return Ok(Self { file, path: path.to_owned(), overwrite, part: path.to_owned(), _unfinished: None });
+        }
+        let part = part_path(path).map_err(failed)?;
+        let create = || File::options().write(true).create_new(true).open(&part);
+        let (file, unfinished) = interrupt::file(&part, create).map_err(failed)?;
+        Ok(Self { file, path: path.to_owned(), overwrite, part, _unfinished: Some(unfinished) })
     }
 
     /// Returns the path of the new file, for a program that writes it by name.

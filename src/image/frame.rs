@@ -3,6 +3,15 @@
 use super::{Image, PixelFormat, PixelRect, ShapeError};
 use multiversion::multiversion;
 
+/// The first stamp that is a date, ns since the Unix epoch: the year 1971. Earlier ones count from the first frame of a
+/// film without a date.
+const FIRST_DATE_NS: u64 = 365 * 86_400 * 1_000_000_000;
+
+/// Whether a stamp is a date, and not the time since the first frame.
+pub fn is_dated(stamp_ns: u64) -> bool {
+    stamp_ns >= FIRST_DATE_NS
+}
+
 /// The header of a frame: everything but its pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct FrameMeta {

@@ -14,7 +14,7 @@ mod view;
 pub use correction::Correction;
 pub use defects::{DefectError, Defects};
 pub use format::{PixelFormat, is_saturated};
-pub use frame::{Frame, FrameMeta};
+pub use frame::{Frame, FrameMeta, is_dated};
 pub use frame_runs::FrameRuns;
 pub use grey::grey_pixels;
 pub use png::encode_png;

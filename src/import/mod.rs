@@ -5,6 +5,7 @@
 //! grey levels, and what in it contradicts what. The frame rate comes from the file or from the user and is never
 //! guessed.
 
+mod date;
 mod error;
 mod footage;
 mod grey;
@@ -38,6 +39,8 @@ use std::path::{Path, PathBuf};
 
 /// Memory that a frame may take on top of twice the size of its file, bytes.
 const SPARE_BYTES: u64 = 64 << 20;
+/// The highest frame rate that a user may give, Hz.
+pub const MAX_RATE_HZ: f64 = 1e9;
 
 /// Whether [`open`] can read a file with this ending, a folder, or a pattern with wildcards.
 pub fn is_importable(path: &Path) -> bool {
@@ -74,8 +77,10 @@ pub fn open(inputs: &[PathBuf], fps: Option<f64>) -> Result<Footage, ImportError
 ///
 /// Those of [`open`], and when `order` reverses something else than a sequence of images.
 pub fn open_in_order(inputs: &[PathBuf], fps: Option<f64>, order: Order) -> Result<Footage, ImportError> {
-    if let Some(fps) = fps.filter(|fps| !(fps.is_finite() && *fps > 0.0)) {
-        return Err(ImportError::FrameRate { reason: format!("--fps {fps} is not a positive number") });
+    if let Some(fps) = fps.filter(|fps| !(*fps > 0.0 && *fps <= MAX_RATE_HZ)) {
+        return Err(ImportError::FrameRate {
+            reason: format!("--fps {fps:e}: must be above 0 and at most {MAX_RATE_HZ:e}"),
+        });
     }
     let first = inputs.first().ok_or(ImportError::Nothing)?;
     if is_image(first) || is_collection(first) {
@@ -109,7 +114,7 @@ fn extension(path: &Path) -> String {
 /// Opens a file and returns its size, bytes.
 fn open_file(path: &Path) -> Result<(File, u64), ImportError> {
     let io = |error| ImportError::io("open", path, error);
-    let file = File::open(path).map_err(io)?;
+    let file = crate::input::open(path).map_err(io)?;
     let bytes = file.metadata().map_err(io)?.len();
     Ok((file, bytes))
 }

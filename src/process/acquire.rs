@@ -407,8 +407,8 @@ impl Loop {
         Ok(true)
     }
 
-    /// Closes the camera, waits for running actions, and announces the end of the stream. Keeps the ring until its
-    /// readers are done, at most [`LINGER_TIMEOUT`].
+    /// Closes the camera, waits for running actions, and announces the end of the stream. Keeps the frames in the ring,
+    /// if there are any, until its readers are done, at most [`LINGER_TIMEOUT`].
     fn end(&mut self, stop: &Stop) -> Result<(), BusError> {
         self.source.close();
         self.summary.lost += self.incomplete;
@@ -421,7 +421,10 @@ impl Loop {
         };
         self.publish_event(EventKind::Ended, &text)?;
         let timeout = Timeout::new(LINGER_TIMEOUT);
-        while !timeout.has_expired() && !stop.is_abandoned() && !self.readers.all_done(self.reporter.run_id())? {
+        while self.first.is_some() && !timeout.has_expired() && !stop.is_abandoned() {
+            if self.readers.all_done(self.reporter.run_id())? {
+                break;
+            }
             self.ring.update_connections();
             self.reporter.publish_status_if_due(&self.summary, self.newest())?;
             std::thread::sleep(Duration::from_millis(2));

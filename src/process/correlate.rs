@@ -73,7 +73,10 @@ pub fn run(config: &Config, index: u32, launch: &Launch, stop: &Stop) -> Result<
         worker.end_shot(&stream)?;
         if ended {
             worker.finish(&stream)?;
-            linger(&mut recorder, &mut stream, &mut worker, stop)?;
+            // Without results there is nothing to keep readable, and the tracker may be gone already.
+            if worker.summary.given > 0 {
+                linger(&mut recorder, &mut stream, &mut worker, stop)?;
+            }
             break;
         }
         worker.publish_status_if_due()?;

@@ -4,7 +4,7 @@ mod camera_part;
 
 use crate::camera::{CameraIdentity, StreamFormat};
 use crate::config::{Compression, Config, Scale};
-use crate::image::Frame;
+use crate::image::{Frame, is_dated};
 use crate::recording::{self, Annotations, EventRow, FinishedRecording, RecordingError, RecordingInfo};
 use crate::recording::{RecordingWriter, WriterOptions};
 use crate::results::{BodyStep, PairField, VelocitySample, segments};
@@ -293,10 +293,10 @@ pub fn recording_info(config: &Config, format: &StreamFormat, camera: &CameraIde
     }
 }
 
-/// Returns an unused path in `directory`. The name is the rig, then the first frame's time in UTC, then a number from 2
-/// on if that is taken.
+/// Returns an unused path in `directory`. The name is the rig, then the first frame's time in UTC if it has a date, then
+/// a number from 2 on if that is taken.
 pub(super) fn free_path(directory: &Path, rig: &str, stamp_ns: u64) -> PathBuf {
-    let name = format!("{rig}-{}", format_utc(stamp_ns));
+    let name = if is_dated(stamp_ns) { format!("{rig}-{}", format_utc(stamp_ns)) } else { rig.to_owned() };
     let taken = |path: &Path| path.exists() || recording::part_path(path).exists();
     let numbered = |number: u32| match number {
         1 => directory.join(format!("{name}.mcap")),

@@ -11,11 +11,6 @@ pub struct Stop {
 }
 
 impl Stop {
-    /// Returns the flag itself, for a signal handler.
-    pub fn flag(&self) -> Arc<AtomicBool> {
-        Arc::clone(&self.flag)
-    }
-
     /// Requests to stop.
     pub fn request(&self) {
         self.flag.store(true, Ordering::Relaxed);

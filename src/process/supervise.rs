@@ -3,6 +3,7 @@
 mod camera_group;
 mod child;
 mod heartbeat;
+mod idle_readers;
 mod page;
 mod restarts;
 mod service_manager;
@@ -13,8 +14,7 @@ use super::frame_stamp::FrameStamp;
 use super::line::Line;
 use super::setup::{expected_format, limits};
 use super::status_reporter::StatusReporter;
-use super::stepping;
-use super::stepping::StepControl;
+use super::stepping::{self, StepControl};
 use super::stop::Stop;
 use super::storage::prepare_directory;
 use super::summary::Summary;
@@ -323,6 +323,7 @@ impl<'a> Supervisor<'a> {
                 Some(code) if code == 0 || ExitCode::from_number(code) == ExitCode::DataLost => {
                     running.code = Some(code);
                     self.count_losses(child, code);
+                    self.end_idle_readers()?;
                 }
                 _ if child.role == Role::Serve => self.replace_page(child, status)?,
                 code => self.handle_death(child, code, status)?,

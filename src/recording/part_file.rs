@@ -130,6 +130,7 @@ pub(super) fn create(path: &Path, part: &Path) -> Result<File, RecordingError> {
         std::io::ErrorKind::AlreadyExists => {
             RecordingError::refused(part, "an unfinished recording of this name exists; recover or move it first")
         }
+        std::io::ErrorKind::NotFound => RecordingError::refused(path, "its folder does not exist; create it first"),
         _ => RecordingError::io("create", part, error),
     })
 }

@@ -12,6 +12,7 @@ use super::row_batch::Batch;
 use super::schema::Topic;
 use super::{RecordingError, VIEW_KEY, frame_message, part_file};
 use crate::image::Frame;
+use crate::interrupt::{self, Unfinished};
 pub use info::{RecordingInfo, ViewInfo};
 use split_state::SplitState;
 use std::collections::BTreeMap;
@@ -67,6 +68,8 @@ pub struct FinishedRecording {
 pub struct RecordingWriter {
     path: PathBuf,
     part: PathBuf,
+    /// The note that removes the part file if a signal ends the program.
+    unfinished: Unfinished,
     /// `None` when the file is complete.
     container: Option<Container>,
     /// Whether frames are written before their chunk ends.
@@ -110,10 +113,11 @@ impl RecordingWriter {
 
     /// Creates the part file of a recording without a description.
     pub(super) fn start(path: &Path, part: PathBuf, options: &WriterOptions) -> Result<Self, RecordingError> {
-        let (container, handle) = open_part(path, &part, options)?;
+        let ((container, handle), unfinished) = open_part(path, &part, options)?;
         Ok(Self {
             path: path.to_path_buf(),
             part,
+            unfinished,
             container: Some(container),
             is_direct: options.compression == Compression::None,
             handle,
@@ -140,8 +144,8 @@ impl RecordingWriter {
         part: PathBuf,
         options: &WriterOptions,
     ) -> Result<(), RecordingError> {
-        let (container, handle) = open_part(path, &part, options)?;
-        (self.container, self.handle, self.part) = (Some(container), handle, part);
+        let ((container, handle), unfinished) = open_part(path, &part, options)?;
+        (self.container, self.handle, self.part, self.unfinished) = (Some(container), handle, part, unfinished);
         (self.path, self.disk_sync) = (path.to_path_buf(), DiskSync::default());
         (self.channels, self.has_messages) = (vec![NO_CHANNELS; 1 + self.views.len()], false);
         Ok(())
@@ -478,11 +482,15 @@ impl Drop for RecordingWriter {
     }
 }
 
-/// Creates a part file and returns its container, and a second handle of it for syncs.
-fn open_part(path: &Path, part: &Path, options: &WriterOptions) -> Result<(Container, File), RecordingError> {
-    let file = part_file::create(path, part)?;
+/// Creates a part file and returns its container, a second handle of it for syncs, and its note for signals.
+fn open_part(
+    path: &Path,
+    part: &Path,
+    options: &WriterOptions,
+) -> Result<((Container, File), Unfinished), RecordingError> {
+    let (file, unfinished) = interrupt::file(part, || part_file::create(path, part))?;
     let handle = file.try_clone().map_err(|error| RecordingError::io("open", part, error))?;
     let settings = Settings { profile: "", compression: options.compression, chunk_bytes: options.chunk_bytes };
     let container = Container::create(PartFile::new(file), settings);
-    Ok((container.map_err(|error| RecordingError::io("write", part, error))?, handle))
+    Ok(((container.map_err(|error| RecordingError::io("write", part, error))?, handle), unfinished))
 }

@@ -20,7 +20,7 @@ mod spread;
 
 pub use check::{CheckPicture, CheckRow, check_page};
 pub use diagnosis::{BodyDiagnosis, Change, Diagnosis, FrameDiagnosis, Panel, diagnosis_page};
-pub use page::utc;
+pub use page::date;
 pub use paper_figures::{Comparison, Experiment, Figure, figures};
 pub use shot::{MeasuredBody, Shot, last_revisions};
 pub use spread::Spread;

@@ -3,6 +3,7 @@
 use super::quantities::GROUPS;
 use super::shot::Shot;
 use super::{curves, snapshot};
+use crate::image::is_dated;
 use crate::plot::{ImpactQuantity, fixed, format_estimate, three_digits};
 use crate::results::{Estimate, Impact, PointStatus};
 use chrono::DateTime;
@@ -67,7 +68,7 @@ pub(super) fn shot_page(shot: &Shot) -> String {
 
 /// Writes the head of the page: rig, file, and facts about camera, scale and frames.
 fn header(shot: &Shot, rig: &str) -> Markup {
-    let mut facts = vec![utc(shot.origin_ns)];
+    let mut facts: Vec<String> = date(shot.origin_ns, &shot.metadata).into_iter().collect();
     if let Some(camera) = shot.metadata.get("camera") {
         let serial = shot.metadata.get("serial").map(|serial| format!(" ({serial})")).unwrap_or_default();
         facts.push(format!("{camera}{serial}"));
@@ -351,8 +352,14 @@ fn grouped(number: f64) -> String {
     grouped + rest
 }
 
+/// Returns the date of a shot: that of its first frame's stamp, ns, else the one that the imported file stated. `None`
+/// if neither is known.
+pub fn date(stamp_ns: u64, metadata: &BTreeMap<String, String>) -> Option<String> {
+    if is_dated(stamp_ns) { Some(utc(stamp_ns)) } else { metadata.get("date").map(|date| date.replacen('T', " ", 1)) }
+}
+
 /// Formats a stamp, ns since the Unix epoch, as date and time of day.
-pub fn utc(stamp_ns: u64) -> String {
+fn utc(stamp_ns: u64) -> String {
     let time = DateTime::from_timestamp_nanos(i64::try_from(stamp_ns).unwrap_or(i64::MAX));
     time.format("%Y-%m-%d %H:%M:%S UTC").to_string()
 }
@@ -372,6 +379,14 @@ mod tests {
         ] {
             assert_eq!(utc(seconds * 1_000_000_000), text);
         }
+    }
+
+    #[test]
+    fn a_film_without_a_date_is_not_of_1970() {
+        let stated = BTreeMap::from([("date".to_owned(), "2024-05-01T12:00:00".to_owned())]);
+        assert_eq!(date(100_000, &BTreeMap::new()), None);
+        assert_eq!(date(100_000, &stated).as_deref(), Some("2024-05-01 12:00:00"));
+        assert_eq!(date(1_700_000_000_000_000_000, &stated).as_deref(), Some("2023-11-14 22:13:20 UTC"));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The page of several recordings: how well their numbers repeat.
 
-use super::page::{document, utc};
+use super::page::{date, document};
 use super::quantities::GROUPS;
 use super::shot::Shot;
 use super::spread::Spread;
@@ -159,7 +159,7 @@ fn recording_table(shots: &[Shot]) -> Markup {
                         @let lost = shot.frames.lost + shot.frames.unreadable;
                         @let is_cut = shot.truncated.is_some();
                         tr {
-                            td { (k + 1) } td { (shot.name) } td { (entry("rig")) } td { (utc(shot.origin_ns)) }
+                            td { (k + 1) } td { (shot.name) } td { (entry("rig")) } td { (date(shot.origin_ns, &shot.metadata).unwrap_or_default()) }
                             td { (shot.frames.count) }
                             td class=[(lost > 0 || is_cut).then_some("far")] { (lost) @if is_cut { ", cut off" } }
                             td { (shot.impacts.len()) } td { (entry("version")) }

@@ -1,7 +1,7 @@
 //! The facts of a recording that the strip of shots shows.
 
 use crate::recording::{Recording, RecordingError};
-use crate::report::{last_revisions, utc};
+use crate::report::{date, last_revisions};
 use crate::results::Impact;
 use std::path::Path;
 
@@ -38,6 +38,11 @@ impl ShotFacts {
             _ => recording.first_frame()?.stamp_ns,
         };
         let reason = impacts.is_empty().then(|| "no collision was found in this shot".to_owned());
-        Ok(Self { impact: impacts.first().copied(), reason, stamp_ns, time: utc(stamp_ns) })
+        Ok(Self {
+            impact: impacts.first().copied(),
+            reason,
+            stamp_ns,
+            time: date(stamp_ns, recording.metadata()).unwrap_or_default(),
+        })
     }
 }

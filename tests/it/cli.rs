@@ -151,7 +151,7 @@ fn a_recording_of_another_program_needs_a_configuration() {
     assert_eq!(message, format!("{}: the frame rate is unknown; pass it with --fps", one.display()));
     let message = refused(5, ["replay", text(&one), "--config", text(&config)]);
     assert!(message.contains(text(&one)) && message.contains("no frame rate"), "{message}");
-    assert_eq!(refused(2, ["analyze", text(&one), "--fps", "0"]), "--fps 0: must be a positive number");
+    assert_eq!(refused(2, ["analyze", text(&one), "--fps", "0"]), "--fps 0e0: must be above 0 and at most 1e9");
 }
 
 #[test]

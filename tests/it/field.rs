@@ -8,7 +8,6 @@ use ricochet::dic::{CorrelationParams, Correlator, Interpolation, Point, Region,
 use ricochet::failure::Failure;
 use ricochet::image::Image;
 use ricochet::plot::Quantity;
-use ricochet::process::Stop;
 
 fn options(reference: &Path, target: &Path) -> FieldOptions {
     FieldOptions {
@@ -29,7 +28,7 @@ fn options(reference: &Path, target: &Path) -> FieldOptions {
 }
 
 fn run(options: &FieldOptions) -> Result<Outcome, Failure> {
-    ricochet::command::field::run(options, &Stop::default())
+    ricochet::command::field::run(options)
 }
 
 /// Writes a smooth random pattern and a shifted copy of it.

@@ -2,10 +2,6 @@
 
 use crate::rotation_search::{farthest, rows, write_frames};
 use crate::support::{Rig, run, succeed};
-use ricochet::command::field::{Begin, FieldOptions};
-use ricochet::console::{Outcome, Overwrite};
-use ricochet::dic::CorrelationParams;
-use ricochet::process::Stop;
 use ricochet::results::PointStatus;
 use std::path::{Path, PathBuf};
 
@@ -132,32 +128,6 @@ fn each_map_of_a_series_has_its_own_legend() {
     assert!((starts[0] - 1.3).abs() < 0.03 && (starts[1] - 2.6).abs() < 0.03, "{stderr}");
     let height = |k: u32| image::open(folder.join(format!("field_{k:04}.png"))).unwrap().height();
     assert!(height(1) > 240 && height(2) > 240, "the bar comes below");
-}
-
-#[test]
-fn a_stop_ends_a_series_and_reports_how_many_are_missing() {
-    let rig = Rig::new();
-    let frames = write_frames(&rig, [1.3, 0.4], 0.0, 4);
-    let stop = Stop::default();
-    stop.request();
-    let options = FieldOptions {
-        reference: frames[0].clone(),
-        target: frames[1].clone(),
-        later: frames[2..].to_vec(),
-        params: CorrelationParams::default(),
-        roi_px: None,
-        region: None,
-        partial: false,
-        output: Some(rig.path("tables")),
-        json: false,
-        picture: None,
-        map: None,
-        begin: Begin::Neighbor,
-        overwrite: Overwrite::ALLOWED,
-    };
-    let outcome = ricochet::command::field::run(&options, &stop).unwrap();
-    let Outcome::Lost { count: 3, cause: Some(cause) } = outcome else { panic!("{outcome:?}") };
-    assert!(cause.contains("stopped"), "{cause}");
 }
 
 #[test]

@@ -62,7 +62,7 @@ coefficient = 0.1
 "#;
 
 /// Whether ffmpeg with H.264 is installed, which `RICOCHET_REQUIRE_FFMPEG` demands.
-fn has_ffmpeg() -> bool {
+pub fn has_ffmpeg() -> bool {
     let listed = Command::new("ffmpeg").args(["-v", "error", "-encoders"]).output();
     let has = listed.is_ok_and(|listed| String::from_utf8_lossy(&listed.stdout).contains("libx264"));
     assert!(has || !is_required("FFMPEG"), "ffmpeg with libx264 is required but not installed");
@@ -113,6 +113,7 @@ fn a_phone_film_becomes_a_number_and_a_page_in_three_commands() {
     let restitution = film(&rig);
     let [film, config, results, page] =
         ["phone.mp4", "rig.toml", "results.mcap", "page.html"].map(|name| rig.path(name));
+    let began = std::time::Instant::now();
     let proposed =
         succeed(["setup", word(&film), "--fps", "240", "--diameter-mm", "63.25", "-o", word(&config), "--json"]);
     let proposed: Value = serde_json::from_str(&proposed).unwrap();
@@ -137,6 +138,7 @@ fn a_phone_film_becomes_a_number_and_a_page_in_three_commands() {
     assert!((found - restitution).abs() < 0.01, "{found} for {restitution}");
     succeed(["report", word(&results), "--film", word(&film), "-o", word(&page)]);
     assert!(std::fs::read_to_string(page).unwrap().contains("Restitution"));
+    println!("three commands and no question, {:.1} s", began.elapsed().as_secs_f64());
 }
 
 #[test]
@@ -192,4 +194,33 @@ fn a_film_in_which_nothing_moves_gets_no_rig_file() {
     let stderr = String::from_utf8(output.stderr).unwrap();
     assert_eq!((output.status.code(), config.exists()), (Some(7), false), "{stderr}");
     assert!(stderr.contains("nothing moves in this film"), "{stderr}");
+}
+
+#[test]
+fn a_film_has_the_date_that_it_states_or_none() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let rig = Rig::new();
+    film(&rig);
+    let plain = rig.path("phone.mp4");
+    for (name, date) in [("dated", "2024-05-01T12:00:00"), ("unset", "1970-01-01T00:00:00")] {
+        let [film, config, results, page] =
+            ["mp4", "toml", "mcap", "html"].map(|ending| rig.path(&format!("{name}.{ending}")));
+        let tag = format!("creation_time={date}Z");
+        let copied = Command::new("ffmpeg")
+            .args(["-v", "error", "-i", word(&plain), "-c", "copy", "-metadata", &tag, word(&film)])
+            .status()
+            .unwrap();
+        assert!(copied.success());
+        succeed(["setup", word(&film), "--fps", "240", "--diameter-mm", "63.25", "-o", word(&config)]);
+        succeed(["analyze", word(&film), "--fps", "240", "--config", word(&config), "-o", word(&results)]);
+        succeed(["report", word(&results), "--film", word(&film), "-o", word(&page)]);
+        let (info, page) = (succeed(["info", word(&results)]), std::fs::read_to_string(page).unwrap());
+        let is_dated = name == "dated";
+        assert_eq!(info.contains("2024-05-01 12:00:00"), is_dated, "{info}");
+        assert_eq!(info.contains("date unknown"), !is_dated, "{info}");
+        assert_eq!(page.contains("2024-05-01 12:00:00"), is_dated);
+        assert!(!info.contains("1970") && !page.contains("1970"), "{info}");
+    }
 }

@@ -6,7 +6,6 @@ use ricochet::console::{Outcome, Overwrite};
 use ricochet::dic::rigid_fit;
 use ricochet::dic::{CorrelationParams, Shape};
 use ricochet::failure::Failure;
-use ricochet::process::Stop;
 use ricochet::results::{Displacement, FieldPoint, PointStatus};
 use ricochet::synth::{MotionSetup, Scenario, SimulatedFilm};
 use std::path::{Path, PathBuf};
@@ -46,7 +45,7 @@ fn write_pair(rig: &Rig, shift_px: [f64; 2], angle_deg: f64) -> (PathBuf, PathBu
 }
 
 fn measure(options: &FieldOptions) -> Result<Outcome, Failure> {
-    ricochet::command::field::run(options, &Stop::default())
+    ricochet::command::field::run(options)
 }
 
 fn options(pair: &(PathBuf, PathBuf), output: &Path) -> FieldOptions {

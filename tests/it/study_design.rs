@@ -3,7 +3,7 @@
 use crate::measured_world::rows_of;
 use crate::support::{Rig, run, succeed};
 use ricochet::config::{BodyKind, Config};
-use ricochet::process::{Stop, truth_world};
+use ricochet::process::truth_world;
 use ricochet::study::design::{Expected, predict, spread};
 use ricochet::synth::{LightSetup, MotionSetup, PatternSetup, Scenario};
 use ricochet::track::TrackerRows;
@@ -26,7 +26,7 @@ fn measured_scatter(config: &Config, films: u64) -> Vec<Expected> {
 
 /// The predicted scatter over the measured one, by name.
 fn ratios(config: &Config, films: u64) -> Vec<(String, f64)> {
-    let predicted = predict(config, &Stop::default()).unwrap();
+    let predicted = predict(config).unwrap();
     let measured_scatter = measured_scatter(config, films);
     let ratio = |expected: &Expected| {
         let found = measured_scatter.iter().find(|found| found.name == expected.name)?;

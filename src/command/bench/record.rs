@@ -3,6 +3,7 @@
 use super::{BenchOptions, median_of};
 use crate::failure::Failure;
 use crate::image::{Frame, FrameMeta, PixelFormat};
+use crate::interrupt::{self, Unfinished};
 use crate::numeric::{COUNT, key, scramble};
 use crate::recording::{RecordingInfo, RecordingWriter, WriterOptions, part_path};
 use serde_json::json;
@@ -92,13 +93,15 @@ fn print_medians(options: &BenchOptions, plain: &[Timing], recorded: &[Timing]) 
 struct Files {
     plain: PathBuf,
     recording: PathBuf,
+    _unfinished: [Unfinished; 2],
 }
 
 impl Files {
     /// Names files of this process in a directory.
     fn new(directory: &Path) -> Self {
         let name = |ending: &str| directory.join(format!(".ricochet-bench-{}.{ending}", std::process::id()));
-        Self { plain: name("raw"), recording: name("mcap") }
+        let (plain, recording) = (name("raw"), name("mcap"));
+        Self { _unfinished: [&plain, &recording].map(|path| interrupt::note(path)), plain, recording }
     }
 
     /// Writes the frames as plain bytes, synced as often as a recording, and removes the file.

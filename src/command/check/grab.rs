@@ -103,7 +103,7 @@ pub(super) fn grab(config: &Config, seconds: f64, stop: &Stop) -> Result<Grabbed
     }
     source.close();
     grabbed.lost += torn;
-    if grabbed.frames.len() < 3 {
+    if grabbed.frames.len() < 3 && !stop.requested() {
         let id = config.camera.id.clone().or(config.camera.scenario.clone()).unwrap_or_default();
         let came = grabbed.frames.len();
         let waits = match &config.camera.trigger_source {

@@ -15,6 +15,7 @@ use crate::config::Config;
 use crate::console::{Outcome, Overwrite, UsageError, print_line, table, write_file};
 use crate::failure::{ExitCode, Failure, Fatal};
 use crate::image::FrameMeta;
+use crate::interrupt::{self, Interrupted};
 use crate::process::{Stop, analysis_params};
 use crate::report;
 use displacement::Floor;
@@ -80,6 +81,11 @@ pub fn run(options: &CheckOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let config = Config::load(&options.config)?;
     config.check_sources()?;
     let grabbed = grab::grab(&config, options.seconds, stop)?;
+    // The camera is closed, so nothing needs an orderly end any more.
+    interrupt::allow_end();
+    if stop.requested() {
+        return Err(Interrupted.into());
+    }
     let floor = displacement::measure_floor(&config, &grabbed)?;
     let inspection = inspect(&config, &grabbed, &floor)?;
     if options.json {

@@ -6,6 +6,7 @@ use super::analyze::last_revisions;
 use crate::config::{BodyKind, Config, Scale};
 use crate::console::{Outcome, Overwrite, UsageError, print_line, progress, table, write_file};
 use crate::failure::Failure;
+use crate::interrupt::{self, Interrupted};
 use crate::message::Role;
 use crate::process::{self, Child, Extras, Stop};
 use crate::recording::Recording;
@@ -96,7 +97,7 @@ const ROD_LINES: [Line; 9] = [
 pub fn run(options: &DemoOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let config = demo_config(options)?;
     let total = process::truth_world(&config)?.map_or(0, |world| world.frames());
-    let bar = progress::frame_bar(total, "measure");
+    let bar = progress::bar(total, "measure");
     let tracker = Child::first(Role::Track);
     let summary = process::supervise(&config, stop, Extras::default(), |latest| {
         if let Some(status) = latest.get(&tracker) {
@@ -104,8 +105,9 @@ pub fn run(options: &DemoOptions, stop: &Stop) -> Result<Outcome, Failure> {
         }
     })?;
     bar.finish_and_clear();
+    interrupt::allow_end();
     if stop.requested() {
-        return Ok(Outcome::from_rig(&summary));
+        return Err(Interrupted.into());
     }
     let Some(path) = summary.recordings.last() else {
         return Err(Failure::internal("the rig ended without a recording"));

@@ -70,7 +70,7 @@ pub(super) fn measure_velocities(recording: &Recording, setup: &Setup<'_>) -> Re
     if film.iter().all(|still| still.tape_px.is_none()) {
         return Err(Failure::internal(format!("{}: cannot find the rod in any frame", recording.path().display())));
     }
-    let bar = progress::frame_bar((INTERVALS.len() * film.len()) as u64, "compare");
+    let bar = progress::bar((INTERVALS.len() * film.len()) as u64, "compare");
     let curves = INTERVALS.map(|(interval, label)| {
         let points = measure_normal_velocities(&film, SPLINE_POINTS, interval, setup, || bar.inc(1))?;
         Ok(Comparison { label, points })

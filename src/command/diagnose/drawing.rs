@@ -7,7 +7,6 @@ use crate::console::WriteError;
 use crate::failure::Failure;
 use crate::image::encode_png;
 use crate::plot::{Canvas, Color, stretched_levels};
-use crate::process::Stop;
 use crate::report::{FrameDiagnosis, Panel};
 use crate::results::{Circle, PointStatus, segments};
 
@@ -50,11 +49,11 @@ pub(super) fn draw_frame(
 
 /// Draws what moves in the film over the frame in which most of it moves; `None` if the film has fewer than three
 /// frames.
-pub(super) fn draw_movement(film: &FilmFiles, surveyed: &Surveyed, stop: &Stop) -> Result<Option<Panel>, Failure> {
+pub(super) fn draw_movement(film: &FilmFiles, surveyed: &Surveyed) -> Result<Option<Panel>, Failure> {
     let Some(movement) = &surveyed.movement else { return Ok(None) };
     let busiest = surveyed.bodies.iter().flat_map(|body| &body.mover.appearances);
     let shown = busiest.max_by(|a, b| a.area_px2.total_cmp(&b.area_px2)).map_or(0, |appearance| appearance.index);
-    let (meta, bytes) = film.frame(shown, stop)?;
+    let (meta, bytes) = film.frame(shown)?;
     let levels = stretched_levels(&crate::command::export::grey_levels(meta, &bytes)?);
     let mut canvas = Canvas::from_levels(&levels, meta.width_px).with_line(2);
     tint_marked(&mut canvas, &movement.swept, surveyed);

@@ -16,7 +16,7 @@ use crate::console::{Outcome, Overwrite, UsageError, print_note};
 use crate::failure::Failure;
 use crate::image::{Frame, Image};
 use crate::import;
-use crate::process::Stop;
+use crate::interrupt::{self, Unfinished};
 use crate::recording::Recording;
 use crate::report::{BodyDiagnosis, Diagnosis};
 use crate::results::{PairField, TrackSample, VelocitySample};
@@ -72,16 +72,16 @@ struct Measured {
 /// # Errors
 ///
 /// When the film or the rig file cannot be used, or the page cannot be written.
-pub fn run(options: &DiagnoseOptions, stop: &Stop) -> Result<Outcome, Failure> {
+pub fn run(options: &DiagnoseOptions) -> Result<Outcome, Failure> {
     let target = Target::new(options)?;
     let (camera, order) = (options.camera.clone(), options.order.order());
     let film = FilmFiles { inputs: options.film.clone(), camera, fps: options.fps, order };
-    let results = Scratch(target.scratch());
+    let results = Scratch::new(target.scratch());
     let measured = match has_config(options)? {
-        true => Some(measure_film(options, &results.0, stop)?),
+        true => Some(measure_film(options, &results.path)?),
         false => None,
     };
-    let surveyed = film_survey::survey(&film, stop)?;
+    let surveyed = film_survey::survey(&film)?;
     let mut diagnosis = Diagnosis {
         film: options.film[0].file_name().unwrap_or_default().to_string_lossy().into_owned(),
         facts: film_facts(&surveyed, measured.as_ref()),
@@ -89,9 +89,9 @@ pub fn run(options: &DiagnoseOptions, stop: &Stop) -> Result<Outcome, Failure> {
         ..Diagnosis::default()
     };
     if let Some(measured) = &measured {
-        diagnosis.bodies = diagnose_bodies(&film, measured, &surveyed, &options.frame, stop)?;
+        diagnosis.bodies = diagnose_bodies(&film, measured, &surveyed, &options.frame)?;
     }
-    diagnosis.movement = drawing::draw_movement(&film, &surveyed, stop)?;
+    diagnosis.movement = drawing::draw_movement(&film, &surveyed)?;
     target.write(&diagnosis, options)?;
     if !options.json {
         diagnosis.bodies.iter().for_each(|body| print_note(&body.line));
@@ -102,11 +102,20 @@ pub fn run(options: &DiagnoseOptions, stop: &Stop) -> Result<Outcome, Failure> {
 }
 
 /// A file that is removed at the end.
-struct Scratch(PathBuf);
+struct Scratch {
+    path: PathBuf,
+    _unfinished: Unfinished,
+}
+
+impl Scratch {
+    fn new(path: PathBuf) -> Self {
+        Self { _unfinished: interrupt::note(&path), path }
+    }
+}
 
 impl Drop for Scratch {
     fn drop(&mut self) {
-        let _ = std::fs::remove_file(&self.0);
+        let _ = std::fs::remove_file(&self.path);
     }
 }
 
@@ -128,13 +137,13 @@ fn has_config(options: &DiagnoseOptions) -> Result<bool, Failure> {
 /// # Errors
 ///
 /// When the film or the rig file cannot be used, or the file cannot be written.
-fn measure_film(options: &DiagnoseOptions, results: &Path, stop: &Stop) -> Result<Measured, Failure> {
+fn measure_film(options: &DiagnoseOptions, results: &Path) -> Result<Measured, Failure> {
     let (camera, config) = (options.camera.as_deref(), options.config.as_deref());
     let mut film = Film::open(&options.film, camera, config, options.fps, options.order.order())?;
     film.config.workers.count = film.config.workers.count.max(1);
     film.config.record = Some(analyze::results_record());
     let config = film.config.clone();
-    let measured = analyze::measure(film, results, stop)?;
+    let measured = analyze::measure(film, results)?;
     let results = Recording::open(&measured.path)?;
     let mut rows = results.velocities()?.collect::<Result<Vec<_>, _>>()?;
     rows.retain(|row| measured.runs.contains(row.frame));
@@ -163,7 +172,6 @@ fn diagnose_bodies(
     measured: &Measured,
     surveyed: &Surveyed,
     wanted: &[u64],
-    stop: &Stop,
 ) -> Result<Vec<BodyDiagnosis>, Failure> {
     let config = &measured.config;
     let size_px = Some(surveyed.size_px.map(|size| size as u32));
@@ -174,7 +182,7 @@ fn diagnose_bodies(
         let rows: Vec<VelocitySample> =
             measured.rows.iter().filter(|row| row.body as usize == index).copied().collect();
         let chosen = choose_frames(&rows, measured.first_frame, wanted);
-        let evidence = collect_evidence(film, measured, surveyed, index, &chosen, stop)?;
+        let evidence = collect_evidence(film, measured, surveyed, index, &chosen)?;
         let summary = &summaries[index];
         found.push(BodyDiagnosis {
             name: body.name.clone(),
@@ -202,7 +210,6 @@ fn collect_evidence(
     surveyed: &Surveyed,
     body: usize,
     chosen: &BTreeMap<u64, Choice>,
-    stop: &Stop,
 ) -> Result<Vec<Evidence>, Failure> {
     if chosen.is_empty() {
         return Err(UsageError(format!("--frame: no such frame; the film has {} frames", surveyed.count)).into());
@@ -218,7 +225,7 @@ fn collect_evidence(
     let mut examiner = Examiner::new(&measured.config, body, surveyed)?;
     let (mut evidence, mut image) = (Vec::new(), Image::default());
     let mut first_ns = None;
-    film.visit(stop, |index, meta, bytes| {
+    film.visit(|index, meta, bytes| {
         let first_ns = *first_ns.get_or_insert(meta.stamp_ns);
         let Some(choice) = chosen.get(&meta.sequence) else { return Ok(Visit::GoOn) };
         Frame { meta, bytes }.unpack(&mut image)?;

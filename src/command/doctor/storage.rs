@@ -4,6 +4,7 @@ use super::Finding;
 use super::host::Host;
 use crate::config::{Camera, Config};
 use crate::image::PixelFormat;
+use crate::interrupt;
 use rustix::fs::statvfs;
 use std::fs::File;
 use std::io::Write;
@@ -97,6 +98,7 @@ fn examine_folder(config: Option<&Config>, directory: &Path) -> Vec<Finding> {
 /// Writes a file, syncs and removes it; returns the speed, bytes/s.
 fn measure_write_speed(directory: &Path) -> std::io::Result<f64> {
     let path = directory.join(format!(".ricochet-trial-{}", std::process::id()));
+    let _unfinished = interrupt::note(&path);
     let written = write_trial_file(&path);
     let removed = std::fs::remove_file(&path);
     written.and_then(|speed| removed.map(|()| speed))

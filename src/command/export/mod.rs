@@ -8,7 +8,7 @@ mod sink;
 mod video;
 
 use crate::command::result_film::{self, Frames};
-use crate::console::{OutputFile, Overwrite, check_no_input};
+use crate::console::{OutputFile, Overwrite, check_no_input, print_note};
 use crate::failure::{ExitCode, Failure, Fatal};
 use crate::recording::{self, Recording, RecordingError};
 use crate::results::named_enum;
@@ -83,7 +83,31 @@ pub struct ExportOptions {
     pub overwrite: Overwrite,
 }
 
+/// Endings that promise a format; no other one is written under such a name.
+const OTHER_ENDINGS: [&str; 14] =
+    ["avi", "csv", "gif", "jpg", "mcap", "mkv", "mov", "mp4", "npz", "ods", "parquet", "png", "webm", "xlsx"];
+
 impl ExportOptions {
+    /// Checks that the name of the output does not promise another format.
+    ///
+    /// # Errors
+    ///
+    /// [`ExportError::Usage`] with the ending.
+    fn check_ending(&self) -> Result<(), ExportError> {
+        let Some(path) = &self.output else { return Ok(()) };
+        let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        let format = self.format.as_str();
+        let is_other = OTHER_ENDINGS.contains(&ending.as_str()) && ending != format;
+        let is_recording = ending == "mcap" && self.format == Format::Ros2;
+        match is_other && !is_recording {
+            true => Err(ExportError::Usage(format!(
+                "{}: --format {format} writes no .{ending} file; change the name, or the format",
+                path.display()
+            ))),
+            false => Ok(()),
+        }
+    }
+
     /// Opens the recording and selects the chosen camera.
     fn open_recording(&self) -> Result<Recording, RecordingError> {
         Recording::open(&self.file)?.select_view(self.camera.as_deref())
@@ -91,7 +115,7 @@ impl ExportOptions {
 
     /// Opens the frames of the film that the options name, or of the recording itself.
     fn open_frames(&self, results: &Recording) -> Result<Frames, ExportError> {
-        result_film::open_frames(results, &self.film, self.camera.as_deref()).map_err(ExportError::Film)
+        result_film::open_frames(results, &self.film, self.camera.as_deref(), "export").map_err(ExportError::Film)
     }
 }
 
@@ -156,6 +180,11 @@ pub fn run(options: &ExportOptions) -> Result<Exported, ExportError> {
             .map_err(|error| ExportError::Usage(error.0))?;
     }
     let rows = write_topic(options)?;
+    let is_measured = ["velocity", "field", "track", "impact"].contains(&options.topic.as_str());
+    if rows == 0 && is_measured {
+        let (topic, file) = (&options.topic, options.file.display());
+        print_note(&format!("{file} has no {topic}; `ricochet analyze` measures a film"));
+    }
     Ok(Exported { rows, truncated: Recording::open(&options.file)?.truncated().map(str::to_owned) })
 }
 
@@ -174,6 +203,7 @@ fn write_topic(options: &ExportOptions) -> Result<u64, ExportError> {
         let playback_hz = options.playback_hz;
         return Err(ExportError::Usage(format!("--fps {playback_hz}: not a number above 0 and at most 1000")));
     }
+    options.check_ending()?;
     let output = || {
         let path = options.output.as_deref();
         path.ok_or_else(|| {

@@ -4,6 +4,7 @@ use super::{ExportError, ExportOptions};
 use crate::command::result_film::Frames;
 use crate::console::write_file;
 use crate::image::{Frame, FrameMeta, Image, encode_png};
+use crate::interrupt;
 use crate::plot::{ArrowScale, Canvas, Color};
 use crate::recording::{Recording, RecordingError, to_png_of_bits};
 use crate::results::segments;
@@ -28,11 +29,14 @@ pub(super) fn write_all(options: &ExportOptions, directory: &Path) -> Result<u64
     let recording = options.open_recording()?;
     let frames = options.open_frames(&recording)?;
     std::fs::create_dir_all(directory).map_err(failed)?;
+    // The pictures are complete only together.
+    let mut unfinished = Vec::new();
     let (mut count, mut first) = (0, None);
     let mut write = |sequence: u64, png: io::Result<Vec<u8>>| {
         let png = png.map_err(failed)?;
         let number = sequence.saturating_sub(*first.get_or_insert(sequence));
         let path = directory.join(format!("{}_{number:06}.png", options.topic));
+        unfinished.extend((!path.exists()).then(|| interrupt::note(&path)));
         write_file(&path, png, options.overwrite).map_err(ExportError::Output)?;
         count += 1;
         Ok(())

@@ -2,6 +2,7 @@
 
 use super::picture::{draw_frames, grey_levels};
 use super::{ExportError, ExportOptions, Format};
+use crate::interrupt::{self, Unfinished};
 use std::ffi::OsString;
 use std::io::{self, ErrorKind, Read, Write};
 use std::path::Path;
@@ -56,6 +57,7 @@ struct Video {
     /// The input of ffmpeg; `None` once it exited.
     frames: Option<ChildStdin>,
     messages: JoinHandle<String>,
+    _unfinished: Unfinished,
 }
 
 impl Video {
@@ -66,14 +68,10 @@ impl Video {
     /// [`ExportError`] when ffmpeg is not installed or does not start.
     fn start(options: &ExportOptions, to: &Path, size: [u32; 2], kind: &str) -> Result<Self, ExportError> {
         let word = options.format.as_str();
-        let spawned = Command::new("ffmpeg")
-            .args(arguments(options, size, kind))
-            .arg(file_url(to))
-            .stdin(Stdio::piped())
-            .stdout(Stdio::null())
-            .stderr(Stdio::piped())
-            .spawn();
-        let mut ffmpeg = spawned.map_err(|error| match error.kind() {
+        let mut command = Command::new("ffmpeg");
+        command.args(arguments(options, size, kind)).arg(file_url(to));
+        command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
+        let (mut ffmpeg, unfinished) = interrupt::program(|| command.spawn()).map_err(|error| match error.kind() {
             ErrorKind::NotFound => {
                 let reason = "needs the program ffmpeg, which is not installed (Debian, Ubuntu: apt install ffmpeg)";
                 ExportError::Usage(format!("--format {word}: {reason}"))
@@ -89,7 +87,7 @@ impl Video {
             }
             String::from_utf8_lossy(&text).into_owned()
         });
-        Ok(Self { size, frames: ffmpeg.stdin.take(), ffmpeg, messages })
+        Ok(Self { size, frames: ffmpeg.stdin.take(), ffmpeg, messages, _unfinished: unfinished })
     }
 
     /// Writes the pixels of the next frame to ffmpeg; nothing once it has exited.

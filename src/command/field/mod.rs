@@ -13,7 +13,6 @@ use crate::console::{Outcome, Overwrite, WriteError, check_no_input, write_file}
 use crate::dic::{CorrelationParams, Correlator, Region};
 use crate::failure::Failure;
 use crate::image::{ImageView, encode_png};
-use crate::process::Stop;
 use crate::results::{FieldPoint, PointStatus};
 
 pub use crate::plot::Quantity;
@@ -59,9 +58,9 @@ pub struct FieldOptions {
 /// # Errors
 ///
 /// When an option is invalid, a file cannot be read or written, or the image sizes differ.
-pub fn run(options: &FieldOptions, stop: &Stop) -> Result<Outcome, Failure> {
+pub fn run(options: &FieldOptions) -> Result<Outcome, Failure> {
     if !options.later.is_empty() {
-        return series::run(options, stop);
+        return series::run(options);
     }
     measure_pair(options)?;
     Ok(Outcome::Clean)

@@ -10,11 +10,11 @@ use crate::console::{Outcome, UsageError, check_no_input, create_directory, prog
 use crate::dic::{Correlator, Series};
 use crate::failure::Failure;
 use crate::image::ImageView;
-use crate::process::Stop;
+use crate::interrupt::{self, Unfinished};
 use crate::results::FieldPoint;
 
-/// Measures every target and prints one summary line each. After a stop, the remaining targets count as lost.
-pub(super) fn run(options: &FieldOptions, stop: &Stop) -> Result<Outcome, Failure> {
+/// Measures every target and prints one summary line each.
+pub(super) fn run(options: &FieldOptions) -> Result<Outcome, Failure> {
     check_options(options)?;
     let targets: Vec<&Path> = std::iter::once(&options.target).chain(&options.later).map(PathBuf::as_path).collect();
     // All sizes are checked first, so that a wrong image is reported before the first measurement.
@@ -30,12 +30,8 @@ pub(super) fn run(options: &FieldOptions, stop: &Stop) -> Result<Outcome, Failur
     let first = stills::read_still(&options.reference)?;
     let mut series = Series::new(correlator, first.view(), &points);
     let mut field = Vec::new();
-    let bar = progress::frame_bar(targets.len() as u64, "field");
+    let bar = progress::bar(targets.len() as u64, "field");
     for (index, target) in targets.iter().enumerate() {
-        if stop.requested() {
-            let cause = Some("stopped before every target was measured".to_owned());
-            return Ok(Outcome::Lost { count: (targets.len() - index) as u64, cause });
-        }
         let picture = bar.suspend(|| stills::read_still(target))?;
         let view = picture.view();
         reference.check_size(&Still { path: target, size: Size::from_view(view) })?;
@@ -76,6 +72,8 @@ struct Outputs<'a> {
     options: &'a FieldOptions,
     /// Digits of a file's number, so that alphabetical order is the order of the series.
     digits: usize,
+    /// The notes of the new files, which are complete only together.
+    unfinished: Vec<Unfinished>,
 }
 
 impl<'a> Outputs<'a> {
@@ -85,13 +83,12 @@ impl<'a> Outputs<'a> {
     ///
     /// When an image would be overwritten, files of a longer series would remain, or a directory cannot be created.
     fn create(options: &'a FieldOptions, targets: &[&Path]) -> Result<Self, Failure> {
-        let outputs = Self { options, digits: targets.len().to_string().len().max(4) };
+        let digits = targets.len().to_string().len().max(4);
+        let mut outputs = Self { options, digits, unfinished: Vec::new() };
         let paths = |index: usize| [outputs.table_path(index), outputs.picture_path(index)].into_iter().flatten();
-        for path in (0..targets.len()).flat_map(paths) {
-            // Most outputs do not exist, and need not be compared with every input.
-            if path.exists() {
-                check_no_input(&path, std::iter::once(options.reference.as_path()).chain(targets.iter().copied()))?;
-            }
+        let (existing, new): (Vec<_>, Vec<_>) = (0..targets.len()).flat_map(paths).partition(|path| path.exists());
+        for path in existing {
+            check_no_input(&path, std::iter::once(options.reference.as_path()).chain(targets.iter().copied()))?;
         }
         if let Some(path) = paths(targets.len()).find(|path| path.exists()) {
             let reason =
@@ -106,6 +103,7 @@ impl<'a> Outputs<'a> {
         if options.output.is_none() {
             outputs.layout().write_header(std::io::stdout().lock()).map_err(standard_output_error)?;
         }
+        outputs.unfinished = new.iter().map(|path| interrupt::note(path)).collect();
         Ok(outputs)
     }
 

@@ -11,7 +11,6 @@ use crate::config::Config;
 use crate::console::{Outcome, Overwrite, UsageError, WriteError, check_no_input, print_line, print_note, write_file};
 use crate::failure::{ExitCode, Failure, Fatal};
 use crate::image::{Frame, encode_png};
-use crate::process::Stop;
 use proposal::Proposal;
 use serde_json::json;
 use std::io::{IsTerminal, Write as _};
@@ -71,14 +70,14 @@ impl Fatal for NothingFound {
 ///
 /// When the film cannot be read, nothing in it can be followed, a file exists without `--force`, or the scale is missing. In
 /// the last case the files are written all the same.
-pub fn run(options: &SetupOptions, stop: &Stop) -> Result<Outcome, Failure> {
+pub fn run(options: &SetupOptions) -> Result<Outcome, Failure> {
     let picture_path = options.output.with_extension("png");
     check_outputs(options, &picture_path)?;
     if let Some(diameter_mm) = options.diameter_mm.filter(|mm| !(*mm > 0.0 && *mm <= 10_000.0)) {
         return Err(UsageError(format!("--diameter-mm {diameter_mm}: must be above 0 and at most 10000 mm")).into());
     }
     let film = FilmFiles { inputs: options.film.clone(), camera: None, fps: options.fps, order: options.order.order() };
-    let surveyed = film_survey::survey(&film, stop)?;
+    let surveyed = film_survey::survey(&film)?;
     let name = options.film[0].display().to_string();
     let diameter_mm = match options.diameter_mm {
         None if proposal::needs_diameter(&surveyed) => ask_diameter()?,
@@ -90,7 +89,7 @@ pub fn run(options: &SetupOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let text = rig_text::rig_text(&proposal, &name, &command);
     // A proposal that the program itself refuses would be a bug.
     Config::parse(&text, &options.output.display().to_string())?;
-    let (meta, bytes) = film.frame(proposal.shown_frame, stop)?;
+    let (meta, bytes) = film.frame(proposal.shown_frame)?;
     let drawn = picture::draw(&proposal, &surveyed, &Frame { meta, bytes: &bytes })?;
     write_file(&options.output, &text, options.overwrite)?;
     let png = encode_png(&drawn).map_err(|error| WriteError::new(&picture_path, error))?;

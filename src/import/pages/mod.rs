@@ -8,7 +8,7 @@ use super::rate::Rate;
 use super::shape::Shape;
 use super::still::{Look, Still};
 use super::timeline::FrameTimes;
-use super::{ImportError, memory_limit_bytes, open_file};
+use super::{ImportError, date, memory_limit_bytes, open_file};
 use description::Description;
 use page::Page;
 use std::fs::File;
@@ -147,10 +147,7 @@ impl Stack {
     /// time zone, as the file states it. `None` where it states none.
     pub(super) fn date(&mut self) -> Option<String> {
         let text = self.decoder.find_tag(Tag::DateTime).ok()??.into_string().ok()?;
-        let text = text.trim_matches(['\0', ' ']);
-        let (date, time) = text.split_once(' ')?;
-        let is_plain = text.len() == 19 && text.bytes().all(|byte| byte.is_ascii_digit() || b": ".contains(&byte));
-        is_plain.then(|| format!("{}T{time}", date.replace(':', "-")))
+        date::from_exif_text(&text)
     }
 
     /// Decodes the next page to a grey image as it is displayed.

@@ -14,7 +14,7 @@ use super::pages::Stack;
 use super::rate::Rate;
 use super::still::{Look, Still};
 use super::timeline::{FrameTimes, Timeline};
-use super::{ImportError, Orientation, RateSource, extension, memory_limit_bytes, open_file};
+use super::{ImportError, Orientation, RateSource, date, extension, memory_limit_bytes, open_file};
 use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
 use list::Listed;
 use order::Sequence;
@@ -84,7 +84,7 @@ fn footage_of_files(listed: Listed, fps: Option<f64>, order: Order) -> Result<Fo
         }
         None => Timeline::numbered(Rate::known(&first_path, fps, None)?, numbers),
     };
-    let date = open_stack(&first_path)?.and_then(|mut stack| stack.date());
+    let date = date_of(&first_path)?;
     let count = paths.len() as u64;
     let stills = paths.into_iter().map(|path| (path.clone(), read_still(&path)));
     Ok(with_date(footage_of_stills(timeline, count, Box::new(stills), warnings)?, date))
@@ -154,6 +154,22 @@ fn footage_of_stills(
 fn with_date(mut footage: Footage, date: Option<String>) -> Footage {
     footage.description.extend(date.map(|date| ("date".to_owned(), date)));
     footage
+}
+
+/// Returns the date that a TIFF file or the Exif block of another image states; `None` without one.
+fn date_of(path: &Path) -> Result<Option<String>, ImportError> {
+    if let Some(mut stack) = open_stack(path)? {
+        return Ok(stack.date());
+    }
+    let (file, file_bytes) = open_file(path)?;
+    let reader = ImageReader::new(BufReader::new(file)).with_guessed_format();
+    let mut reader = reader.map_err(|error| ImportError::io("read", path, error))?;
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(memory_limit_bytes(file_bytes));
+    reader.limits(limits);
+    // An image that cannot be decoded is refused where it is read.
+    let exif = reader.into_decoder().ok().and_then(|mut decoder| decoder.exif_metadata().ok().flatten());
+    Ok(exif.and_then(|block| date::from_exif(&block)))
 }
 
 /// Opens a TIFF file; `None` for any other file.

@@ -62,9 +62,10 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
     Ok(footage.with_bits_of_first(path)?.with_square_pixels(stream.pixel_aspect()).oriented(orientation))
 }
 
-/// Returns the properties of the film that are worth keeping: codec, pixel layout, tone curve.
+/// Returns the properties of the film that are worth keeping: codec, pixel layout, tone curve, date.
 fn description(stream: &Stream) -> BTreeMap<String, String> {
     let entries = [("codec", "codec_name"), ("pixel_layout", "pix_fmt"), ("tone_curve", "color_transfer")];
     let known = entries.into_iter().map(|(name, key)| (name.to_owned(), stream.text(key).to_owned()));
-    known.filter(|(_, value)| !value.is_empty()).collect()
+    let known = known.filter(|(_, value)| !value.is_empty());
+    known.chain(stream.date().map(|date| ("date".to_owned(), date))).collect()
 }

@@ -1,6 +1,7 @@
 //! The programs ffmpeg and ffprobe: started, read line by line, and stopped.
 
 use super::super::ImportError;
+use crate::interrupt::{self, Unfinished};
 use std::ffi::OsString;
 use std::io::{BufRead, BufReader, ErrorKind, Read};
 use std::path::{Path, PathBuf};
@@ -20,6 +21,7 @@ pub(super) struct Program {
     child: Child,
     name: &'static str,
     path: PathBuf,
+    _unfinished: Unfinished,
 }
 
 impl Program {
@@ -34,21 +36,17 @@ impl Program {
         arguments: &[OsString],
         path: &Path,
     ) -> Result<Self, ImportError> {
-        let child = Command::new(name)
-            .args(options.split_whitespace())
-            .args(arguments)
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn();
-        let child = child.map_err(|error| match error.kind() {
+        let mut command = Command::new(name);
+        command.args(options.split_whitespace()).args(arguments);
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let (child, unfinished) = interrupt::program(|| command.spawn()).map_err(|error| match error.kind() {
             ErrorKind::NotFound => ImportError::invalid(
                 path,
                 format!("needs the program {name}, which is not installed (Debian, Ubuntu: apt install ffmpeg)"),
             ),
             _ => ImportError::invalid(path, format!("needs the program {name}, which does not start: {error}")),
         })?;
-        Ok(Self { child, name, path: path.to_path_buf() })
+        Ok(Self { child, name, path: path.to_path_buf(), _unfinished: unfinished })
     }
 
     /// Takes the pipe of the program's output; `None` if it was taken.

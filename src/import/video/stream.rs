@@ -1,6 +1,6 @@
 //! The properties of a film, as ffprobe states them.
 
-use super::super::{ImportError, Orientation};
+use super::super::{ImportError, Orientation, date};
 use super::program::{Program, file_url, spawn_text_reader};
 use serde_json::Value;
 use std::path::Path;
@@ -10,6 +10,9 @@ use std::sync::mpsc::Receiver;
 const OUTPUT_BYTES: u64 = 1 << 20;
 /// Maximum length of the messages of ffprobe, bytes.
 const MESSAGE_BYTES: u64 = 64 << 10;
+
+/// The tags that state when a film was made, that of the scene before that of the file.
+const DATE_TAGS: [&str; 4] = ["com.apple.quicktime.creationdate", "DateTimeOriginal", "creation_time", "date"];
 
 /// The first video stream of a file that is no cover picture, and the tags of the file.
 #[derive(Debug, Clone, PartialEq)]
@@ -58,6 +61,14 @@ impl Stream {
         }
         let last = messages.lines().map(str::trim).rfind(|line| !line.is_empty());
         Err(ImportError::invalid(path, last.unwrap_or("the file has no video stream")))
+    }
+
+    /// Returns the date on which the film was made, in ISO 8601, as the file states it; `None` if it does not, or its
+    /// clock was never set.
+    pub(super) fn date(&self) -> Option<String> {
+        let named = |name: &str| self.tags.iter().find(|(key, _)| key.eq_ignore_ascii_case(name));
+        let found = DATE_TAGS.iter().filter_map(|name| named(name));
+        found.map(|(_, text)| text).find_map(|text| date::from_iso_text(text))
     }
 
     /// Returns the options of ffmpeg and ffprobe under which they keep the times that the file stores.

@@ -83,11 +83,8 @@ impl Recording {
     /// The errors of [`open`](Self::open).
     pub fn open_one(path: &Path) -> Result<Self, RecordingError> {
         let io = |error| RecordingError::io("open", path, error);
-        let file = File::open(path).map_err(io)?;
+        let file = crate::input::open(path).map_err(io)?;
         let about = file.metadata().map_err(io)?;
-        if !about.is_file() {
-            return Err(RecordingError::invalid(path, "not a regular file"));
-        }
         let structure = scan::scan(&file, about.len()).map_err(|error| read_error(path, error))?;
         let mut inner = RecordedFile {
             path: path.to_path_buf(),

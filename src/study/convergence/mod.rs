@@ -7,13 +7,11 @@ mod output;
 
 use crate::failure::Failure;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
 use super::output_files;
 use crate::console::{Outcome, Overwrite, UsageError, progress};
 use crate::dic::{self, CorrelationParams, Correlator, PreparedFrame, Start};
-use crate::process::Stop;
 use criterion::{Answers, Change, Deviation, change, deviation, mean_answer};
 use image_pairs::{Files, Subject};
 
@@ -22,8 +20,8 @@ use crate::command::field::{Roi, Size};
 /// The numbers of spline points to try, in this order.
 pub const SPLINE_POINTS: [u32; 9] = [0, 1, 2, 3, 5, 7, 10, 14, 20];
 
-/// Poll interval for a stop while a field is measured.
-const LOOK: Duration = Duration::from_millis(100);
+/// The interval at which the bar shows the elapsed time.
+const TICK: Duration = Duration::from_millis(100);
 
 /// The options of `ricochet study convergence`.
 #[derive(Debug, Clone, clap::Args)]
@@ -131,7 +129,7 @@ struct Row {
 /// # Errors
 ///
 /// When an option is out of range, a file cannot be read, or the images differ in size.
-pub fn run(options: &ConvergenceOptions, stop: &Stop) -> Result<Outcome, Failure> {
+pub fn run(options: &ConvergenceOptions) -> Result<Outcome, Failure> {
     if !(options.tolerance_px > 0.0 && options.tolerance_px <= 1.0) {
         return Err(
             UsageError(format!("--tolerance-px {}: must be above 0 and at most 1", options.tolerance_px)).into()
@@ -145,13 +143,9 @@ pub fn run(options: &ConvergenceOptions, stop: &Stop) -> Result<Outcome, Failure
         output_files::prepare(directory, &[output::TABLE, output::FIGURE], &inputs, options.overwrite)?;
     }
     let methods = methods();
-    let rows = measure(options, subject, &methods, stop)?;
+    let rows = measure(options, &subject, &methods)?;
     output::Study { options, rows: &rows }.report()?.publish(options.output.as_deref(), options.overwrite)?;
-    let missing = methods.len() - rows.len();
-    Ok(match missing {
-        0 => Outcome::Clean,
-        count => Outcome::Lost { count: count as u64, cause: Some("stopped before every row was measured".into()) },
-    })
+    Ok(Outcome::Clean)
 }
 
 /// Reads the files to measure, or renders the pattern.
@@ -186,51 +180,24 @@ fn cost(method: Method) -> u64 {
     }
 }
 
-/// Measures the subject with every method and returns the completed rows.
-///
-/// A separate thread measures, so that a stop does not have to wait for a field. After a stop, rows are missing.
+/// Measures the subject with every method and returns a row for each.
 ///
 /// # Errors
 ///
-/// When a setting of a method is out of range, or the thread panics.
-fn measure(
-    options: &ConvergenceOptions,
-    subject: Subject,
-    methods: &[Method],
-    stop: &Stop,
-) -> Result<Vec<Row>, Failure> {
+/// When a setting of a method is out of range.
+fn measure(options: &ConvergenceOptions, subject: &Subject, methods: &[Method]) -> Result<Vec<Row>, Failure> {
     let size = subject.size();
     let plan = |method: &Method| Ok((*method, plan(options, *method, size)?));
     let planned = methods.iter().map(plan).collect::<Result<Vec<_>, Failure>>()?;
-    let (sender, receiver) = channel();
-    let worker = std::thread::spawn(move || measure_methods(planned, &subject, &sender));
-    let bar = progress::part_bar(methods.iter().map(|method| cost(*method)).sum(), "study");
-    bar.enable_steady_tick(LOOK);
+    let bar = progress::bar(methods.iter().map(|method| cost(*method)).sum(), "study");
+    bar.enable_steady_tick(TICK);
     let mut rows = Vec::new();
-    let is_stopped = receive_rows(&receiver, stop, |row| {
+    measure_methods(planned, subject, |row| {
         bar.inc(cost(row.method));
         rows.push(row);
     });
     bar.finish_and_clear();
-    // After a stop the worker ends with the process: it holds nothing but memory.
-    if !is_stopped && worker.join().is_err() {
-        return Err(Failure::internal("the thread that measures panicked"));
-    }
     Ok(rows)
-}
-
-/// Receives rows and passes each to `take`, until the channel closes or a stop; returns whether it was stopped.
-fn receive_rows(receiver: &Receiver<Row>, stop: &Stop, mut take: impl FnMut(Row)) -> bool {
-    loop {
-        match receiver.recv_timeout(LOOK) {
-            Ok(row) => take(row),
-            Err(RecvTimeoutError::Disconnected) => return false,
-            Err(RecvTimeoutError::Timeout) => {}
-        }
-        if stop.requested() {
-            return true;
-        }
-    }
 }
 
 /// Plans the correlator of a method for frames of this size.
@@ -246,8 +213,8 @@ fn plan(options: &ConvergenceOptions, method: Method, size: Size) -> Result<Corr
     })
 }
 
-/// Measures the subject with every method and sends one row each, until the receiver is gone.
-fn measure_methods(planned: Vec<(Method, Correlator)>, subject: &Subject, rows: &Sender<Row>) {
+/// Measures the subject with every method and passes one row each to `take`.
+fn measure_methods(planned: Vec<(Method, Correlator)>, subject: &Subject, mut take: impl FnMut(Row)) {
     let truth_px: Option<Vec<_>> = subject.pairs.iter().map(|pair| pair.truth_px).collect();
     let (mut ic_gn, mut before): (Option<Answers>, Option<(Method, Answers)>) = (None, None);
     for (method, mut correlator) in planned {
@@ -268,9 +235,7 @@ fn measure_methods(planned: Vec<(Method, Correlator)>, subject: &Subject, rows: 
         } else {
             before = Some((method, answers));
         }
-        if rows.send(row).is_err() {
-            return;
-        }
+        take(row);
     }
 }
 
@@ -320,7 +285,7 @@ mod tests {
 
     fn row(options: &ConvergenceOptions, displacement_px: [f64; 2], method: Method) -> Row {
         let subject = image_pairs::render(&[displacement_px], &options.params(Method::IcGn)).unwrap();
-        measure(options, subject, &[method], &Stop::default()).unwrap().remove(0)
+        measure(options, &subject, &[method]).unwrap().remove(0)
     }
 
     #[test]
@@ -344,14 +309,5 @@ mod tests {
         for part in answers.iter().flatten().flatten() {
             assert!((3.0 * part - (3.0 * part).round()).abs() < 1e-5, "{part}");
         }
-    }
-
-    #[test]
-    fn a_stop_ends_the_study_with_the_rows_it_came_to() {
-        let (stop, options) = (Stop::default(), options());
-        stop.request();
-        let subject = load_subject(&options).unwrap();
-        let rows = measure(&options, subject, &methods(), &stop).unwrap();
-        assert!(rows.len() < methods().len(), "{} rows", rows.len());
     }
 }

@@ -5,7 +5,6 @@ use super::scatter::{Expected, Prediction};
 use crate::config::BodyKind;
 use crate::failure::Failure;
 use crate::motion::{Rotation, Scale};
-use crate::process::Stop;
 use crate::synth::{MotionSetup, PatternSetup};
 
 /// Patterns to try instead of the rig's own.
@@ -58,7 +57,7 @@ pub(super) fn judged_numbers(rows: &[Expected]) -> Vec<String> {
     wanted.iter().filter(is_predicted).map(|name| (*name).to_owned()).collect()
 }
 
-/// Predicts the rig after every change and returns the feasible changes, best first; `None` after a stop.
+/// Predicts the rig after every change and returns the feasible changes, best first.
 ///
 /// Each prediction takes `films` films. `tick` is called after each change. A change that makes the rig unusable is
 /// left out.
@@ -66,26 +65,19 @@ pub(super) fn judged_numbers(rows: &[Expected]) -> Vec<String> {
 /// # Errors
 ///
 /// When the rig itself cannot be predicted.
-pub(super) fn try_changes(
-    rig: &Rig,
-    films: u64,
-    stop: &Stop,
-    mut tick: impl FnMut(),
-) -> Result<Option<Vec<Advice>>, Failure> {
-    let Some(now) = Prediction::compute(rig, films, stop)? else { return Ok(None) };
+pub(super) fn try_changes(rig: &Rig, films: u64, mut tick: impl FnMut()) -> Result<Vec<Advice>, Failure> {
+    let now = Prediction::compute(rig, films)?;
     let names = judged_numbers(&now.rows);
     let mut found = Vec::new();
     for Change { words, rig: changed } in changes(rig) {
         // A change that makes the rig unusable is left out.
-        match Prediction::compute(&changed, films, stop) {
-            Ok(None) => return Ok(None),
-            Ok(Some(then)) => found.extend(compare(words, &names, &now, &then)),
-            Err(_) => {}
+        if let Ok(then) = Prediction::compute(&changed, films) {
+            found.extend(compare(words, &names, &now, &then));
         }
         tick();
     }
     found.sort_by(|a: &Advice, b: &Advice| a.mean.total_cmp(&b.mean));
-    Ok(Some(found))
+    Ok(found)
 }
 
 /// Returns the ratios of the predicted scatter `then`, after a change, to that of `now`, and their geometric mean.

@@ -17,7 +17,6 @@ use self::rig::Rig;
 use self::scatter::Prediction;
 use crate::config::Config;
 use crate::console::{Outcome, Overwrite, UsageError, progress};
-use crate::process::Stop;
 use crate::study::output_files;
 
 pub use self::scatter::{Expected, spread};
@@ -54,14 +53,14 @@ pub struct DesignOptions {
     pub json: bool,
 }
 
-/// Predicts the uncertainty of a rig with its own scenario; returns no rows after a stop.
+/// Predicts the uncertainty of a rig with its own scenario.
 ///
 /// # Errors
 ///
 /// When the rig cannot film or track its scenario.
-pub fn predict(config: &Config, stop: &Stop) -> Result<Vec<Expected>, Failure> {
+pub fn predict(config: &Config) -> Result<Vec<Expected>, Failure> {
     let rig = Rig::new(config.clone(), None, None)?;
-    Ok(Prediction::compute(&rig, FILMS, stop)?.map_or_else(Vec::new, |prediction| prediction.rows))
+    Ok(Prediction::compute(&rig, FILMS)?.rows)
 }
 
 /// Predicts the uncertainty of a rig, tries changes and prints the results.
@@ -69,7 +68,7 @@ pub fn predict(config: &Config, stop: &Stop) -> Result<Vec<Expected>, Failure> {
 /// # Errors
 ///
 /// When the rig file is invalid, or the rig cannot film or track its scenario.
-pub fn run(options: &DesignOptions, stop: &Stop) -> Result<Outcome, Failure> {
+pub fn run(options: &DesignOptions) -> Result<Outcome, Failure> {
     if let Some(noise_dn) = options.noise_dn.filter(|noise_dn| !(0.0..=16384.0).contains(noise_dn)) {
         return Err(UsageError(format!("--noise-dn {noise_dn}: must be 0 to a quarter of full scale")).into());
     }
@@ -83,16 +82,14 @@ pub fn run(options: &DesignOptions, stop: &Stop) -> Result<Outcome, Failure> {
         )?;
     }
     let rig = Rig::new(config, options.scenario.as_deref(), options.noise_dn)?;
-    let stopped = || Outcome::Lost { count: 1, cause: Some("stopped before the prediction was complete".into()) };
-    let bar = progress::part_bar(if options.no_advice { 1 } else { 1 + advice::change_count(&rig) }, "design");
-    let Some(prediction) = Prediction::compute(&rig, FILMS, stop)? else { return Ok(stopped()) };
+    let bar = progress::bar(if options.no_advice { 1 } else { 1 + advice::change_count(&rig) }, "design");
+    let prediction = Prediction::compute(&rig, FILMS)?;
     bar.inc(1);
     let advice = match options.no_advice {
-        true => Some(Vec::new()),
-        false => advice::try_changes(&rig, FILMS_OF_A_CHANGE, stop, || bar.inc(1))?,
+        true => Vec::new(),
+        false => advice::try_changes(&rig, FILMS_OF_A_CHANGE, || bar.inc(1))?,
     };
     bar.finish_and_clear();
-    let Some(advice) = advice else { return Ok(stopped()) };
     let study = output::Study { options, rig: &rig, prediction: &prediction, advice: &advice };
     study.report()?.publish(options.output.as_deref(), options.overwrite)?;
     Ok(Outcome::Clean)

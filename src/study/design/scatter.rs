@@ -6,7 +6,6 @@ use super::rig::Rig;
 use crate::config::BodyKind;
 use crate::failure::Failure;
 use crate::numeric::quantile;
-use crate::process::Stop;
 use crate::results::{BodyVelocity, Impact, Phase, VelocitySample};
 use crate::synth::SimulatedFilm;
 use crate::track::TrackerRows;
@@ -183,19 +182,19 @@ pub(super) struct Prediction {
 }
 
 impl Prediction {
-    /// Predicts a rig from `films` films; returns `None` after a stop.
+    /// Predicts a rig from `films` films.
     ///
     /// # Errors
     ///
     /// When the rig cannot film or track the body.
-    pub(super) fn compute(rig: &Rig, films: u64, stop: &Stop) -> Result<Option<Self>, Failure> {
+    pub(super) fn compute(rig: &Rig, films: u64) -> Result<Self, Failure> {
         rig.check()?;
         let world = rig.world()?;
         let noise = PoseNoise::estimate(rig, &world)?;
         let simulation = FilmSimulation::new(rig, &world, noise.clone());
-        let Some(films) = simulate_films(&simulation, films, stop)? else { return Ok(None) };
+        let films = simulate_films(&simulation, films)?;
         let rows = spread(&true_velocities(&world), world.impact().as_ref(), &films, rig.config.bodies[0].kind);
-        Ok(Some(Self { noise, rows }))
+        Ok(Self { noise, rows })
     }
 
     /// Returns the predicted scatter of the result with this name; `None` if it is not predicted.
@@ -209,28 +208,24 @@ fn true_velocities(world: &SimulatedFilm) -> Vec<VelocitySample> {
     (0..world.frames()).map(|index| world.truth(index)).collect()
 }
 
-/// Simulates all films on all cores and returns their rows in order; `None` after a stop.
+/// Simulates all films on all cores and returns their rows in order.
 ///
 /// # Errors
 ///
 /// When a thread panics.
-fn simulate_films(simulation: &FilmSimulation, films: u64, stop: &Stop) -> Result<Option<Vec<TrackerRows>>, Failure> {
+fn simulate_films(simulation: &FilmSimulation, films: u64) -> Result<Vec<TrackerRows>, Failure> {
     let threads = std::thread::available_parallelism().map_or(1, NonZeroUsize::get).min(films.max(1) as usize);
     let share = |thread: usize| (thread as u64..films).step_by(threads);
     let measured = std::thread::scope(|scope| {
         let work = |thread| {
-            scope.spawn(move || {
-                let films = share(thread).take_while(|_| !stop.requested());
-                films.map(|film| (film, simulation.simulate(film))).collect::<Vec<_>>()
-            })
+            scope.spawn(move || share(thread).map(|film| (film, simulation.simulate(film))).collect::<Vec<_>>())
         };
         let workers: Vec<_> = (0..threads).map(work).collect();
         workers.into_iter().map(std::thread::ScopedJoinHandle::join).collect::<Result<Vec<_>, _>>()
     });
     let mut measured = measured.map_err(|_| Failure::internal("a prediction thread panicked"))?.concat();
     measured.sort_by_key(|(film, _)| *film);
-    let is_whole = measured.len() as u64 == films;
-    Ok(is_whole.then(|| measured.into_iter().map(|(_, rows)| rows).collect()))
+    Ok(measured.into_iter().map(|(_, rows)| rows).collect())
 }
 
 #[cfg(test)]

@@ -20,6 +20,7 @@ mod sweep_figure;
 mod workers;
 
 use crate::failure::Failure;
+use crate::interrupt;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
@@ -32,7 +33,6 @@ use self::resume_table::{Contents, ResumeTable};
 use self::row::Row;
 use self::workers::Job;
 use crate::console::{Outcome, UsageError, progress};
-use crate::process::Stop;
 
 pub use self::films_plan::SpeckleStudy;
 
@@ -95,7 +95,7 @@ struct Finished<'a> {
 /// # Errors
 ///
 /// When an option is invalid, or a file belongs to another study or cannot be written.
-pub fn run(study: SpeckleStudy, options: &SpeckleOptions, stop: &Stop) -> Result<Outcome, Failure> {
+pub fn run(study: SpeckleStudy, options: &SpeckleOptions) -> Result<Outcome, Failure> {
     let job = resolve_job(study, options)?;
     // Settings without room for a subset are reported before anything is created.
     let evaluator = Evaluator::new(&job.methods, job.windows, film::SIDE_PX)?;
@@ -115,10 +115,13 @@ pub fn run(study: SpeckleStudy, options: &SpeckleOptions, stop: &Stop) -> Result
             return Err(journal.film_mismatch_error(last).into());
         }
     }
-    let bar = progress::part_bar(job.films.len() as u64, "study");
+    if journal.is_some() {
+        interrupt::set_advice("repeat the command to resume");
+    }
+    let bar = progress::bar(job.films.len() as u64, "study");
     bar.set_position(done as u64);
     let threads = options.threads.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZeroUsize::get);
-    let measured = job.run(done, threads, stop, |film| {
+    let measured = job.run(done, threads, |film| {
         if let Some(journal) = &mut journal {
             journal.add(&film)?;
         }
@@ -128,12 +131,6 @@ pub fn run(study: SpeckleStudy, options: &SpeckleOptions, stop: &Stop) -> Result
     });
     bar.finish_and_clear();
     measured?;
-    let missing = job.films.len() - rows.len() / contents.rows();
-    if missing > 0 {
-        let rest = if journal.is_some() { "; repeat the command to resume" } else { "" };
-        let cause = format!("films not measured before the stop{rest}");
-        return Ok(Outcome::Lost { count: missing as u64, cause: Some(cause) });
-    }
     Finished { options, job: &job, rows: &rows }.publish()?;
     Ok(Outcome::Clean)
 }

@@ -11,7 +11,6 @@ use super::films_plan::{Film, SpeckleStudy};
 use super::methods::{Evaluator, Method, Windows};
 use super::row::Row;
 use crate::image::Image;
-use crate::process::Stop;
 use crate::synth::SimulatedFilm;
 
 /// The settings that determine the results of a study.
@@ -31,7 +30,7 @@ type Balls = BTreeMap<(usize, usize), SimulatedFilm>;
 type Done = (usize, Result<Vec<Row>, Failure>);
 
 impl Job {
-    /// Measures the films from `first` on and passes their rows to `take` in order, until all are done or a stop.
+    /// Measures the films from `first` on and passes their rows to `take` in order.
     ///
     /// The rows of a film depend on the job only, not on the number of threads.
     ///
@@ -42,14 +41,13 @@ impl Job {
         &self,
         first: usize,
         threads: usize,
-        stop: &Stop,
         mut take: impl FnMut(Vec<Row>) -> Result<(), Failure>,
     ) -> Result<(), Failure> {
         let next = AtomicUsize::new(first);
         let balls = self.prepare_balls(first)?;
         std::thread::scope(|scope| {
             let (sender, receiver) = sync_channel(2 * threads);
-            let work = |sender: SyncSender<Done>| self.run_worker(&balls, &next, stop, &sender);
+            let work = |sender: SyncSender<Done>| self.run_worker(&balls, &next, &sender);
             let workers: Vec<_> = (0..threads)
                 .map(|_| {
                     let sender = sender.clone();
@@ -105,21 +103,15 @@ impl Job {
         }
     }
 
-    /// Runs one thread: measures the film with index `next` and sends its rows, until there are no films, a stop, or
-    /// the receiver is gone.
+    /// Runs one thread: measures the film with index `next` and sends its rows, until there are no films or the
+    /// receiver is gone.
     ///
     /// # Errors
     ///
     /// When the methods cannot be planned. An error of a film is sent.
-    fn run_worker(
-        &self,
-        balls: &Balls,
-        next: &AtomicUsize,
-        stop: &Stop,
-        sender: &SyncSender<Done>,
-    ) -> Result<(), Failure> {
+    fn run_worker(&self, balls: &Balls, next: &AtomicUsize, sender: &SyncSender<Done>) -> Result<(), Failure> {
         let mut evaluator = Evaluator::new(&self.methods, self.windows, SIDE_PX)?;
-        while !stop.requested() {
+        loop {
             let number = next.fetch_add(1, Ordering::Relaxed);
             let Some(plan) = self.films.get(number) else { break };
             let Some(ball) = balls.get(&(plan.pattern, plan.level)) else { break };

@@ -130,5 +130,5 @@ fn files_that_are_no_recording_are_refused_in_one_line() {
     let missing = Recording::open(&folder.path().join("missing.mcap")).unwrap_err();
     assert!(matches!(missing, RecordingError::Io { action: "open", .. }), "{missing}");
     let directory = Recording::open(folder.path()).unwrap_err();
-    assert!(directory.to_string().contains("not a regular file"), "{directory}");
+    assert!(directory.to_string().contains("it is a folder"), "{directory}");
 }

@@ -22,6 +22,8 @@ const fn open(name: &'static str, rooms: &'static [&'static str], crates: &'stat
 
 const BELOW_PROCESS: &[&str] = &[
     "failure",
+    "interrupt",
+    "input",
     "results",
     "image",
     "numeric",
@@ -43,6 +45,8 @@ const BELOW_PROCESS: &[&str] = &[
 ];
 const BELOW_COMMAND: &[&str] = &[
     "failure",
+    "interrupt",
+    "input",
     "results",
     "image",
     "numeric",
@@ -71,6 +75,8 @@ const BELOW_COMMAND: &[&str] = &[
 
 const BELOW_STUDY: &[&str] = &[
     "failure",
+    "interrupt",
+    "input",
     "results",
     "image",
     "numeric",
@@ -100,6 +106,8 @@ const BELOW_STUDY: &[&str] = &[
 /// The rooms in the order of src/lib.rs.
 pub const ROOMS: &[Room] = &[
     open("failure", &[], &["thiserror"]),
+    open("interrupt", &["failure"], &["rustix", "signal_hook", "thiserror"]),
+    open("input", &[], &[]),
     pure("results", &[], &[]),
     pure("image", &["failure", "results"], &["image", "multiversion", "thiserror"]),
     pure("numeric", &["results"], &["multiversion", "nalgebra", "rustfft"]),
@@ -129,7 +137,7 @@ pub const ROOMS: &[Room] = &[
     open("message", &["results", "image"], &["thiserror"]),
     open(
         "recording",
-        &["failure", "results", "image", "config", "message"],
+        &["failure", "interrupt", "input", "results", "image", "config", "message"],
         &[
             "bytes",
             "crc32fast",
@@ -148,7 +156,11 @@ pub const ROOMS: &[Room] = &[
     ),
     pure("plot", &["results", "image"], &["image", "maud"]),
     open("report", &["results", "image", "numeric", "recording", "plot"], &["base64", "chrono", "image", "maud"]),
-    open("import", &["failure", "image", "numeric"], &["chrono", "glob", "image", "serde_json", "thiserror", "tiff"]),
+    open(
+        "import",
+        &["failure", "interrupt", "input", "image", "numeric"],
+        &["chrono", "glob", "image", "serde_json", "thiserror", "tiff"],
+    ),
     open(
         "camera",
         &["failure", "results", "image", "synth", "config", "message", "recording"],
@@ -178,7 +190,7 @@ pub const ROOMS: &[Room] = &[
             "tokio",
         ],
     ),
-    open("console", &["failure", "process"], &["clap", "csv", "indicatif", "serde_json", "thiserror"]),
+    open("console", &["failure", "interrupt", "process"], &["clap", "csv", "indicatif", "serde_json", "thiserror"]),
     open(
         "command",
         BELOW_COMMAND,

@@ -111,7 +111,7 @@ impl Trial {
 /// When the rig cannot be started, or one of its processes cannot continue.
 pub(super) fn run(plan: &Plan, folder: &Folder, stop: &Stop) -> Result<Option<Trial>, Failure> {
     let config = rig::build(plan, folder)?;
-    let bar = progress::frame_bar((plan.rate_hz * plan.seconds) as u64, "bench");
+    let bar = progress::bar((plan.rate_hz * plan.seconds) as u64, "bench");
     let rig_stop = Stop::default();
     let mut watch = Watch::default();
     let summary = process::supervise(&config, &rig_stop, Extras::default(), |statuses| {
