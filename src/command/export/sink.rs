@@ -2,7 +2,7 @@
 
 use super::ExportError;
 use crate::results::{Cell, Heading, Kind};
-use std::io::Write;
+use std::io::{self, Write};
 
 /// A writer of a table: the header first, then every row.
 pub(super) trait Sink {
@@ -17,6 +17,14 @@ pub(super) struct Csv<W: Write> {
     csv: csv::Writer<W>,
     name: String,
     rows: u64,
+}
+
+/// Returns the error of the system inside an error of the CSV writer, with its kind.
+fn system_error(error: csv::Error) -> io::Error {
+    match error.into_kind() {
+        csv::ErrorKind::Io(error) => error,
+        kind => io::Error::other(format!("{kind:?}")),
+    }
 }
 
 impl<W: Write> Csv<W> {
@@ -34,7 +42,7 @@ impl<W: Write> Csv<W> {
     /// Writes the cells of a line.
     fn write_record<T: AsRef<[u8]>>(&mut self, cells: impl IntoIterator<Item = T>) -> Result<(), ExportError> {
         let written = self.csv.write_record(cells);
-        written.map_err(|error| ExportError::Write { to: self.name.clone(), source: error.into() })
+        written.map_err(|error| ExportError::Write { to: self.name.clone(), source: system_error(error) })
     }
 }
 
