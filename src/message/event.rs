@@ -55,6 +55,8 @@ named_enum! {
         Silent = 20 "silent",
         /// A process of the rig shows no sign of life and is killed; `Restarted` follows.
         Hung = 21 "hung",
+        /// Half of the ring waits for a worker; if that lasts, it loses frames.
+        Behind = 22 "behind",
     }
 }
 

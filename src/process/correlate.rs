@@ -1,6 +1,9 @@
 //! Correlation: from blocks of frames to displacement fields.
 
-use super::clock::{Timeout, now};
+mod backlog;
+mod processor;
+
+use super::clock::{PeriodicTimer, Timeout, now};
 use super::frame_stamp::FrameStamp;
 use super::launch::Launch;
 use super::reference_picture;
@@ -15,11 +18,14 @@ use crate::config::Config;
 use crate::failure::Failure;
 use crate::image::Frame;
 use crate::measure::{Measured, Measurer, Share};
-use crate::message::{FieldHeader, Progress, Role};
+use crate::message::{EventKind, FieldHeader, Progress, Role};
+use backlog::Backlog;
 use std::time::Duration;
 
 /// Maximum wait for frames before the loop does its other work.
 const WAIT: Duration = Duration::from_millis(2);
+/// Interval of looking at the frames that wait.
+const BACKLOG_PERIOD: Duration = Duration::from_millis(20);
 /// Time that results stay readable for a tracker or recorder that is still at work.
 const LINGER_TIMEOUT: Duration = Duration::from_secs(30);
 
@@ -35,7 +41,9 @@ pub fn run(config: &Config, index: u32, launch: &Launch, stop: &Stop) -> Result<
     let role = format!("{}-{index}", Role::Correlate.as_str());
     let bus = Bus::join_as(&config.rig.name, &role, SUCCESSION_TIMEOUT, launch.domain.as_ref())?;
     let mut reporter = StatusReporter::new(&bus, &limits, Role::Correlate, index)?;
-    reporter.set_queue(0, limits.ring_frames as u64);
+    if config.camera.has_present_stamps() {
+        reporter.set_live();
+    }
     let mut worker = Worker {
         config,
         bus: &bus,
@@ -43,6 +51,8 @@ pub fn run(config: &Config, index: u32, launch: &Launch, stop: &Stop) -> Result<
         fields: bus.field_publisher(&limits)?,
         notifier: bus.notifier("field")?,
         reporter,
+        backlog: Backlog::open(&bus, limits.ring_frames as u64)?,
+        backlog_timer: PeriodicTimer::new(BACKLOG_PERIOD),
         measurer: plan_measurer(config, index, &format)?,
         summary: Summary::default(),
         measured: Vec::new(),
@@ -102,6 +112,8 @@ struct Worker<'a> {
     fields: FieldPublisher,
     notifier: TopicNotifier,
     reporter: StatusReporter,
+    backlog: Backlog,
+    backlog_timer: PeriodicTimer,
     measurer: Measurer,
     summary: Summary,
     /// Steps and fields that are not published yet.
@@ -259,10 +271,33 @@ impl Worker<'_> {
     }
 
     fn publish_status_if_due(&mut self) -> Result<(), BusError> {
+        if self.backlog_timer.restart_if_due() {
+            self.report_backlog()?;
+        }
         self.reporter.publish_status_if_due(&self.summary, self.newest)
     }
 
+    /// Publishes that many frames wait, or that frames were lost because too many did. A worker with a block of its own
+    /// waiting takes a processor of its own.
+    fn report_backlog(&mut self) -> Result<(), BusError> {
+        let waiting = self.backlog.waiting(self.next);
+        self.reporter.set_queue(waiting, self.backlog.capacity);
+        if waiting > u64::from(self.config.workers.count) * self.block_frames {
+            processor::move_to_own(self.index);
+        }
+        if let Some(text) = self.backlog.note_waiting(waiting) {
+            let text = format!("correlate {}: {text}", self.index);
+            self.reporter.publish_event(EventKind::Behind, self.newest, &text)?;
+        }
+        if let Some(lost) = self.backlog.note_lost(self.summary.lost) {
+            let text = format!("correlate {} lost {lost} frames before it could measure them", self.index);
+            self.reporter.publish_event(EventKind::Lost, self.newest, &text)?;
+        }
+        Ok(())
+    }
+
     fn publish_status(&mut self) -> Result<(), BusError> {
+        self.report_backlog()?;
         self.reporter.publish_status(&self.summary, self.newest)
     }
 }

@@ -58,18 +58,20 @@ impl NewestFrameFile {
     /// saved, s; `None` if the file is new or was cleared.
     pub(super) fn open(path: &Path) -> std::io::Result<(Self, Option<(Resume, f64)>)> {
         let file = OpenOptions::new().read(true).write(true).create(true).truncate(false).mode(0o600).open(path)?;
+        let file = Self(file);
+        let previous = file.read();
+        Ok((file, previous))
+    }
+
+    /// Reads the state that was written last, and the time since then, s; `None` if the file is new or was cleared.
+    pub(super) fn read(&self) -> Option<(Resume, f64)> {
         let mut bytes = [0; 32];
-        let previous = file.read_exact_at(&mut bytes, 0).ok().map(|()| {
-            let number =
-                |at: usize| bytes[8 * at..8 * at + 8].iter().rev().fold(0, |sum, byte| sum << 8 | u64::from(*byte));
-            let resume = Resume {
-                sequence: number(0),
-                stamp_ns: number(1),
-                epoch: u32::try_from(number(2)).unwrap_or(u32::MAX),
-            };
-            (resume, monotonic_ns().saturating_sub(number(3)) as f64 * 1e-9)
-        });
-        Ok((Self(file), previous))
+        self.0.read_exact_at(&mut bytes, 0).ok()?;
+        let number =
+            |at: usize| bytes[8 * at..8 * at + 8].iter().rev().fold(0, |sum, byte| sum << 8 | u64::from(*byte));
+        let resume =
+            Resume { sequence: number(0), stamp_ns: number(1), epoch: u32::try_from(number(2)).unwrap_or(u32::MAX) };
+        Some((resume, monotonic_ns().saturating_sub(number(3)) as f64 * 1e-9))
     }
 
     /// Writes the newest frame. Errors are ignored.

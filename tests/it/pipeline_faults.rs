@@ -364,6 +364,38 @@ fn a_hanging_recorder_loses_only_its_own_frames() {
 }
 
 #[test]
+fn a_worker_that_falls_behind_and_its_losses_are_reported_while_they_happen() {
+    let rig = Rig::new();
+    let config = filming(&rig, 500.0, "[workers]\ncount = 1");
+    let events = Background::start(ricochet(["listen", "events", "--rig", &rig.name, "--json", "--wait", "60"]));
+    let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
+    let worker = u32::try_from(number(&wait_for_frame(&rig, 50), "correlate", "pid")).unwrap();
+    kill(worker, 19);
+    let at = number(&crate::support::status(&rig.name).unwrap(), "acquire", "sequence");
+    wait_until("more frames have come than the ring holds", || {
+        let status = crate::support::status(&rig.name)?;
+        (number(&status, "acquire", "sequence") > at + 800).then_some(())
+    });
+    kill(worker, 18);
+    wait_until("the worker counts its losses", || {
+        let status = crate::support::status(&rig.name)?;
+        (number(&status, "correlate", "lost") > 0).then_some(())
+    });
+    service.signal(2);
+    let (code, _, stderr) = service.end();
+    assert_eq!(code, Some(6), "{stderr}");
+    let (_, printed, _) = events.end();
+    let rows: Vec<Value> = printed.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let texts = |kind: &str| -> Vec<&str> {
+        rows.iter().filter(|row| row["kind"] == kind).map(|row| row["text"].as_str().unwrap()).collect()
+    };
+    let (behind, lost) = (texts("behind"), texts("lost"));
+    assert!(behind.iter().any(|text| text.starts_with("correlate 0: 512 of at most 512 frames wait")), "{behind:?}");
+    let lost = lost.iter().find(|text| text.starts_with("correlate 0 lost ")).unwrap();
+    assert!(lost.ends_with(" frames before it could measure them"), "{lost}");
+}
+
+#[test]
 fn a_hanging_worker_does_not_delay_a_shot_forever() {
     let rig = Rig::new();
     let trigger = "[trigger]\nmode = \"software\"\npre_s = 0.5\npost_s = 0.5\n[workers]\ncount = 2";

@@ -389,6 +389,7 @@ EVENT = {
     19: "matched",
     20: "silent",
     21: "hung",
+    22: "behind",
 }
 
 

@@ -7,6 +7,7 @@ use crate::image::Frame;
 use crate::measure::{Measured, Measurer, Share};
 use crate::process::{analysis_params, reference_picture};
 use crate::results::{PairField, PointStatus, RigidStep};
+use crate::track::{OrderedTracker, TrackerParams};
 
 /// A body is static if its mean motion is below this many standard errors, or below `STILL_PX` and `STILL_DEG`.
 const STILL_SIGMAS: f64 = 5.0;
@@ -33,11 +34,20 @@ pub(super) struct Floor {
     pub(super) found: f64,
     /// Fraction of the subsets that are valid.
     pub(super) valid: f64,
-    /// Frames per second measured by one worker.
-    pub(super) rate_hz: f64,
+    /// Processor time per frame of a worker, s.
+    measure_s: f64,
+    /// Processor time per frame of the other processes, s: the copy into the ring and the tracker.
+    rest_s: f64,
 }
 
 impl Floor {
+    /// Returns the rate that so many workers keep up with on so many processors, which the other processes need as
+    /// well, frames per second.
+    pub(super) fn capacity_hz(&self, workers: usize, processors: usize) -> f64 {
+        let measured_hz = workers as f64 / self.measure_s;
+        measured_hz.min(processors as f64 / (self.measure_s + self.rest_s))
+    }
+
     /// Returns the fields of the first frame pair, one per body.
     pub(super) fn first_fields(&self) -> Vec<&PairField> {
         let first = self.measured.iter().filter_map(|measured| measured.field.as_ref()).map(|field| field.frame).min();
@@ -53,7 +63,7 @@ impl Floor {
 /// When the frames cannot be measured.
 pub(super) fn measure_floor(config: &Config, grabbed: &Grabbed) -> Result<Floor, Failure> {
     let format = grabbed.format;
-    let (params, _) = analysis_params(config, &format);
+    let (params, tracker_params) = analysis_params(config, &format);
     let shortest = params.intervals_frames[0];
     let mut measurer = Measurer::new(&params, Share::ALL, format.width_px as usize, format.height_px as usize)?;
     let first = grabbed.frames.first();
@@ -66,7 +76,9 @@ pub(super) fn measure_floor(config: &Config, grabbed: &Grabbed) -> Result<Floor,
         measurer.push(&Frame { meta: *meta, bytes }, &mut measured)?;
     }
     measurer.finish(&mut measured);
-    let rate_hz = grabbed.frames.len() as f64 / began.elapsed().as_secs_f64().max(1e-9);
+    let frames = grabbed.frames.len().max(1) as f64;
+    let measure_s = began.elapsed().as_secs_f64().max(1e-9) / frames;
+    let rest_s = pass_on_s(grabbed, &measured, &tracker_params) / frames;
     measured.retain(|measured| measured.step.interval_frames == shortest);
     let detected = measured.iter().filter(|measured| measured.step.outline.is_some()).count();
     let points = || measured.iter().filter_map(|measured| measured.field.as_ref()).flat_map(|field| &field.points);
@@ -91,9 +103,28 @@ pub(super) fn measure_floor(config: &Config, grabbed: &Grabbed) -> Result<Floor,
         moves,
         found: detected as f64 / measured.len().max(1) as f64,
         valid: valid as f64 / points().count().max(1) as f64,
-        rate_hz,
+        measure_s,
+        rest_s,
         measured,
     })
+}
+
+/// Returns the time that the processes around the workers take for all frames, s: the copy of each frame, and the
+/// tracker's work on their steps.
+fn pass_on_s(grabbed: &Grabbed, measured: &[Measured], params: &TrackerParams) -> f64 {
+    let began = now();
+    let mut slot = vec![0; grabbed.format.slot_bytes()];
+    for (_, bytes) in &grabbed.frames {
+        let bytes = &bytes[..bytes.len().min(slot.len())];
+        std::hint::black_box(&mut slot)[..bytes.len()].copy_from_slice(bytes);
+    }
+    let frames = grabbed.frames.len() as u64;
+    let mut tracker = OrderedTracker::new(params, 0, frames);
+    for measured in measured {
+        std::hint::black_box(tracker.push(measured.step));
+    }
+    std::hint::black_box(tracker.finish(frames));
+    began.elapsed().as_secs_f64()
 }
 
 /// Returns the mean of each component: dx and dy in px, rotation in deg; NaN without steps.

@@ -118,7 +118,7 @@ impl Seen<'_> {
         };
         let processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
         let workers = processors.min(self.config.workers.count.max(1) as usize);
-        let capacity_hz = self.floor.rate_hz * workers as f64;
+        let capacity_hz = self.floor.capacity_hz(workers, processors);
         let slow = capacity_hz < wanted_hz;
         let words = match slow {
             true => format!(

@@ -75,6 +75,7 @@ struct Plan {
     subsets: usize,
     step_px: u32,
     workers: Option<u32>,
+    block_frames: Option<u32>,
     ring_frames: u64,
 }
 
@@ -131,7 +132,8 @@ fn plans(
     let plan = |wanted: &usize| {
         let (step_px, subsets) = scene.grid(*wanted);
         let ring_frames = options.ring.unwrap_or_else(|| scene.default_ring_frames(defaults.1));
-        Plan { rate_hz, seconds, side_px, scene, subsets, step_px, workers: options.workers, ring_frames }
+        let (workers, block_frames) = (options.workers, options.block_frames);
+        Plan { rate_hz, seconds, side_px, scene, subsets, step_px, workers, block_frames, ring_frames }
     };
     Ok(wanted.iter().map(plan).collect())
 }

@@ -55,9 +55,10 @@ fn setup_line(trial: &Trial) -> String {
     let [width_px, height_px] = trial.plan.side_px;
     let bytes = u64::from(width_px) * u64::from(height_px) * trial.ring_frames;
     format!(
-        "{width_px} x {height_px} px, ball of {:.0} px matched as a whole, {} workers, ring of {} frames ({} MiB)",
+        "{width_px} x {height_px} px, ball of {:.0} px matched as a whole, {} workers, blocks of {} frames, ring of {} frames ({} MiB)",
         trial.plan.scene.diameter_px(),
         trial.workers,
+        trial.block_frames,
         trial.ring_frames,
         bytes >> 20,
     )
@@ -161,7 +162,7 @@ fn trial_as_json(trial: &Trial) -> Value {
     json!({
         "width_px": plan.side_px[0], "height_px": plan.side_px[1], "subsets": plan.subsets,
         "subset_size_px": SUBSET_PX, "step_px": plan.step_px, "rate_hz": plan.rate_hz,
-        "seconds": trial.frames as f64 / plan.rate_hz, "workers": trial.workers, "ring_frames": trial.ring_frames,
+        "seconds": trial.frames as f64 / plan.rate_hz, "workers": trial.workers, "block_frames": trial.block_frames, "ring_frames": trial.ring_frames,
         "frames": trial.frames, "rows": trial.rows, "lost": trial.lost, "not_measured": trial.not_measured, "causes": trial.summary.causes,
         "behind_s": trial.behind_s, "keeps_up": shortfalls.is_empty(), "shortfalls": shortfalls,
         "cpu_us_per_frame": trial.cpu_us_per_frame(),

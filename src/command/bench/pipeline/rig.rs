@@ -165,12 +165,13 @@ fn rig_text(plan: &Plan, scenario: &Path, shots: &Path) -> String {
     let before = plan.ring_frames as f64 - BLOCK_FRAMES - (DECISION_S * rate_hz).ceil();
     let pre_s = (before.max(1.0) / rate_hz).min(MAX_PRE_S);
     let diameter_mm = MM_PER_PX * plan.scene.diameter_px;
-    let workers = plan.workers.map_or_else(String::new, |count| format!("[workers]\ncount = {count}\n"));
+    let count = plan.workers.map_or_else(String::new, |count| format!("count = {count}\n"));
+    let block = plan.block_frames.map_or_else(String::new, |frames| format!("block_frames = {frames}\n"));
     format!(
         "[rig]\nname = \"{NAME}\"\n[camera]\nsource = \"simulated\"\nscenario = {:?}\nendless = true\n\
          frame_rate_hz = {rate_hz:?}\n[scale]\nmm_per_px = {MM_PER_PX:?}\n[[body]]\nname = \"ball\"\nkind = \"ball\"\n\
          diameter_mm = {diameter_mm:?}\n[correlation]\nsubset_size_px = {SUBSET_PX}\nstep_px = {step_px}\n\
-         [trigger]\nmode = \"software\"\npre_s = {pre_s:?}\n[record]\ndirectory = {:?}\n{workers}",
+         [trigger]\nmode = \"software\"\npre_s = {pre_s:?}\n[record]\ndirectory = {:?}\n[workers]\n{count}{block}",
         scenario.display().to_string(),
         shots.display().to_string(),
     )

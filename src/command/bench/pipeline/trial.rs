@@ -3,15 +3,19 @@
 use super::Plan;
 use super::rig::{self, Folder};
 use super::usage::Usage;
+use crate::config::Workers;
 use crate::console::progress;
 use crate::failure::Failure;
 use crate::message::{Role, StatusMessage};
 use crate::process::{self, Child, Extras, Stop, Summary};
 use std::collections::BTreeMap;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// The part of the filming time by which the last row may be late. At a rate that is too high by more, it is later.
 const MAX_BEHIND: f64 = 0.02;
+
+/// The time after which the resources of a process that takes no frames are read again.
+const IDLE_PERIOD: Duration = Duration::from_millis(200);
 
 /// The figures of one run.
 #[derive(Debug)]
@@ -19,8 +23,9 @@ pub(super) struct Trial {
     pub(super) plan: Plan,
     /// The frames of the ring, as the rig has it.
     pub(super) ring_frames: u64,
-    /// The number of correlation workers.
+    /// The number of correlation workers, and of frames that one measures together.
     pub(super) workers: u32,
+    pub(super) block_frames: u32,
     /// Frames that the camera took.
     pub(super) frames: u64,
     /// Rows on `velocity`, one for each frame.
@@ -127,7 +132,7 @@ pub(super) fn run(plan: &Plan, folder: &Folder, stop: &Stop) -> Result<Option<Tr
     if stop.requested() {
         return Ok(None);
     }
-    Ok(Some(watch.into_trial(plan, config.workers.count, summary?)))
+    Ok(Some(watch.into_trial(plan, &config.workers, summary?)))
 }
 
 /// The processes of a rig while it runs.
@@ -164,7 +169,9 @@ impl Watch {
         for (child, status) in statuses {
             let watched = self.processes.entry(*child).or_insert(Watched { status: *status, first: None, last: None });
             // A process without frames reports nothing new.
-            let is_new = *status != watched.status || status.taken == 0;
+            let is_idle =
+                status.taken == 0 && watched.last.is_none_or(|last| now().duration_since(last.at) >= IDLE_PERIOD);
+            let is_new = *status != watched.status || is_idle;
             watched.status = *status;
             let Some(usage) = Usage::read(status.pid).filter(|_| is_new && self.began.is_some()) else { continue };
             let moment = Moment { at: now(), taken: status.taken, usage };
@@ -189,7 +196,7 @@ impl Watch {
     }
 
     /// Returns the figures of the run that has ended.
-    fn into_trial(self, plan: &Plan, workers: u32, summary: Summary) -> Trial {
+    fn into_trial(self, plan: &Plan, workers: &Workers, summary: Summary) -> Trial {
         let (tracker, camera) = (self.tracked(), self.report(Role::Acquire));
         let filmed = self.processes.get(&Child::first(Role::Acquire)).map_or(0, Watched::frames);
         let figures = |(child, watched): (&Child, &Watched)| {
@@ -207,7 +214,8 @@ impl Watch {
         Trial {
             plan: plan.clone(),
             ring_frames: self.report(Role::Correlate).capacity,
-            workers,
+            workers: workers.count,
+            block_frames: workers.block_frames,
             frames: camera.given,
             rows: tracker.given,
             lost: camera.lost + camera.dropped,
