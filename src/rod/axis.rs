@@ -3,9 +3,19 @@
 use super::edge_fit::Edge;
 use crate::results::{Estimate, PointStatus, Rod, RodEdge};
 
+/// A side of a rod.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Side {
+    /// The position at the middle row, px.
+    pub(super) at: Estimate,
+    /// Columns per row.
+    pub(super) slope: Estimate,
+}
+
 /// Both sides of a rod.
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Axis {
-    pub(super) sides: [Edge; 2],
+    pub(super) sides: [Side; 2],
     /// The row to which the positions of the sides belong.
     pub(super) middle: f64,
 }
@@ -57,7 +67,7 @@ pub(super) fn compose_rod(axis: &Axis, edges: &[Result<Edge, PointStatus>], y_px
 /// <https://doi.org/10.1103/PhysRev.40.207>).
 ///
 /// Its uncertainty grows if the values scatter more than their own uncertainties.
-fn weighted_mean(values: impl Iterator<Item = Estimate> + Clone) -> Estimate {
+pub(super) fn weighted_mean(values: impl Iterator<Item = Estimate> + Clone) -> Estimate {
     let weight = |x: &Estimate| x.sigma.max(1e-6).powi(-2);
     let total: f64 = values.clone().map(|x| weight(&x)).sum();
     let value = values.clone().map(|x| weight(&x) * x.value).sum::<f64>() / total;

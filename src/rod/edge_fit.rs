@@ -1,13 +1,12 @@
 //! Subpixel fit of a straight edge: one blurred step through many profiles of grey levels.
 
 use super::paint_levels::{Level, MIN_LEVELS, PAINT_SIGMAS, Paint, fit_paint};
+use super::profiles::{ExpectedEdge, MIN_PROFILES, Profile, read_profiles};
 use crate::image::{ImageView, is_saturated};
 use crate::numeric::{normal_f64, quantile};
 use crate::results::{Estimate, PointStatus};
 use nalgebra::{SMatrix, SVector};
 
-/// The minimum number of profiles of an edge.
-const MIN_PROFILES: usize = 5;
 /// The minimum fraction of the examined profiles.
 const MIN_PROFILE_FRACTION: f64 = 0.12;
 /// The quantile of the levels of a side at its paint; speckles lie closer to the level of the other side.
@@ -37,8 +36,7 @@ const OUTLIER_FRACTIONS: [f64; 4] = [0.4, 0.12, 0.06, 0.05];
 const GOOD_PROFILE_FRACTION: f64 = 0.3;
 /// The minimum contrast of an edge, in standard deviations of the noise.
 const MIN_CONTRAST_SIGMAS: f64 = 8.0;
-/// The minimum reach of profiles to either side, and the maximum distance of the edge from its expected position, px.
-const MIN_DEPTH_PX: f64 = 5.0;
+/// The maximum distance of the edge from its expected position, px.
 const MAX_SHIFT_PX: f64 = 3.0;
 /// The range of the blur, px; an edge at the upper end is too blurred to be placed.
 const BLUR_RANGE_PX: [f64; 2] = [0.25, 1.8];
@@ -59,46 +57,6 @@ const CLIPPED_SIGMA_PX: f64 = 0.5;
 /// The fraction of the brightest level from which paint counts as clipped.
 const CLIPPED_FRACTION: f64 = 0.99;
 
-/// The direction of an edge.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Direction {
-    /// Along the rows: profiles are parts of columns.
-    Rows,
-    /// Along the columns: profiles are parts of rows.
-    Columns,
-}
-
-/// The expected position of an edge; coordinates count along and across the edge.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct ExpectedEdge {
-    pub(super) direction: Direction,
-    /// The profiles along it, first and one past the last.
-    pub(super) along: [usize; 2],
-    /// The coordinate along the edge to which its position belongs.
-    pub(super) middle: f64,
-    /// The position across, within about 2 px.
-    pub(super) near: f64,
-    /// The slope: px across per px along.
-    pub(super) slope: f64,
-    /// The length of the profiles before and behind it, if there is room.
-    pub(super) depth: [usize; 2],
-    /// The first and the last coordinate across that may be read.
-    pub(super) room: [usize; 2],
-    /// 1 if it gets lighter across, -1 if it gets darker.
-    pub(super) sign: f64,
-    /// Blur and paint measured at clean edges of the same image.
-    pub(super) clean: Option<CleanPaint>,
-}
-
-/// Blur and paint of clean edges, which a speckled edge alone does not separate from its position.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct CleanPaint {
-    /// The standard deviation of the blur, px: the lens blurs all edges alike.
-    pub(super) blur_px: f64,
-    /// The darker and the lighter paint at the edge, DN: the tapes are of one material.
-    pub(super) paints_dn: [Estimate; 2],
-}
-
 /// A fitted edge.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Edge {
@@ -114,16 +72,6 @@ pub(super) struct Edge {
     pub(super) is_speckled: bool,
 }
 
-/// The grey levels along a line across the edge.
-struct Profile {
-    /// The coordinate along the edge, from its middle.
-    along: f64,
-    /// The coordinate of the first level across.
-    first: f64,
-    levels: Vec<f64>,
-    weight: f64,
-}
-
 /// The iterated parameters: position, slope, blur and both paints.
 #[derive(Clone, Copy)]
 struct EdgeModel {
@@ -131,6 +79,8 @@ struct EdgeModel {
     slope: f64,
     blur: f64,
     is_blur_known: bool,
+    /// Whether the light varies along the edge, so that the profiles were scaled.
+    is_shaded: bool,
     paints: [Paint; 2],
     /// The change of the paints by the levels near the edge, DN.
     moved: [f64; 2],
@@ -198,7 +148,7 @@ type Matrix = SMatrix<f64, 5, 5>;
 /// [`PointStatus::OutOfFrame`] if it leaves the allowed range, [`PointStatus::Lost`] if there is none,
 /// [`PointStatus::LowContrast`] if it is too faint or too blurred to be placed, and
 /// [`PointStatus::LowCorrelation`] if its profiles do not agree.
-pub(super) fn fit_step_edge(image: ImageView<'_>, expected: &ExpectedEdge) -> Result<Edge, PointStatus> {
+pub(super) fn fit_step_edge(image: ImageView<'_>, expected: &ExpectedEdge<'_>) -> Result<Edge, PointStatus> {
     let mut profiles = read_profiles(image, expected)?;
     let paints = [Paint::default(); 2];
     let clean = expected.clean;
@@ -208,6 +158,7 @@ pub(super) fn fit_step_edge(image: ImageView<'_>, expected: &ExpectedEdge) -> Re
         slope: expected.slope,
         blur,
         is_blur_known: clean.is_some(),
+        is_shaded: expected.light.is_some(),
         paints,
         moved: [0.0; 2],
     };
@@ -228,37 +179,6 @@ pub(super) fn fit_step_edge(image: ImageView<'_>, expected: &ExpectedEdge) -> Re
     edge_with_uncertainty(&profiles, &model)
 }
 
-/// Reads the profiles around the expected edge, without those that leave the allowed range.
-///
-/// # Errors
-///
-/// [`PointStatus::OutOfFrame`] if at most half of them, or fewer than five, stay in it.
-fn read_profiles(image: ImageView<'_>, expected: &ExpectedEdge) -> Result<Vec<Profile>, PointStatus> {
-    let [before, behind] = expected.depth.map(|depth| depth as f64);
-    let [first, last] = expected.room.map(|place| place as f64);
-    let level = |along: usize, across: usize| match expected.direction {
-        Direction::Rows => image.at(along, across),
-        Direction::Columns => image.at(across, along),
-    };
-    let profile_at = |along: usize| {
-        let from_middle = along as f64 - expected.middle;
-        let center = (expected.near + expected.slope * from_middle).round();
-        if !(center - MIN_DEPTH_PX >= first && center + MIN_DEPTH_PX <= last) {
-            return None;
-        }
-        let start = (center - before).max(first) as usize;
-        let end = (center + behind).min(last) as usize;
-        let levels = (start..=end).map(|across| level(along, across).map(f64::from));
-        Some(Profile { along: from_middle, first: start as f64, levels: levels.collect::<Option<_>>()?, weight: 1.0 })
-    };
-    let all = expected.along[1].saturating_sub(expected.along[0]);
-    let profiles: Vec<Profile> = (expected.along[0]..expected.along[1]).filter_map(profile_at).collect();
-    if 2 * profiles.len() <= all || profiles.len() < MIN_PROFILES {
-        return Err(PointStatus::OutOfFrame);
-    }
-    Ok(profiles)
-}
-
 /// Estimates the paint of both sides from the levels clear of the edge, before it and behind it.
 ///
 /// Speckles are closer in level to the other side of the edge than the paint around them. The paint of a side is
@@ -272,7 +192,7 @@ fn read_profiles(image: ImageView<'_>, expected: &ExpectedEdge) -> Result<Vec<Pr
 fn estimate_paints(
     profiles: &[Profile],
     model: &EdgeModel,
-    expected: &ExpectedEdge,
+    expected: &ExpectedEdge<'_>,
 ) -> Result<[Paint; 2], PointStatus> {
     let sign = expected.sign;
     let margin = PAINT_MARGIN_PX.max(PAINT_MARGIN_SIGMAS * model.blur);
@@ -393,7 +313,8 @@ fn reweigh(profiles: &mut [Profile], model: &EdgeModel, fraction: f64) {
     let scatter = 1.4826 * quantile(&mut deviations, 0.5).unwrap_or(0.0);
     for ((profile, shift), clean) in profiles.iter_mut().zip(shifts).zip(is_clean) {
         let distance = (shift - middle) / (TUKEY * scatter.max(1e-4));
-        profile.weight = if clean && distance.abs() < 1.0 { (1.0 - distance * distance).powi(2) } else { 0.0 };
+        let biweight = if clean && distance.abs() < 1.0 { (1.0 - distance * distance).powi(2) } else { 0.0 };
+        profile.weight = profile.trust * biweight;
     }
 }
 
@@ -448,9 +369,10 @@ fn edge_with_uncertainty(profiles: &[Profile], model: &EdgeModel) -> Result<Edge
     let sigma = |k: usize| (variance * excess * inverse[(k, k)]).max(0.0).sqrt();
     let paint = |k: usize| Estimate { value: levels[k], sigma: sigma(3 + k) };
     let is_speckled = model.paints.iter().any(|paint| paint.is_speckled);
-    let model_px = match is_clipped(profiles, levels[0].max(levels[1]) + model.noise()) {
+    let is_clipped = !model.is_shaded && is_clipped(profiles, levels[0].max(levels[1]) + model.noise());
+    let model_px = match is_clipped {
         true => CLIPPED_SIGMA_PX,
-        false if is_speckled => SPECKLED_SIGMA_PX.hypot(SHADING_FRACTION * shading_shift(model, &inverse)),
+        false if is_speckled || model.is_shaded => SPECKLED_SIGMA_PX.hypot(SHADING_FRACTION * shading_shift(model, &inverse)),
         false => MODEL_SIGMA_PX,
     };
     Ok(Edge {

@@ -1,11 +1,14 @@
 //! The rod finder: searches a rod by projections, then to a fraction of a pixel.
 
-use super::axis::{Axis, compose_rod};
-use super::edge_fit::{CleanPaint, Direction, Edge, ExpectedEdge, fit_step_edge};
+use super::axis::{Axis, Side, compose_rod};
+use super::edge_fit::{Edge, fit_step_edge};
 use super::observation::{INSET_PX, MARGIN_PX, RodObservation};
 use super::paint_shading::clean_paint_at;
 use super::params::{RodError, RodParams};
+use super::profiles::{CleanPaint, Direction, ExpectedEdge};
 use super::projections::{BinaryImage, Line, find_extrema};
+use super::shading::{ExpectedRod, ShadedRod};
+use super::tape_light::TapeLight;
 use crate::image::ImageView;
 use crate::numeric::quantile;
 use crate::results::{Estimate, PointStatus, ROD_EDGES};
@@ -28,9 +31,11 @@ const MIN_EDGE_FRACTION: f64 = 0.3;
 const RIVAL_RATIO: f64 = 0.75;
 /// The relative strength of a line's continuation next to the rod from which it does not belong to the rod.
 const CONTINUATION_RATIO: f64 = 0.5;
-/// The bare rod next to an edge: the number of rows, and the maximum fraction of pixels of the other shade.
+/// The bare rod next to an edge: the number of rows, and the percentage of pixels of the other shade there, without and
+/// with a reflection.
 const BARE_ROWS: usize = 3;
-const MAX_BARE_FRACTION: f64 = 0.1;
+const BARE_PERCENT: u32 = 10;
+const MAX_COVERED_PERCENT: u32 = 45;
 /// The reach of profiles from an edge, and their distance from the next edge, px.
 const EDGE_REACH_PX: f64 = 24.0;
 const EDGE_MARGIN_PX: f64 = 3.0;
@@ -71,6 +76,14 @@ impl Prediction {
     }
 }
 
+/// A rod whose sides are fitted, before its edges are.
+struct FittedRod<'a> {
+    prediction: &'a Prediction,
+    axis: &'a Axis,
+    /// The light next to each edge, if it varies across the rod.
+    lights: &'a [Option<TapeLight>; ROD_EDGES],
+}
+
 impl RodFinder {
     /// Plans a finder for images of `width_px` x `height_px` pixels.
     ///
@@ -96,9 +109,8 @@ impl RodFinder {
     /// If the size of `image` differs from the planned size.
     pub fn find(&self, image: ImageView<'_>) -> Result<RodObservation, PointStatus> {
         self.check_shape(image);
-        let prediction = self.find_by_projections(image)?;
-        let axis = self.fit_axis(image, &prediction)?;
-        let edges = self.fit_edges(image, &prediction, &axis);
+        let mut prediction = self.find_by_projections(image)?;
+        let (axis, edges) = self.fit_rod(image, &mut prediction)?;
         let section = self.speckled_section(image, &prediction).ok_or(PointStatus::Lost)?;
         let anchors: [bool; ROD_EDGES] = std::array::from_fn(|index| match section {
             Section::Between(upper) => index == upper || index == upper + 1,
@@ -143,7 +155,7 @@ impl RodFinder {
     pub fn follow(&self, image: ImageView<'_>, near: &RodObservation) -> Result<RodObservation, PointStatus> {
         self.check_shape(image);
         let (x, y, half) = (near.rod.x_px.value, near.rod.y_px.value, near.rod.half_width_px.value);
-        let prediction = Prediction {
+        let mut prediction = Prediction {
             sides_px: [x - half, x + half],
             side_signs: near.side_signs,
             edges_px: (0..self.params.edges as usize).map(|index| y + near.offsets_px[index]).collect(),
@@ -151,8 +163,7 @@ impl RodFinder {
             at_row: y,
             tilt: near.rod.tilt_deg.value.to_radians().tan(),
         };
-        let axis = self.fit_axis(image, &prediction)?;
-        let edges = self.fit_edges(image, &prediction, &axis);
+        let (axis, edges) = self.fit_rod(image, &mut prediction)?;
         // Each edge predicts the reported point; edges that contribute to it must agree.
         let predicted = |index: usize| {
             let place = edges[index].ok().map(|edge| edge.at)?;
@@ -265,16 +276,18 @@ impl RodFinder {
         all.retain(|line| f64::from(line.strength.abs()) >= MIN_EDGE_FRACTION * width && !continues_outside(line));
         let count = self.params.edges as usize;
         // A rod is black or white between its tapes: the shade with the stronger edges is taken.
-        let of_shade = |shade: Shade| -> Vec<Line> {
-            all.iter().filter(|line| has_bare_side(&white, line, shade)).copied().collect()
+        let of_shade = |shade: Shade, max_fraction: f64| -> Vec<Line> {
+            all.iter().filter(|line| covered_fraction(&white, line, shade) <= max_fraction).copied().collect()
         };
         let strength = |lines: &[Line]| lines[..count].iter().map(|line| line.strength.abs()).sum::<i32>();
-        let mut shades = [of_shade(Shade::White), of_shade(Shade::Black)];
-        shades.sort_by_key(|lines| if lines.len() < count { 0 } else { strength(lines) });
-        let [_, mut found] = shades;
-        if found.len() < count {
-            return Err(PointStatus::Lost);
-        }
+        let strongest = |max_fraction: f64| -> Option<Vec<Line>> {
+            let shades = [Shade::White, Shade::Black].map(|shade| of_shade(shade, max_fraction));
+            shades.into_iter().filter(|lines| lines.len() >= count).max_by_key(|lines| strength(lines))
+        };
+        // A reflection along the rod covers the same part of it next to each edge, so the barest lines are taken.
+        let mut found = (BARE_PERCENT..=MAX_COVERED_PERCENT)
+            .find_map(|percent| strongest(0.01 * f64::from(percent)))
+            .ok_or(PointStatus::Lost)?;
         let rival = found.get(count).map_or(0.0, |line| f64::from(line.strength.abs()));
         found.truncate(count);
         let weakest = found.last().map_or(0.0, |line| f64::from(line.strength.abs()));
@@ -283,16 +296,50 @@ impl RodFinder {
         if rival >= RIVAL_RATIO * weakest || !alternates { Err(PointStatus::Ambiguous) } else { Ok(found) }
     }
 
+    /// Fits both sides and all edges near their expected positions, and moves the expected sides to those found.
+    ///
+    /// # Errors
+    ///
+    /// The error of a side that cannot be fitted.
+    fn fit_rod(
+        &self,
+        image: ImageView<'_>,
+        prediction: &mut Prediction,
+    ) -> Result<(Axis, Vec<Result<Edge, PointStatus>>), PointStatus> {
+        let expected = ExpectedRod {
+            edges_px: &prediction.edges_px,
+            signs: &prediction.signs,
+            sides_px: prediction.sides_px,
+            at_row: prediction.at_row,
+            tilt: prediction.tilt,
+            width_px: self.params.width_px,
+            region: self.region,
+        };
+        let shaded = ShadedRod::fit(image, &expected);
+        let axis = match &shaded {
+            Some(shaded) => {
+                (prediction.at_row, prediction.tilt) = (shaded.axis.middle, shaded.axis.tilt());
+                prediction.sides_px = shaded.axis.sides.map(|side| side.at.value);
+                shaded.axis
+            }
+            None => self.fit_axis(image, prediction)?,
+        };
+        let lights = shaded.map_or([None; ROD_EDGES], |shaded| shaded.lights);
+        let edges = self.fit_edges(image, &FittedRod { prediction, axis: &axis, lights: &lights });
+        Ok((axis, edges))
+    }
+
     /// Fits all edges, first separately. Speckled ones, and failed ones inside the image, are fitted again with blur
     /// and paint of the clean ones.
-    fn fit_edges(&self, image: ImageView<'_>, prediction: &Prediction, axis: &Axis) -> Vec<Result<Edge, PointStatus>> {
+    fn fit_edges(&self, image: ImageView<'_>, rod: &FittedRod<'_>) -> Vec<Result<Edge, PointStatus>> {
+        let places = &rod.prediction.edges_px;
         let separate: Vec<Result<Edge, PointStatus>> =
-            (0..prediction.edges_px.len()).map(|index| self.fit_edge(image, prediction, axis, index, None)).collect();
+            (0..places.len()).map(|index| self.fit_edge(image, rod, index, None)).collect();
         let clean: Vec<&Edge> = separate.iter().flatten().filter(|edge| !edge.is_speckled).collect();
         let refit = |index: usize| match &separate[index] {
             Ok(edge) if clean.is_empty() || !edge.is_speckled => Ok(*edge),
             Err(PointStatus::OutOfFrame) => Err(PointStatus::OutOfFrame),
-            _ => self.fit_edge(image, prediction, axis, index, clean_paint_at(&clean, prediction.edges_px[index])),
+            _ => self.fit_edge(image, rod, index, clean_paint_at(&clean, places[index])),
         };
         (0..separate.len()).map(refit).collect()
     }
@@ -305,11 +352,11 @@ impl RodFinder {
     fn fit_edge(
         &self,
         image: ImageView<'_>,
-        prediction: &Prediction,
-        axis: &Axis,
+        rod: &FittedRod<'_>,
         index: usize,
         clean: Option<CleanPaint>,
     ) -> Result<Edge, PointStatus> {
+        let FittedRod { prediction, axis, lights } = rod;
         let [_, top, _, height] = self.region;
         let [from, to] = prediction.sides_px;
         let along = [(from + INSET_PX).ceil().max(0.0) as usize, (to - INSET_PX).floor().max(0.0) as usize + 1];
@@ -327,12 +374,16 @@ impl RodFinder {
             room: [top, top + height - 1],
             sign: prediction.signs[index],
             clean,
+            light: lights[index].as_ref(),
         };
         let edge = fit_step_edge(image, &expected)?;
         Ok(Edge { at: Estimate { value: axis.y_at_edge(&edge, middle), ..edge.at }, ..edge })
     }
 
-    /// Returns the section with the most texture along the rows: the speckled tape. `None` if none is high enough.
+    /// Returns the section with the most texture, both along the rows and along the columns: the speckled tape. `None` if
+    /// none is high enough.
+    ///
+    /// A reflection and shading vary along the rows only.
     fn speckled_section(&self, image: ImageView<'_>, prediction: &Prediction) -> Option<Section> {
         let [_, top, _, height] = self.region.map(|number| number as f64);
         let places = &prediction.edges_px;
@@ -348,11 +399,14 @@ impl RodFinder {
         let texture = |[from, to]: [f64; 2]| {
             let rows = (from + TEXTURE_MARGIN_PX).ceil() as usize..((to - TEXTURE_MARGIN_PX).floor().max(0.0)) as usize;
             let count = (rows.len() * columns.len()).max(1) as f64;
+            let square = |low: f32, high: f32| f64::from(high - low).powi(2);
             let squares = |y: usize| {
-                let row = image.row(y);
-                columns.clone().map(|x| f64::from(row[x + 1] - row[x - 1]).powi(2)).sum::<f64>()
+                let [above, row, below] = [y - 1, y, y + 1].map(|y| image.row(y));
+                let across = columns.clone().map(|x| square(row[x - 1], row[x + 1])).sum::<f64>();
+                [across, columns.clone().map(|x| square(above[x], below[x])).sum::<f64>()]
             };
-            rows.map(squares).sum::<f64>() / count
+            let sums = rows.map(squares).fold([0.0; 2], |sums, [across, along]| [sums[0] + across, sums[1] + along]);
+            sums[0].min(sums[1]) / count
         };
         let candidates = sections.into_iter().filter(|(_, [from, to])| to - from >= MIN_SECTION_PX);
         candidates.map(|(section, rows)| (section, texture(rows))).max_by(|a, b| a.1.total_cmp(&b.1)).map(|best| best.0)
@@ -384,12 +438,15 @@ impl RodFinder {
                 room: [left, left + width - 1],
                 sign: prediction.side_signs[index],
                 clean: None,
+                light: None,
             };
             fit_step_edge(image, &expected)
         };
         // The background is less uniform than the paint of the rod, and common to all rows.
-        let with_side_sigma =
-            |side: Edge| Edge { at: Estimate { sigma: side.at.sigma.hypot(SIDE_SIGMA_PX), ..side.at }, ..side };
+        let with_side_sigma = |side: Edge| Side {
+            at: Estimate { sigma: side.at.sigma.hypot(SIDE_SIGMA_PX), ..side.at },
+            slope: side.slope,
+        };
         Ok(Axis { sides: [with_side_sigma(side(0)?), with_side_sigma(side(1)?)], middle })
     }
 }
@@ -401,17 +458,15 @@ enum Shade {
     White,
 }
 
-/// Whether each of the three rows next to a line, on the side of the bare rod, has at most 10 % pixels of the other
-/// shade than the `rod`. `white` is the fraction of white pixels in each row.
+/// Returns the maximum fraction of pixels of the other shade than the `rod` in the three rows next to a line, on the side
+/// of the bare rod. `white` is the fraction of white pixels in each row.
 ///
 /// The bare rod lies next to an edge of a tape, but not next to a line between speckles.
-fn has_bare_side(white: &[f64], line: &Line, rod: Shade) -> bool {
+fn covered_fraction(white: &[f64], line: &Line, rod: Shade) -> f64 {
     let is_above = (line.strength > 0) == (rod == Shade::Black);
     let rows = if is_above { line.at.saturating_sub(BARE_ROWS)..line.at } else { line.at + 2..line.at + 2 + BARE_ROWS };
-    rows.into_iter().all(|row| {
-        let other = white.get(row).map_or(0.0, |white| if rod == Shade::Black { *white } else { 1.0 - white });
-        other <= MAX_BARE_FRACTION
-    })
+    let other = |row: usize| white.get(row).map_or(0.0, |white| if rod == Shade::Black { *white } else { 1.0 - white });
+    rows.map(other).fold(0.0, f64::max)
 }
 
 /// The position of the speckled tape.

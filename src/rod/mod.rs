@@ -5,13 +5,17 @@
 //! step to the grey levels, which gives the edges to some thousandths of a pixel.
 
 mod axis;
+mod cylinder;
 mod edge_fit;
 mod finder;
 mod observation;
 mod paint_levels;
 mod paint_shading;
 mod params;
+mod profiles;
 pub mod projections;
+mod shading;
+mod tape_light;
 
 pub use finder::RodFinder;
 pub use observation::RodObservation;

@@ -1,6 +1,7 @@
 //! Shading of the paint along a rod, interpolated from clean edges where speckles cover the paint.
 
-use super::edge_fit::{CleanPaint, Edge};
+use super::edge_fit::Edge;
+use super::profiles::CleanPaint;
 use crate::results::Estimate;
 
 /// The uncertainty of the shading because it is not linear, as a fraction of its change from the mean row.

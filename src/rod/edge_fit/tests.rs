@@ -1,3 +1,4 @@
+use super::super::profiles::Direction;
 use super::*;
 use crate::image::Image;
 
@@ -40,7 +41,7 @@ fn picture(scene: &Scene) -> Image {
     image
 }
 
-fn expected(near: f64) -> ExpectedEdge {
+fn expected(near: f64) -> ExpectedEdge<'static> {
     ExpectedEdge {
         direction: Direction::Rows,
         along: [6, 34],
@@ -51,6 +52,7 @@ fn expected(near: f64) -> ExpectedEdge {
         room: [0, 39],
         sign: 1.0,
         clean: None,
+        light: None,
     }
 }
 
@@ -105,7 +107,7 @@ fn speckles_near_the_edge_do_not_move_it() {
 
 #[test]
 fn what_is_no_edge_is_refused_with_its_reason() {
-    let refused = |scene: Scene, expected: ExpectedEdge| fit_step_edge(picture(&scene).view(), &expected).unwrap_err();
+    let refused = |scene: Scene, expected: ExpectedEdge<'_>| fit_step_edge(picture(&scene).view(), &expected).unwrap_err();
     let near = expected(20.0);
     let flat = Scene { light: 20.0, ..SCENE };
     assert!(matches!(refused(flat, near), PointStatus::Lost | PointStatus::LowContrast | PointStatus::LowCorrelation));
