@@ -56,8 +56,6 @@ pub(super) struct TapeSides {
     pub(super) sides_px: [Estimate; 2],
     /// The standard uncertainty of the middle between them, px.
     pub(super) middle_sigma_px: f64,
-    /// The light that is constant, along the tilt of the surface and towards the camera, DN.
-    pub(super) light_dn: [f64; 3],
 }
 
 impl TapeProfile {
@@ -142,11 +140,6 @@ impl TapeProfile {
 
     /// Returns the sum of squared residuals with the best ground and light, DN^2; `None` if these are not determined.
     fn squares(&self, sides: [f64; 2], blur: f64) -> Option<f64> {
-        self.solve(sides, blur).map(|(squares, _)| squares)
-    }
-
-    /// Returns the sum of squared residuals, DN^2, and the best ground and light in the order of [`basis`], DN.
-    fn solve(&self, sides: [f64; 2], blur: f64) -> Option<(f64, Vector)> {
         let (mut normal, mut right, mut total) = (SMatrix::<f64, 5, 5>::zeros(), Vector::zeros(), 0.0);
         for (level, x) in self.levels.iter().zip(0_u32..) {
             let row = basis(self.first + f64::from(x), sides, blur);
@@ -155,7 +148,7 @@ impl TapeProfile {
             total += level * level;
         }
         let solved = normal.cholesky()?.solve(&right);
-        Some((total - solved.dot(&right), solved))
+        Some(total - solved.dot(&right))
     }
 
     /// Returns the sides with the uncertainties from the curvature of the sum of squares.
@@ -172,13 +165,11 @@ impl TapeProfile {
         }
         let variance = ALIKE_COLUMNS * squares / (self.levels.len() as f64 - PARAMETERS).max(1.0);
         let covariance = [normal[2], -normal[1], normal[0]].map(|part| variance * part / determinant);
-        let (_, light) = self.solve(sides, blur)?;
         let side = |value: f64, variance: f64| Estimate { value, sigma: variance.sqrt() };
         Some(TapeSides {
             row: self.row,
             sides_px: [side(sides[0], covariance[0]), side(sides[1], covariance[2])],
             middle_sigma_px: (0.25 * (covariance[0] + covariance[2] + 2.0 * covariance[1])).max(0.0).sqrt(),
-            light_dn: [light[2], light[3], light[4]],
         })
     }
 }

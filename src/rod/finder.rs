@@ -2,6 +2,7 @@
 
 use super::axis::{Axis, Side, compose_rod};
 use super::edge_fit::{Edge, fit_step_edge};
+use super::edge_lines::select_edges;
 use super::observation::{INSET_PX, MARGIN_PX, RodObservation};
 use super::paint_shading::clean_paint_at;
 use super::params::{RodError, RodParams};
@@ -27,18 +28,15 @@ const PIXEL_SIGMA_PX: f64 = 0.29;
 const MIN_SIDE_ROWS: i32 = 8;
 /// The minimum fraction of columns between the sides that an edge changes.
 const MIN_EDGE_FRACTION: f64 = 0.3;
-/// The relative strength of one line too many from which the edges are ambiguous.
-const RIVAL_RATIO: f64 = 0.75;
 /// The relative strength of a line's continuation next to the rod from which it does not belong to the rod.
 const CONTINUATION_RATIO: f64 = 0.5;
-/// The bare rod next to an edge: the number of rows, and the percentage of pixels of the other shade there, without and
-/// with a reflection.
-const BARE_ROWS: usize = 3;
-const BARE_PERCENT: u32 = 10;
-const MAX_COVERED_PERCENT: u32 = 45;
 /// The reach of profiles from an edge, and their distance from the next edge, px.
 const EDGE_REACH_PX: f64 = 24.0;
 const EDGE_MARGIN_PX: f64 = 3.0;
+/// The same where the light varies across the rod, and so along it.
+const SHADED_REACH_PX: f64 = 12.0;
+/// The number of times that the edges of a shaded rod are fitted.
+const SHADED_PASSES: usize = 2;
 /// The reach of profiles from a side, px.
 const SIDE_REACH_PX: usize = 8;
 /// The margin of rows to the edges in the search for texture, px.
@@ -274,26 +272,7 @@ impl RodFinder {
         let white = binary.white_fraction(inside.clone());
         let mut all = find_extrema(&binary.row_steps(inside), MIN_DISTANCE_PX);
         all.retain(|line| f64::from(line.strength.abs()) >= MIN_EDGE_FRACTION * width && !continues_outside(line));
-        let count = self.params.edges as usize;
-        // A rod is black or white between its tapes: the shade with the stronger edges is taken.
-        let of_shade = |shade: Shade, max_fraction: f64| -> Vec<Line> {
-            all.iter().filter(|line| covered_fraction(&white, line, shade) <= max_fraction).copied().collect()
-        };
-        let strength = |lines: &[Line]| lines[..count].iter().map(|line| line.strength.abs()).sum::<i32>();
-        let strongest = |max_fraction: f64| -> Option<Vec<Line>> {
-            let shades = [Shade::White, Shade::Black].map(|shade| of_shade(shade, max_fraction));
-            shades.into_iter().filter(|lines| lines.len() >= count).max_by_key(|lines| strength(lines))
-        };
-        // A reflection along the rod covers the same part of it next to each edge, so the barest lines are taken.
-        let mut found = (BARE_PERCENT..=MAX_COVERED_PERCENT)
-            .find_map(|percent| strongest(0.01 * f64::from(percent)))
-            .ok_or(PointStatus::Lost)?;
-        let rival = found.get(count).map_or(0.0, |line| f64::from(line.strength.abs()));
-        found.truncate(count);
-        let weakest = found.last().map_or(0.0, |line| f64::from(line.strength.abs()));
-        found.sort_by_key(|line| line.at);
-        let alternates = found.windows(2).all(|pair| pair[0].strength.signum() != pair[1].strength.signum());
-        if rival >= RIVAL_RATIO * weakest || !alternates { Err(PointStatus::Ambiguous) } else { Ok(found) }
+        select_edges(&white, &all, self.params.edges as usize)
     }
 
     /// Fits both sides and all edges near their expected positions, and moves the expected sides to those found.
@@ -315,17 +294,24 @@ impl RodFinder {
             width_px: self.params.width_px,
             region: self.region,
         };
-        let shaded = ShadedRod::fit(image, &expected);
-        let axis = match &shaded {
-            Some(shaded) => {
-                (prediction.at_row, prediction.tilt) = (shaded.axis.middle, shaded.axis.tilt());
-                prediction.sides_px = shaded.axis.sides.map(|side| side.at.value);
-                shaded.axis
-            }
-            None => self.fit_axis(image, prediction)?,
+        let Some(shaded) = ShadedRod::fit(image, &expected) else {
+            let axis = self.fit_axis(image, prediction)?;
+            let edges = self.fit_edges(image, &FittedRod { prediction, axis: &axis, lights: &[None; ROD_EDGES] });
+            return Ok((axis, edges));
         };
-        let lights = shaded.map_or([None; ROD_EDGES], |shaded| shaded.lights);
-        let edges = self.fit_edges(image, &FittedRod { prediction, axis: &axis, lights: &lights });
+        let axis = shaded.axis;
+        (prediction.at_row, prediction.tilt) = (axis.middle, axis.tilt());
+        prediction.sides_px = axis.sides.map(|side| side.at.value);
+        // Where light fades along a tape, a threshold places its edge too far inside. Levels next to the edge that was
+        // fitted show its light better.
+        let mut edges = Vec::new();
+        for _ in 0..SHADED_PASSES {
+            let lights = shaded.lights(image, &prediction.edges_px, &prediction.signs);
+            edges = self.fit_edges(image, &FittedRod { prediction, axis: &axis, lights: &lights });
+            for (place, edge) in prediction.edges_px.iter_mut().zip(&edges) {
+                *place = edge.map_or(*place, |edge| edge.at.value);
+            }
+        }
         Ok((axis, edges))
     }
 
@@ -364,17 +350,19 @@ impl RodFinder {
         let middle = prediction.middle();
         let gap = |other: Option<&f64>| other.map_or(f64::INFINITY, |other| (other - places[index]).abs());
         let gaps = [gap(index.checked_sub(1).and_then(|above| places.get(above))), gap(places.get(index + 1))];
+        let light = lights[index].as_ref();
+        let reach_px = if light.is_some() { SHADED_REACH_PX } else { EDGE_REACH_PX };
         let expected = ExpectedEdge {
             direction: Direction::Rows,
             along,
             middle,
             near: places[index],
             slope: -axis.tilt(),
-            depth: gaps.map(|gap| (gap - EDGE_MARGIN_PX).clamp(0.0, EDGE_REACH_PX) as usize),
+            depth: gaps.map(|gap| (gap - EDGE_MARGIN_PX).clamp(0.0, reach_px) as usize),
             room: [top, top + height - 1],
             sign: prediction.signs[index],
             clean,
-            light: lights[index].as_ref(),
+            light,
         };
         let edge = fit_step_edge(image, &expected)?;
         Ok(Edge { at: Estimate { value: axis.y_at_edge(&edge, middle), ..edge.at }, ..edge })
@@ -449,24 +437,6 @@ impl RodFinder {
         };
         Ok(Axis { sides: [with_side_sigma(side(0)?), with_side_sigma(side(1)?)], middle })
     }
-}
-
-/// The shade of a rod.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Shade {
-    Black,
-    White,
-}
-
-/// Returns the maximum fraction of pixels of the other shade than the `rod` in the three rows next to a line, on the side
-/// of the bare rod. `white` is the fraction of white pixels in each row.
-///
-/// The bare rod lies next to an edge of a tape, but not next to a line between speckles.
-fn covered_fraction(white: &[f64], line: &Line, rod: Shade) -> f64 {
-    let is_above = (line.strength > 0) == (rod == Shade::Black);
-    let rows = if is_above { line.at.saturating_sub(BARE_ROWS)..line.at } else { line.at + 2..line.at + 2 + BARE_ROWS };
-    let other = |row: usize| white.get(row).map_or(0.0, |white| if rod == Shade::Black { *white } else { 1.0 - white });
-    rows.map(other).fold(0.0, f64::max)
 }
 
 /// The position of the speckled tape.

@@ -7,6 +7,7 @@
 mod axis;
 mod cylinder;
 mod edge_fit;
+mod edge_lines;
 mod finder;
 mod observation;
 mod paint_levels;

@@ -3,7 +3,7 @@
 use super::axis::{Axis, Side, weighted_mean};
 use super::cylinder::{TapeProfile, TapeSides};
 use super::observation::INSET_PX;
-use super::tape_light::{TapeLight, TapeShape};
+use super::tape_light::{TapeLight, TapePlace};
 use crate::image::ImageView;
 use crate::results::{Estimate, ROD_EDGES};
 
@@ -14,6 +14,9 @@ const MAX_EVENNESS: f64 = 0.8;
 /// The margin of rows to the edges of a tape, and the minimum number of rows between them, px.
 const EDGE_MARGIN_PX: f64 = 3.0;
 const MIN_ROWS: usize = 5;
+/// The rows next to an edge that show its light: their margin to the edge and their reach, px.
+const LIGHT_MARGIN_PX: f64 = 2.5;
+const LIGHT_REACH_PX: f64 = 10.5;
 /// The reach beyond the outermost edge of a section that ends there only, px.
 const OUTER_REACH_PX: f64 = 24.0;
 /// The uncertainty of the tilt if a single tape shows it, columns per row.
@@ -40,26 +43,18 @@ pub(super) struct ExpectedRod<'a> {
 /// A rod whose light varies across it.
 pub(super) struct ShadedRod {
     pub(super) axis: Axis,
-    /// The light next to each edge.
-    pub(super) lights: [Option<TapeLight>; ROD_EDGES],
+    place: Place,
+    height_px: usize,
 }
 
-/// The rows of a light part of the rod, between these edges.
-struct LightPart {
-    rows: [f64; 2],
-    edges: [Option<usize>; 2],
-}
-
-impl LightPart {
-    /// Returns the rows clear of its edges, first and one past the last.
-    fn inner_rows(&self) -> [usize; 2] {
-        [(self.rows[0] + EDGE_MARGIN_PX).ceil().max(0.0) as usize, (self.rows[1] - EDGE_MARGIN_PX).floor() as usize + 1]
-    }
+/// Returns the rows between two edges and clear of them, px, first and one past the last.
+fn inner_rows([from, to]: [f64; 2]) -> [usize; 2] {
+    [(from + EDGE_MARGIN_PX).ceil().max(0.0) as usize, (to - EDGE_MARGIN_PX).floor().max(-1.0) as usize + 1]
 }
 
 impl ExpectedRod<'_> {
-    /// Returns the light parts of the rod that are high enough, from the top downwards.
-    fn light_parts(&self) -> Vec<LightPart> {
+    /// Returns the rows of the light parts of the rod that are high enough, from the top downwards.
+    fn light_parts(&self) -> Vec<[usize; 2]> {
         let [_, top, _, height] = self.region;
         let (top, bottom) = (top as f64, (top + height) as f64 - 1.0);
         let count = self.edges_px.len();
@@ -68,17 +63,15 @@ impl ExpectedRod<'_> {
             let is_light = above.map_or_else(|| self.signs[0] < 0.0, |edge| self.signs[edge] > 0.0);
             let upper = above.map_or(self.edges_px[0] - OUTER_REACH_PX, |edge| self.edges_px[edge]);
             let lower = below.map_or(self.edges_px[count - 1] + OUTER_REACH_PX, |edge| self.edges_px[edge]);
-            let part = LightPart { rows: [upper.max(top), lower.min(bottom)], edges: [above, below] };
-            let [from, to] = part.inner_rows();
-            (is_light && to >= from + MIN_ROWS).then_some(part)
+            let rows = inner_rows([upper.max(top), lower.min(bottom)]);
+            (is_light && rows[1] >= rows[0] + MIN_ROWS).then_some(rows)
         };
         (0..=count).filter_map(part).collect()
     }
 
-    /// Returns the profile of a light part across a rod with these sides and this tilt at the row `at_row`.
-    fn profile(&self, image: ImageView<'_>, part: &LightPart, place: &Place) -> Option<TapeProfile> {
+    /// Returns the profile of some rows across a rod at this place.
+    fn profile(&self, image: ImageView<'_>, rows: [usize; 2], place: &Place) -> Option<TapeProfile> {
         let [left, _, width, _] = self.region;
-        let rows = part.inner_rows();
         let row = 0.5 * (rows[0] + rows[1]) as f64 - 0.5;
         TapeProfile::read(image, rows, place.sides_at(row), place.tilt, [left, left + width - 1])
     }
@@ -107,7 +100,7 @@ impl ShadedRod {
         let mut axis = None;
         for _ in 0..PASSES {
             let profiles: Vec<TapeProfile> =
-                parts.iter().filter_map(|part| expected.profile(image, part, &place)).collect();
+                parts.iter().filter_map(|rows| expected.profile(image, *rows, &place)).collect();
             // Speckles look like shading, a clean tape does not.
             let evenness = profiles.iter().map(|profile| profile.evenness(place.sides_at(profile.row)));
             if evenness.fold(0.0, f64::max) >= MAX_EVENNESS {
@@ -123,32 +116,44 @@ impl ShadedRod {
                 at_row: found.middle,
                 tilt: found.sides[0].slope.value,
             };
-            axis = Some((found, sides));
+            axis = Some(found);
         }
-        let (axis, sides) = axis?;
-        let mut lights = [None; ROD_EDGES];
-        for part in &parts {
-            let light = fit_light(image, part, &place, &sides);
-            part.edges.into_iter().flatten().for_each(|edge| lights[edge] = light);
-        }
-        Some(Self { axis, lights })
+        Some(Self { axis: axis?, place, height_px: image.height() })
     }
-}
 
-/// Fits the light on a part of a rod.
-fn fit_light(image: ImageView<'_>, part: &LightPart, place: &Place, sides: &[TapeSides]) -> Option<TapeLight> {
-    let rows = part.inner_rows();
-    let row = 0.5 * (rows[0] + rows[1]) as f64 - 0.5;
-    let across = sides.iter().find(|sides| (sides.row - row).abs() < 0.5)?;
-    let [left, right] = place.sides_at(row);
-    let shape = TapeShape {
-        middle_px: [0.5 * (left + right), row],
-        half_width_px: 0.5 * (right - left),
-        half_height_px: 0.5 * (part.rows[1] - part.rows[0]),
-        tilt: place.tilt,
-    };
-    let columns = [(left + INSET_PX).ceil().max(0.0) as usize, (right - INSET_PX).floor().max(0.0) as usize + 1];
-    TapeLight::fit(image, shape, columns, rows, across.light_dn)
+    /// Fits the light next to each edge, on its lighter side; `signs` are 1 for edges below which it is lighter.
+    pub(super) fn lights(
+        &self,
+        image: ImageView<'_>,
+        edges_px: &[f64],
+        signs: &[f64],
+    ) -> [Option<TapeLight>; ROD_EDGES] {
+        let light = |index: usize| {
+            let (edge, sign) = (*edges_px.get(index)?, signs[index]);
+            let neighbor = match sign > 0.0 {
+                true => edges_px.get(index + 1),
+                false => index.checked_sub(1).and_then(|above| edges_px.get(above)),
+            };
+            let height = neighbor.map_or(LIGHT_REACH_PX, |neighbor| (neighbor - edge).abs() - LIGHT_MARGIN_PX);
+            let reach = sign * LIGHT_REACH_PX.min(height);
+            let margin = sign * LIGHT_MARGIN_PX;
+            let [from, to] = if sign > 0.0 { [edge + margin, edge + reach] } else { [edge + reach, edge + margin] };
+            let rows = [from.ceil().max(0.0) as usize, (to.floor().max(-1.0) as usize + 1).min(self.height_px)];
+            (rows[1] > rows[0]).then_some(())?;
+            let row = 0.5 * (rows[0] + rows[1]) as f64 - 0.5;
+            let [left, right] = self.place.sides_at(row);
+            let columns = [(left + INSET_PX).ceil().max(0.0) as usize, (right - INSET_PX).floor().max(-1.0) as usize + 1];
+            let place = TapePlace {
+                middle_px: [0.5 * (left + right), row],
+                half_width_px: 0.5 * (right - left),
+                tilt: self.place.tilt,
+                columns,
+                rows,
+            };
+            TapeLight::fit(image, place)
+        };
+        std::array::from_fn(light)
+    }
 }
 
 /// Fits the axis to the sides at each tape. A single tape keeps the `tilt`.
