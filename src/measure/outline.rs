@@ -23,6 +23,9 @@ const EDGE_MARGIN_PX: f64 = 4.0;
 /// A ball that rebounds at once is off by twice its displacement.
 const STRUCK_FRACTION: f64 = 0.5;
 
+/// The minimum number of subsets on the tape of a rod, twice that of a motion, if it has room for them.
+const MIN_ROD_POINTS: u32 = 6;
+
 /// The maximum time for which a ball is predicted by its outlines, frames.
 const MAX_UNSEEN_FRAMES: u64 = 8;
 
@@ -293,23 +296,27 @@ fn tape_corners(observation: &RodObservation) -> [[f64; 2]; 4] {
 }
 
 /// Returns the subset centres on the tape: whole subsets if it has room for them, otherwise along its middle.
+///
+/// If there are too few at the step of the grid, the rows are closer.
 fn rod_points(observation: &RodObservation, params: &CorrelationParams, size: ImageSize) -> Vec<GridPoint> {
     let half = f64::from(params.subset_size_px / 2);
     let [left, top, right, bottom] = observation.tape_px();
     let (x, y) = (observation.rod.x_px.value, observation.rod.y_px.value);
-    let along = |from: f64, to: f64, limit: usize| -> Vec<u32> {
+    let along = |from: f64, to: f64, min_count: u32, limit: usize| -> Vec<u32> {
         let (first, last) = ((from + half).ceil(), (to - half).floor());
         let (first, last) =
             if first <= last { (first, last) } else { ((0.5 * (from + to)).round(), (0.5 * (from + to)).round()) };
-        let steps = ((last - first) / f64::from(params.step_px)).floor().max(0.0);
+        let closest = ((last - first) / (f64::from(min_count) - 1.0)).floor().max(1.0);
+        let step = f64::from(params.step_px).min(closest);
+        let steps = ((last - first) / step).floor().max(0.0);
         // The grid is centred on the tape.
-        let start = (first + 0.5 * (last - first - steps * f64::from(params.step_px))).round();
-        let places = (0..=steps as u32).map(|step| start + f64::from(step * params.step_px));
+        let start = (first + 0.5 * (last - first - steps * step)).round();
+        let places = (0..=steps as u32).map(|index| start + f64::from(index) * step);
         let fits = |place: &f64| place - half >= 0.0 && place + half <= limit as f64 - 1.0;
         places.filter(fits).map(|place| place as u32).collect()
     };
-    let columns = along(x + left, x + right, size.width);
-    let rows = along(y + top, y + bottom, size.height);
+    let columns = along(x + left, x + right, 1, size.width);
+    let rows = along(y + top, y + bottom, MIN_ROD_POINTS.div_ceil(columns.len().max(1) as u32), size.height);
     rows.into_iter().flat_map(|y| columns.iter().map(move |x| GridPoint { x: *x, y })).collect()
 }
 

@@ -31,34 +31,51 @@ const SHADES: [Shade; 2] = [Shade::White, Shade::Black];
 ///
 /// [`PointStatus::Lost`] for too few edges, [`PointStatus::Ambiguous`] for too many or if they do not alternate.
 pub(super) fn select_edges(white: &[f64], lines: &[Line], count: usize) -> Result<Vec<Line>, PointStatus> {
-    let barest = |shade: Shade, max_fraction: f64| -> Option<Vec<Line>> {
-        let is_bare = |line: &&Line| covered_fraction(white, line, shade) <= max_fraction;
-        let bare: Vec<Line> = lines.iter().filter(is_bare).copied().collect();
-        (bare.len() >= count).then_some(bare)
+    let barest = |rod: Shade, max_fraction: f64| -> Option<BareLines> {
+        let is_bare = |line: &&Line| covered_fraction(white, line, rod) <= max_fraction;
+        let lines: Vec<Line> = lines.iter().filter(is_bare).copied().collect();
+        (lines.len() >= count).then_some(BareLines { rod, lines })
     };
-    let strength = |lines: &Vec<Line>| lines[..count].iter().map(|line| line.strength.abs()).sum::<i32>();
-    let without_reflection = SHADES.into_iter().filter_map(|shade| barest(shade, MAX_BARE_FRACTION));
-    if let Some(found) = without_reflection.max_by_key(strength) {
-        return strongest(found, count).ok_or(PointStatus::Ambiguous);
+    let strength = |bare: &BareLines| bare.lines[..count].iter().map(|line| line.strength.abs()).sum::<i32>();
+    let without_reflection = SHADES.into_iter().filter_map(|rod| barest(rod, MAX_BARE_FRACTION));
+    if let Some(bare) = without_reflection.max_by_key(strength) {
+        return bare.tape_edges(count).ok_or(PointStatus::Ambiguous);
     }
-    let limits = |shade: Shade| {
-        let fractions = lines.iter().map(move |line| covered_fraction(white, line, shade));
+    let limits = |rod: Shade| {
+        let fractions = lines.iter().map(move |line| covered_fraction(white, line, rod));
         fractions.filter(|fraction| (MAX_BARE_FRACTION..=MAX_COVERED_FRACTION).contains(fraction))
     };
-    let choices = SHADES.into_iter().flat_map(|shade| limits(shade).filter_map(move |limit| barest(shade, limit)));
-    let edges = choices.filter_map(|lines| strongest(lines, count));
+    let choices = SHADES.into_iter().flat_map(|rod| limits(rod).filter_map(move |limit| barest(rod, limit)));
+    let edges = choices.filter_map(|bare| bare.tape_edges(count));
     edges.min_by(|a, b| mismatch(white, a).total_cmp(&mismatch(white, b))).ok_or(PointStatus::Lost)
 }
 
-/// Returns the `count` strongest lines from the top downwards; `None` if another one is about as strong, or if they do
-/// not alternate.
-fn strongest(mut lines: Vec<Line>, count: usize) -> Option<Vec<Line>> {
-    let rival = lines.get(count).map_or(0.0, |line| f64::from(line.strength.abs()));
-    lines.truncate(count);
-    let weakest = lines.last().map_or(0.0, |line| f64::from(line.strength.abs()));
-    lines.sort_by_key(|line| line.at);
-    let alternates = lines.windows(2).all(|pair| pair[0].strength.signum() != pair[1].strength.signum());
-    (rival < RIVAL_RATIO * weakest && alternates).then_some(lines)
+/// Lines next to which a rod of this shade is bare, the strongest first.
+struct BareLines {
+    rod: Shade,
+    lines: Vec<Line>,
+}
+
+impl BareLines {
+    /// Returns `count` edges from the top downwards; `None` unless exactly one choice of neighbours alternates.
+    ///
+    /// If there are more lines about as strong, an even number of edges begins where a tape does. One line too many
+    /// belongs to something else at the end of the rod, such as the surface that it strikes.
+    fn tape_edges(&self, count: usize) -> Option<Vec<Line>> {
+        let weakest = f64::from(self.lines[count - 1].strength.abs());
+        let is_strong = |line: &&Line| f64::from(line.strength.abs()) >= RIVAL_RATIO * weakest;
+        let mut strong: Vec<Line> = self.lines.iter().filter(is_strong).copied().collect();
+        strong.sort_by_key(|line| line.at);
+        let has_rivals = strong.len() > count;
+        let begins_tape = |line: &Line| (line.strength > 0) == (self.rod == Shade::Black);
+        let is_choice = |edges: &&[Line]| {
+            let alternates = edges.windows(2).all(|pair| pair[0].strength.signum() != pair[1].strength.signum());
+            alternates && (!has_rivals || count % 2 == 1 || begins_tape(&edges[0]))
+        };
+        let mut choices = strong.windows(count).filter(is_choice);
+        let found = choices.next()?.to_vec();
+        choices.next().is_none().then_some(found)
+    }
 }
 
 /// Returns the sum of squares of the difference between the fraction of white pixels in each row and the shade that the
@@ -101,5 +118,16 @@ mod tests {
         let found = select_edges(&white, &lines, 4).unwrap();
         assert_eq!(found.iter().map(|line| line.at).collect::<Vec<_>>(), [10, 30, 50, 60]);
         assert_eq!(select_edges(&white, &lines, 5), Err(PointStatus::Lost));
+    }
+
+    #[test]
+    fn the_surface_below_the_rod_is_not_a_tape_but_a_third_tape_is_ambiguous() {
+        let shade = |row: usize| f64::from(u8::from(matches!(row, 11..=30 | 51..=60 | 71..=90)));
+        let white: Vec<f64> = (0..91).map(shade).collect();
+        let mut lines = [(10, 20), (30, -20), (50, 20), (60, -20), (70, 19)].map(|(at, strength)| Line { at, strength }).to_vec();
+        let found = select_edges(&white, &lines, 4).unwrap();
+        assert_eq!(found.iter().map(|line| line.at).collect::<Vec<_>>(), [10, 30, 50, 60]);
+        lines.push(Line { at: 80, strength: -19 });
+        assert_eq!(select_edges(&white, &lines, 4), Err(PointStatus::Ambiguous));
     }
 }

@@ -8,7 +8,7 @@ use super::paint_shading::clean_paint_at;
 use super::params::{RodError, RodParams};
 use super::profiles::{CleanPaint, Direction, ExpectedEdge};
 use super::projections::{BinaryImage, Line, find_extrema};
-use super::shading::{ExpectedRod, ShadedRod};
+use super::shading::{CLOSE_PX, ExpectedRod, ShadedRod};
 use super::tape_light::TapeLight;
 use crate::image::ImageView;
 use crate::numeric::quantile;
@@ -22,10 +22,16 @@ const MIN_DISTANCE_PX: usize = 4;
 const SIDES_TRIED: usize = 12;
 /// The uncertainty of a side beyond the scatter of its rows, px.
 const SIDE_SIGMA_PX: f64 = 0.015;
+/// The tolerance of the width, px: sides are first known to whole pixels.
+const SIDE_TOLERANCE_PX: f64 = 2.0;
 /// The standard deviation of a position known to a whole pixel, px.
 const PIXEL_SIGMA_PX: f64 = 0.29;
 /// The minimum net number of rows over which a side changes from black to white.
 const MIN_SIDE_ROWS: i32 = 8;
+/// The minimum width of the bright part of a shaded rod, as a fraction of the minimum width.
+const BRIGHT_FRACTION: f64 = 0.6;
+/// The maximum distance of a side outside the bright part of a shaded rod, as a fraction of its width.
+const OUTWARD_FRACTION: f64 = 0.35;
 /// The minimum fraction of columns between the sides that an edge changes.
 const MIN_EDGE_FRACTION: f64 = 0.3;
 /// The relative strength of a line's continuation next to the rod from which it does not belong to the rod.
@@ -65,6 +71,8 @@ struct Prediction {
     at_row: f64,
     /// The tilt, columns per row.
     tilt: f64,
+    /// The maximum distance of a side outside its expected position, px.
+    outward_px: f64,
 }
 
 impl Prediction {
@@ -160,6 +168,7 @@ impl RodFinder {
             signs: near.signs,
             at_row: y,
             tilt: near.rod.tilt_deg.value.to_radians().tan(),
+            outward_px: CLOSE_PX,
         };
         let (axis, edges) = self.fit_rod(image, &mut prediction)?;
         // Each edge predicts the reported point; edges that contribute to it must agree.
@@ -218,29 +227,36 @@ impl RodFinder {
             signs,
             at_row: 0.0,
             tilt: 0.0,
+            // A threshold places a side that fades into the ground too far inside.
+            outward_px: CLOSE_PX.max(OUTWARD_FRACTION * (right.at - left.at) as f64),
         })
     }
 
     /// Returns the left and the right side, in columns of the region; `None` without two sides.
     ///
     /// The sides are lines of opposite sign within the allowed width. The pair whose weaker line is the strongest is chosen.
-    /// Each line must change over at least [`MIN_SIDE_ROWS`] rows.
+    /// Each line must change over at least [`MIN_SIDE_ROWS`] rows. If no pair is wide enough, the bright part of a shaded
+    /// rod may be.
     fn find_sides(&self, binary: &BinaryImage) -> Option<[Line; 2]> {
         let mut tried = find_extrema(&binary.column_steps(), MIN_DISTANCE_PX);
         tried.truncate(SIDES_TRIED);
-        let mut best: Option<(i32, [Line; 2])> = None;
-        for left in &tried {
-            for right in &tried {
-                let width_px = right.at as f64 - left.at as f64;
-                let [min, max] = self.params.width_px;
-                let weaker = left.strength.abs().min(right.strength.abs());
-                let is_candidate = (min..=max).contains(&width_px) && left.strength.signum() != right.strength.signum();
-                if is_candidate && weaker >= MIN_SIDE_ROWS && best.is_none_or(|(strength, _)| weaker > strength) {
-                    best = Some((weaker, [*left, *right]));
+        let [min, max] = self.params.width_px;
+        let strongest = |min: f64| {
+            let mut best: Option<(i32, [Line; 2])> = None;
+            for left in &tried {
+                for right in &tried {
+                    let width_px = right.at as f64 - left.at as f64;
+                    let weaker = left.strength.abs().min(right.strength.abs());
+                    let are_opposite = left.strength.signum() != right.strength.signum();
+                    let is_candidate = (min..=max).contains(&width_px) && are_opposite && weaker >= MIN_SIDE_ROWS;
+                    if is_candidate && best.is_none_or(|(strength, _)| weaker > strength) {
+                        best = Some((weaker, [*left, *right]));
+                    }
                 }
             }
-        }
-        best.map(|(_, pair)| pair)
+            best.map(|(_, pair)| pair)
+        };
+        strongest(min).or_else(|| strongest(BRIGHT_FRACTION * min))
     }
 
     /// Returns the followed edges, from the top downwards, in rows of the region. `inside` are the columns between the
@@ -292,10 +308,15 @@ impl RodFinder {
             at_row: prediction.at_row,
             tilt: prediction.tilt,
             width_px: self.params.width_px,
+            outward_px: prediction.outward_px,
             region: self.region,
         };
         let Some(shaded) = ShadedRod::fit(image, &expected) else {
             let axis = self.fit_axis(image, prediction)?;
+            let [left, right] = axis.sides.map(|side| side.at.value);
+            if right - left < self.params.width_px[0] - SIDE_TOLERANCE_PX {
+                return Err(PointStatus::Lost);
+            }
             let edges = self.fit_edges(image, &FittedRod { prediction, axis: &axis, lights: &[None; ROD_EDGES] });
             return Ok((axis, edges));
         };

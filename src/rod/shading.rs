@@ -1,7 +1,7 @@
 //! A rod under light that varies across it: its axis and the light on its tapes.
 
 use super::axis::{Axis, Side, weighted_mean};
-use super::cylinder::{TapeProfile, TapeSides};
+use super::cylinder::{Room, TapeProfile, TapeSides, fit_tapes};
 use super::observation::INSET_PX;
 use super::tape_light::{TapeLight, TapePlace};
 use crate::image::ImageView;
@@ -21,6 +21,8 @@ const LIGHT_REACH_PX: f64 = 10.5;
 const OUTER_REACH_PX: f64 = 24.0;
 /// The uncertainty of the tilt if a single tape shows it, columns per row.
 const TILT_SIGMA: f64 = 0.02;
+/// The distance of a side outside its expected position if that was fitted, px.
+pub(super) const CLOSE_PX: f64 = 2.0;
 /// The number of passes: the tilt of the first improves the second.
 const PASSES: usize = 2;
 
@@ -36,6 +38,8 @@ pub(super) struct ExpectedRod<'a> {
     pub(super) tilt: f64,
     /// The minimum and the maximum width, px.
     pub(super) width_px: [f64; 2],
+    /// The maximum distance of a side outside its expected position, px.
+    pub(super) outward_px: f64,
     /// Left, top, width, height.
     pub(super) region: [usize; 4],
 }
@@ -73,7 +77,8 @@ impl ExpectedRod<'_> {
     fn profile(&self, image: ImageView<'_>, rows: [usize; 2], place: &Place) -> Option<TapeProfile> {
         let [left, _, width, _] = self.region;
         let row = 0.5 * (rows[0] + rows[1]) as f64 - 0.5;
-        TapeProfile::read(image, rows, place.sides_at(row), place.tilt, [left, left + width - 1])
+        let room = Room { columns: [left, left + width - 1], outward_px: self.outward_px };
+        TapeProfile::read(image, rows, place.sides_at(row), place.tilt, room)
     }
 }
 
@@ -97,7 +102,7 @@ impl ShadedRod {
         let parts = expected.light_parts();
         let mut place =
             Place { sides_px: expected.sides_px, at_row: expected.at_row, tilt: expected.tilt };
-        let mut axis = None;
+        let (mut axis, mut outward_px) = (None, expected.outward_px);
         for _ in 0..PASSES {
             let profiles: Vec<TapeProfile> =
                 parts.iter().filter_map(|rows| expected.profile(image, *rows, &place)).collect();
@@ -106,11 +111,11 @@ impl ShadedRod {
             if evenness.fold(0.0, f64::max) >= MAX_EVENNESS {
                 return None;
             }
-            let sides: Vec<TapeSides> = profiles
-                .iter()
-                .filter_map(|profile| profile.fit_sides(place.sides_at(profile.row), expected.width_px))
-                .collect();
+            let near: Vec<[f64; 2]> = profiles.iter().map(|profile| place.sides_at(profile.row)).collect();
+            let sides = fit_tapes(&profiles, &near, expected.width_px, outward_px)?;
             let found = fit_axis(&sides, place.tilt)?;
+            // The next pass starts from these sides.
+            outward_px = CLOSE_PX;
             place = Place {
                 sides_px: found.sides.map(|side| side.at.value),
                 at_row: found.middle,
