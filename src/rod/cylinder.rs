@@ -13,12 +13,16 @@ const PAINT_QUANTILE: f64 = 0.7;
 /// The width of the ground next to the rod that is fitted, and its minimum, px.
 const GROUND_PX: f64 = 8.0;
 const MIN_GROUND_PX: f64 = 3.0;
+/// The ratio of the limits of the width from which it is not known before.
+const MAX_RANGE_RATIO: f64 = 4.0;
 /// The blurs that are tried, standard deviations, px.
 const BLURS_PX: [f64; 3] = [0.5, 0.8, 1.2];
 /// The range inwards in which a side is searched, px.
 const INWARD_PX: f64 = 2.0;
 /// The step of the search and that at which it has converged, px.
 const SEARCH_STEP_PX: f64 = 1.0;
+/// The maximum distance of a side of one tape from the search over all, px: for the step and for the tilt.
+const MAX_REFINEMENT_PX: f64 = 2.0;
 const CONVERGED_PX: f64 = 0.004;
 /// The number of neighbouring columns whose residuals are alike: what the model lacks is smooth.
 const ALIKE_COLUMNS: f64 = 3.0;
@@ -81,13 +85,7 @@ impl TapeProfile {
     ///
     /// `tilt` is in columns per row, `room` the columns that may be read. `None` if there is no room for the
     /// ground.
-    pub(super) fn read(
-        image: ImageView<'_>,
-        rows: [usize; 2],
-        sides: [f64; 2],
-        tilt: f64,
-        room: Room,
-    ) -> Option<Self> {
+    pub(super) fn read(image: ImageView<'_>, rows: [usize; 2], sides: [f64; 2], tilt: f64, room: Room) -> Option<Self> {
         let row = 0.5 * (rows[0] + rows[1]) as f64 - 0.5;
         let reach = GROUND_PX + room.outward_px;
         let lean = (0.5 * tilt * (rows[1] - rows[0]) as f64).abs().ceil();
@@ -134,14 +132,14 @@ impl TapeProfile {
     }
 
     /// Refines both sides from a shape near them; `None` if they are not determined.
-    fn fit_sides(&self, start: Shape) -> Option<TapeSides> {
-        let refined = BLURS_PX.iter().filter_map(|blur| self.refine(Shape { blur: *blur, ..start }));
+    fn fit_sides(&self, start: Shape, width_px: [f64; 2]) -> Option<TapeSides> {
+        let refined = BLURS_PX.iter().filter_map(|blur| self.refine(Shape { blur: *blur, ..start }, width_px));
         let (squares, shape) = refined.min_by(|a, b| a.0.total_cmp(&b.0))?;
         self.with_uncertainty(&shape, squares)
     }
 
     /// Refines sides and lamp by a pattern search; returns the sum of squares, DN^2, and the shape.
-    fn refine(&self, start: Shape) -> Option<(f64, Shape)> {
+    fn refine(&self, start: Shape, width_px: [f64; 2]) -> Option<(f64, Shape)> {
         const MOVES: [[f64; 3]; 10] = [
             [1.0, 0.0, 0.0],
             [-1.0, 0.0, 0.0],
@@ -163,7 +161,13 @@ impl TapeProfile {
                 lamp: shape.lamp + step * LAMP_STEP_RAD * turn,
                 ..shape
             });
-            let better = tried.into_iter().filter_map(|shape| Some((self.squares(&shape)?, shape)));
+            let is_near = |shape: &Shape| {
+                let moved = (0..2).map(|k| (shape.sides[k] - start.sides[k]).abs()).fold(0.0, f64::max);
+                let width = shape.sides[1] - shape.sides[0];
+                moved <= MAX_REFINEMENT_PX && (width_px[0]..=width_px[1]).contains(&width)
+            };
+            let near = tried.into_iter().filter(is_near);
+            let better = near.filter_map(|shape| Some((self.squares(&shape)?, shape)));
             match better.min_by(|a, b| a.0.total_cmp(&b.0)).filter(|(squares, _)| *squares < best) {
                 Some(found) => (best, shape) = found,
                 None => step *= 0.5,
@@ -239,12 +243,28 @@ pub(super) fn fit_tapes(
             tapes.iter().zip(near).map(best).collect()
         })
         .collect();
-    let smallest = |tape: usize| tried.iter().map(|shapes| shapes[tape].0).fold(f64::INFINITY, f64::min).max(1e-9);
-    let smallest: Vec<f64> = (0..tapes.len()).map(smallest).collect();
-    let misfit =
-        |shapes: &Vec<(f64, Shape)>| shapes.iter().zip(&smallest).map(|((squares, _), best)| squares / best).sum::<f64>();
+    // The negative logarithm of the likelihood, if the misfit of each tape is not known before, and of the width.
+    let misfit = |shapes: &Vec<(f64, Shape)>| {
+        let of_tape = |(tape, (squares, _)): (&TapeProfile, &(f64, Shape))| {
+            0.5 * tape.levels.len() as f64 / ALIKE_COLUMNS * squares.max(1e-9).ln()
+        };
+        let width = shapes.first().map_or(0.0, |(_, shape)| width_misfit(shape.sides[1] - shape.sides[0], width_px));
+        tapes.iter().zip(shapes).map(of_tape).sum::<f64>() + width
+    };
     let start = tried.iter().min_by(|a, b| misfit(a).total_cmp(&misfit(b)))?;
-    tapes.iter().zip(start).map(|(tape, (_, shape))| tape.fit_sides(*shape)).collect()
+    tapes.iter().zip(start).map(|(tape, (_, shape))| tape.fit_sides(*shape, width_px)).collect()
+}
+
+/// Returns the negative logarithm of the likelihood of a width within `range`, px.
+///
+/// The range is that of a diameter and a scale, three standard deviations to either side. Any width is equally likely
+/// without them.
+fn width_misfit(width_px: f64, [min, max]: [f64; 2]) -> f64 {
+    if max / min > MAX_RANGE_RATIO {
+        return 0.0;
+    }
+    let (expected, sigma) = ((min * max).sqrt().ln(), (max / min).ln() / 6.0);
+    0.5 * ((width_px.ln() - expected) / sigma).powi(2)
 }
 
 impl Shape {

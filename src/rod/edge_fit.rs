@@ -372,7 +372,9 @@ fn edge_with_uncertainty(profiles: &[Profile], model: &EdgeModel) -> Result<Edge
     let is_clipped = !model.is_shaded && is_clipped(profiles, levels[0].max(levels[1]) + model.noise());
     let model_px = match is_clipped {
         true => CLIPPED_SIGMA_PX,
-        false if is_speckled || model.is_shaded => SPECKLED_SIGMA_PX.hypot(SHADING_FRACTION * shading_shift(model, &inverse)),
+        false if is_speckled || model.is_shaded => {
+            SPECKLED_SIGMA_PX.hypot(SHADING_FRACTION * shading_shift(model, &inverse))
+        }
         false => MODEL_SIGMA_PX,
     };
     Ok(Edge {

@@ -100,8 +100,7 @@ impl ShadedRod {
     /// Fits axis and light near an expected rod; `None` if it is lit evenly or not determined.
     pub(super) fn fit(image: ImageView<'_>, expected: &ExpectedRod<'_>) -> Option<Self> {
         let parts = expected.light_parts();
-        let mut place =
-            Place { sides_px: expected.sides_px, at_row: expected.at_row, tilt: expected.tilt };
+        let mut place = Place { sides_px: expected.sides_px, at_row: expected.at_row, tilt: expected.tilt };
         let (mut axis, mut outward_px) = (None, expected.outward_px);
         for _ in 0..PASSES {
             let profiles: Vec<TapeProfile> =
@@ -147,7 +146,8 @@ impl ShadedRod {
             (rows[1] > rows[0]).then_some(())?;
             let row = 0.5 * (rows[0] + rows[1]) as f64 - 0.5;
             let [left, right] = self.place.sides_at(row);
-            let columns = [(left + INSET_PX).ceil().max(0.0) as usize, (right - INSET_PX).floor().max(-1.0) as usize + 1];
+            let columns =
+                [(left + INSET_PX).ceil().max(0.0) as usize, (right - INSET_PX).floor().max(-1.0) as usize + 1];
             let place = TapePlace {
                 middle_px: [0.5 * (left + right), row],
                 half_width_px: 0.5 * (right - left),
@@ -179,7 +179,8 @@ fn fit_axis(tapes: &[TapeSides], tilt: f64) -> Option<Axis> {
         1 => Estimate { value: tilt, sigma: TILT_SIGMA },
         _ => Estimate {
             value: tapes.iter().map(|tape| (tape.row - row) * middle(tape).value).sum::<f64>() / spread,
-            sigma: tapes.iter().map(|tape| ((tape.row - row) * tape.middle_sigma_px).powi(2)).sum::<f64>().sqrt() / spread,
+            sigma: tapes.iter().map(|tape| ((tape.row - row) * tape.middle_sigma_px).powi(2)).sum::<f64>().sqrt()
+                / spread,
         },
     };
     let level = |tape: &TapeSides| {

@@ -78,6 +78,7 @@ mod result_latency;
 mod rigid_match;
 mod rim_marks;
 mod rod;
+mod rod_light;
 mod rolling_shutter;
 mod rotation_search;
 mod scenes;

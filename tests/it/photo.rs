@@ -15,6 +15,10 @@ struct Film {
     fps: u32,
     positions: f64,
     rotations: Rotations,
+    /// The reported point relative to the centre of the truth, px.
+    ///
+    /// A rod is reported at the middle of its speckled tape, the truth is the middle of the whole rod.
+    point_px: [f64; 2],
 }
 
 /// The rotations that a film shows.
@@ -26,11 +30,14 @@ enum Rotations {
 }
 
 const fn film(name: &'static str, fps: u32, positions: f64, rotations: Rotations) -> Film {
-    Film { name, fps, positions, rotations }
+    Film { name, fps, positions, rotations, point_px: [0.0; 2] }
 }
 
+/// The rod, which leans by 0.6 deg; the place of its tape is that of its edges in the first frame.
+const ROD: Film = Film { point_px: [-0.54, -51.99], ..film("rod_glare", 10_000, 0.9, Rotations::Share(0.0)) };
+
 /// The shares that are reached. The films that are left out are not measured yet.
-const MEASURED: [Film; 14] = [
+const MEASURED: [Film; 15] = [
     film("plain_spin", 1000, 0.95, Rotations::Unseen),
     film("basketball", 1000, 0.9, Rotations::Share(0.8)),
     film("box_corner", 2000, 0.9, Rotations::Share(0.8)),
@@ -44,6 +51,7 @@ const MEASURED: [Film; 14] = [
     film("paddle", 2000, 0.9, Rotations::Share(0.8)),
     film("pen_marks", 1000, 0.9, Rotations::Share(0.8)),
     film("pen_flat", 1000, 0.9, Rotations::Share(0.8)),
+    ROD,
     film("steel_backlit", 2000, 0.95, Rotations::Unseen),
 ];
 
@@ -63,7 +71,7 @@ const ALL: [Film; 16] = [
     film("pen_flat", 1000, 0.9, Rotations::Share(0.8)),
     film("pen_marks", 1000, 0.9, Rotations::Share(0.8)),
     film("plain_spin", 1000, 0.95, Rotations::Unseen),
-    film("rod_glare", 10_000, 0.9, Rotations::Share(0.0)),
+    ROD,
     film("steel_backlit", 2000, 0.95, Rotations::Unseen),
 ];
 
@@ -131,8 +139,8 @@ fn faults(folder: &Path, film: &Film) -> Vec<String> {
             }
         };
         let exact = |name: &str| number(here, name).unwrap();
-        for center in ["center_x_px", "center_y_px"] {
-            compare(track, [center, "sigma_center_px"], exact(center), MAX_CENTER_PX);
+        for (center, offset) in ["center_x_px", "center_y_px"].into_iter().zip(film.point_px) {
+            compare(track, [center, "sigma_center_px"], exact(center) + offset, MAX_CENTER_PX);
         }
         let Some(next) = truth.get(frame + 1) else { continue };
         let step = |name: &str| number(next, name).unwrap() - number(here, name).unwrap();

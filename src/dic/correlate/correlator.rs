@@ -427,7 +427,9 @@ impl Correlator {
             && self.region.as_ref().is_none_or(|region| region.contains_rectangle(self.window.bounds_about(point)));
         out.is_clipped = !is_inside && self.window.clip(belongs, &mut out.clipped);
         let fraction = out.clipped.pixels as f64 / self.window.pixels as f64;
-        if out.is_clipped && (fraction < MIN_INSIDE_FRACTION * self.room_fraction() || self.params.method != Method::IcGn) {
+        if out.is_clipped
+            && (fraction < MIN_INSIDE_FRACTION * self.room_fraction() || self.params.method != Method::IcGn)
+        {
             return Err(PointStatus::OutOfFrame);
         }
         let window = if out.is_clipped { &out.clipped } else { &self.window };

@@ -107,7 +107,8 @@ fn speckles_near_the_edge_do_not_move_it() {
 
 #[test]
 fn what_is_no_edge_is_refused_with_its_reason() {
-    let refused = |scene: Scene, expected: ExpectedEdge<'_>| fit_step_edge(picture(&scene).view(), &expected).unwrap_err();
+    let refused =
+        |scene: Scene, expected: ExpectedEdge<'_>| fit_step_edge(picture(&scene).view(), &expected).unwrap_err();
     let near = expected(20.0);
     let flat = Scene { light: 20.0, ..SCENE };
     assert!(matches!(refused(flat, near), PointStatus::Lost | PointStatus::LowContrast | PointStatus::LowCorrelation));
