@@ -52,6 +52,8 @@ const MODEL_SIGMA_PX: f64 = 0.002;
 /// The same for speckled paint, px, and the fraction of the shift by shading of the paint, which acts one way only.
 const SPECKLED_SIGMA_PX: f64 = 0.005;
 const SHADING_FRACTION: f64 = 0.5;
+/// The same for light that varies across the rod, which is known within 1 to 2 % next to an edge, px.
+const SHADED_SIGMA_PX: f64 = 0.02;
 /// The same for clipped paint: an exposure up to three times too long moves edges towards the dark by up to 0.7 px, px.
 const CLIPPED_SIGMA_PX: f64 = 0.5;
 /// The fraction of the brightest level from which paint counts as clipped.
@@ -372,7 +374,8 @@ fn edge_with_uncertainty(profiles: &[Profile], model: &EdgeModel) -> Result<Edge
     let is_clipped = !model.is_shaded && is_clipped(profiles, levels[0].max(levels[1]) + model.noise());
     let model_px = match is_clipped {
         true => CLIPPED_SIGMA_PX,
-        false if is_speckled || model.is_shaded => {
+        false if model.is_shaded => SHADED_SIGMA_PX.hypot(SHADING_FRACTION * shading_shift(model, &inverse)),
+        false if is_speckled => {
             SPECKLED_SIGMA_PX.hypot(SHADING_FRACTION * shading_shift(model, &inverse))
         }
         false => MODEL_SIGMA_PX,
