@@ -375,9 +375,7 @@ fn edge_with_uncertainty(profiles: &[Profile], model: &EdgeModel) -> Result<Edge
     let model_px = match is_clipped {
         true => CLIPPED_SIGMA_PX,
         false if model.is_shaded => SHADED_SIGMA_PX.hypot(SHADING_FRACTION * shading_shift(model, &inverse)),
-        false if is_speckled => {
-            SPECKLED_SIGMA_PX.hypot(SHADING_FRACTION * shading_shift(model, &inverse))
-        }
+        false if is_speckled => SPECKLED_SIGMA_PX.hypot(SHADING_FRACTION * shading_shift(model, &inverse)),
         false => MODEL_SIGMA_PX,
     };
     Ok(Edge {
