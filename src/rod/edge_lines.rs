@@ -106,7 +106,7 @@ mod tests {
     fn a_reflection_on_the_bare_rod_does_not_lose_its_edges() {
         // Two white tapes, rows 11 to 30 and 51 to 60, the upper one speckled; a reflection covers 0.2 between them.
         let shade = |row: usize| match row {
-            11..=30 if row % 5 == 0 => 0.5,
+            11..=30 if row.is_multiple_of(5) => 0.5,
             11..=30 => 0.75,
             31..=50 => 0.2,
             51..=60 => 1.0,
