@@ -17,7 +17,7 @@ use crate::results::{Displacement, FieldPoint, PointStatus};
 /// The minimum ZNCC at which a start from a neighbour or from the previous frame is accepted.
 const TRUSTED_ZNCC: f64 = 0.9;
 
-/// The minimum fraction of its pixels that a subset must keep inside the region, of those for which it has room.
+/// The minimum fraction of the pixels for which the region has room that a subset must keep.
 const MIN_INSIDE_FRACTION: f64 = 0.5;
 
 /// The width of the border whose pixels are left out of a subset that extends over the image's edge, px.
@@ -177,9 +177,8 @@ impl Correlator {
 
     /// Restricts correlation to reference pixels inside `region`; `None` uses all.
     ///
-    /// Subsets that extend over the edge of the region or of the image are clipped there. A subset with less than half
-    /// of the pixels left for which the region has room is out of frame. The correlation-peak methods need whole subsets, so any clipped subset is
-    /// out of frame with them.
+    /// Subsets are clipped at the edge of the region or of the image. With less than half of the pixels for which the
+    /// region has room, or with the correlation-peak methods, a clipped subset is out of frame.
     pub fn set_region(&mut self, region: Option<Region>) {
         self.region = region;
     }
@@ -416,33 +415,22 @@ impl Correlator {
         point: GridPoint,
         out: &mut ExtractedSubset,
     ) -> Result<(), PointStatus> {
-        let whole = self.is_inside(point);
+        let (whole, region) = (self.is_inside(point), self.region.as_ref());
         let belongs = |dx: i32, dy: i32| {
             let (x, y) = (f64::from(point.x) + f64::from(dx), f64::from(point.y) + f64::from(dy));
             let inner = |at: f64, extent: usize| at >= EDGE_PX && at <= extent as f64 - 1.0 - EDGE_PX;
             (whole || (inner(x, self.width_px) && inner(y, self.height_px)))
-                && self.region.as_ref().is_none_or(|region| region.contains(x, y))
+                && region.is_none_or(|region| region.contains(x, y))
         };
-        let is_inside = whole
-            && self.region.as_ref().is_none_or(|region| region.contains_rectangle(self.window.bounds_about(point)));
+        let is_inside = whole && region.is_none_or(|region| region.contains_rectangle(self.window.bounds_about(point)));
         out.is_clipped = !is_inside && self.window.clip(belongs, &mut out.clipped);
-        let fraction = out.clipped.pixels as f64 / self.window.pixels as f64;
-        if out.is_clipped
-            && (fraction < MIN_INSIDE_FRACTION * self.room_fraction() || self.params.method != Method::IcGn)
-        {
+        let room = region.map_or(1.0, |region| region.room_fraction(self.params.subset_size_px));
+        let too_few = (out.clipped.pixels as f64) < MIN_INSIDE_FRACTION * room * self.window.pixels as f64;
+        if out.is_clipped && (too_few || self.params.method != Method::IcGn) {
             return Err(PointStatus::OutOfFrame);
         }
         let window = if out.is_clipped { &out.clipped } else { &self.window };
         out.subset.fill(reference, window, self.params.refined_shape(), point).map_err(Unusable::status)
-    }
-
-    /// Returns the fraction of a subset for which the region has room; less than 1 for a region narrower than a subset.
-    fn room_fraction(&self) -> f64 {
-        let size_px = f64::from(self.params.subset_size_px);
-        let bounds = self.region.as_ref().and_then(Region::bounds_px);
-        bounds.map_or(1.0, |[left, top, right, bottom]| {
-            ((right - left) / size_px).min(1.0) * ((bottom - top) / size_px).min(1.0)
-        })
     }
 
     /// Returns the initial guess of the subset with this index.

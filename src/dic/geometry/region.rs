@@ -59,6 +59,12 @@ impl Region {
         matches!(self, Self::Disc { .. }) && corners.into_iter().all(|(x, y)| self.contains(x, y))
     }
 
+    /// Returns the fraction of a square of `size_px` for which the region has room; less than 1 if it is narrower.
+    pub fn room_fraction(&self, size_px: u32) -> f64 {
+        let part = |length: f64| (length / f64::from(size_px)).min(1.0);
+        self.bounds_px().map_or(1.0, |[left, top, right, bottom]| part(right - left) * part(bottom - top))
+    }
+
     /// Returns the bounding box: left, top, right and bottom, px; `None` for an empty region or one that is not finite.
     pub fn bounds_px(&self) -> Option<[f64; 4]> {
         let bounds = match self {
