@@ -5,6 +5,9 @@
 //! motion: the match uses only what is orthogonal to all polynomials of low order. Gauss-Newton steps are linear in the
 //! residual, so one step after the match suffices.
 
+use multiversion::multiversion;
+
+use super::visibility::sum_of_squares;
 use crate::dic::geometry::{Shape, SubsetMask, Warp};
 use crate::dic::subset::ReferenceSubset;
 use crate::numeric::{LANES, Lanes, invert};
@@ -68,13 +71,13 @@ impl LightField {
     /// and the motion.
     pub(in crate::dic) fn new(subset: &ReferenceSubset, window: &SubsetMask) -> Option<Self> {
         let unit_px = f64::from(window.half.max(1));
-        let mask = polynomial_moments(&window.mask, window, unit_px, POWERS);
+        let mask = polynomial_moments::<POWERS>(&window.mask, window, unit_px);
         let gram: [[f64; TERMS]; TERMS] = std::array::from_fn(|a| {
             std::array::from_fn(|b| mask[EXPONENTS[a][1] + EXPONENTS[b][1]][EXPONENTS[a][0] + EXPONENTS[b][0]])
         });
         let gram_inverse = invert(&gram, TERMS)?;
         let [along_x, along_y] = [&subset.gradient_x, &subset.gradient_y]
-            .map(|gradient| polynomial_moments(gradient, window, unit_px, ORDER + 2));
+            .map(|gradient| polynomial_moments::<{ ORDER + 2 }>(gradient, window, unit_px));
         let confusion: [[f64; TERMS]; 3] = std::array::from_fn(|parameter| {
             EXPONENTS.map(|[i, j]| match parameter {
                 0 => along_x[j][i],
@@ -100,12 +103,11 @@ impl LightField {
     ///
     /// The field is significant if its chi^2 exceeds the expectation by more than [`SIGNIFICANT`] standard deviations.
     pub(in crate::dic) fn correction(&self, window: &SubsetMask, residual: &[Lanes]) -> Option<LightCorrection> {
-        let sums = polynomial_moments(residual, window, self.unit_px, ORDER + 1);
+        let sums = polynomial_moments::<{ ORDER + 1 }>(residual, window, self.unit_px);
         let sums: [f64; TERMS] = EXPONENTS.map(|[i, j]| sums[j][i]);
         let field = self.gram_inverse.map(|line| line.iter().zip(&sums).map(|(a, b)| a * b).sum::<f64>());
         let energy: f64 = field.iter().zip(&sums).map(|(a, b)| a * b).sum();
-        let total: f64 = residual.iter().map(|row| (*row * *row).sum()).sum();
-        let noise = (total - energy) / (window.pixels as f64 - TERMS as f64 - 3.0).max(1.0);
+        let noise = (sum_of_squares(residual) - energy) / (window.pixels as f64 - TERMS as f64 - 3.0).max(1.0);
         let terms = TERMS as f64;
         let is_light = energy > noise * (terms + SIGNIFICANT * (2.0 * terms).sqrt());
         if !is_light {
@@ -121,6 +123,7 @@ impl LightField {
 }
 
 /// Returns the sum of J J^T of a rigid match: products of the derivatives by u, v (px) and the angle (rad).
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
 fn gradient_products(subset: &ReferenceSubset, window: &SubsetMask) -> [[f64; 3]; 3] {
     let mut sums = [[0.0_f64; 3]; 3];
     for block in &window.blocks {
@@ -143,27 +146,28 @@ fn gradient_products(subset: &ReferenceSubset, window: &SubsetMask) -> [[f64; 3]
     sums
 }
 
-/// Returns the moments of packed values: the sums of value times x^i y^j for i + j below `powers`. x and y are measured
-/// from the centre, in units of `unit_px`.
-fn polynomial_moments(values: &[Lanes], window: &SubsetMask, unit_px: f64, powers: usize) -> Moments {
+/// Returns the moments of packed values: the sums of value times x^i y^j for i + j below `P`. x and y are measured from
+/// the centre, in units of `unit_px`.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
+fn polynomial_moments<const P: usize>(values: &[Lanes], window: &SubsetMask, unit_px: f64) -> Moments {
     let mut sums = [[0.0; POWERS]; POWERS];
     for block in &window.blocks {
-        let mut lanes = [[0.0_f32; LANES]; POWERS];
+        let mut lanes = [[0.0_f32; LANES]; P];
         for (dy, row) in (block.dy..).zip(&values[block.start..block.start + block.rows]) {
             let y = (f64::from(dy) / unit_px) as f32;
             let mut value = row.0;
-            for sum in lanes.iter_mut().take(powers) {
+            for sum in &mut lanes {
                 for lane in 0..LANES {
                     sum[lane] += value[lane];
                     value[lane] *= y;
                 }
             }
         }
-        for (j, (line, lanes)) in sums.iter_mut().zip(&lanes).take(powers).enumerate() {
+        for (j, (line, lanes)) in sums.iter_mut().zip(&lanes).enumerate() {
             for (lane, value) in lanes.iter().enumerate() {
                 let x = f64::from(block.dx + lane as i32) / unit_px;
                 let mut term = f64::from(*value);
-                for sum in line.iter_mut().take(powers - j) {
+                for sum in line.iter_mut().take(P - j) {
                     *sum += term;
                     term *= x;
                 }

@@ -4,6 +4,8 @@
 //! not turn, so a match of them measures no rotation, and a translation that is not the ball's. Shading is smooth, and
 //! highlights are few and small. Marks, speckles, seams and dimples are neither.
 
+use std::ops::Range;
+
 use crate::dic::geometry::GridPoint;
 use crate::dic::image::PreparedFrame;
 use crate::numeric::quantile;
@@ -107,11 +109,17 @@ impl Cell {
         let [right, bottom] = [self.left, self.top].map(|start| (start + self.side).ceil() as i32);
         // The sums of 1, x, y, and of their products with each other and with the level v.
         let mut sums = [0.0_f64; 10];
-        for (x, y) in (top..bottom).flat_map(|y| (left..right).map(move |x| (x, y))) {
-            let Some(level) = level(frame, disc, x, y) else { continue };
-            let (dx, dy, v) = (f64::from(x) - middle[0], f64::from(y) - middle[1], f64::from(level));
-            for (sum, term) in sums.iter_mut().zip([1.0, dx, dy, v, dx * dx, dx * dy, dy * dy, dx * v, dy * v, v * v]) {
-                *sum += term;
+        for y in top..bottom {
+            let columns = row_in_disc(frame, disc, y);
+            let columns = columns.start.max(left)..columns.end.min(right);
+            let dy = f64::from(y) - middle[1];
+            for (x, level) in columns.clone().zip(row_levels(frame, columns, y)) {
+                let (dx, v) = (f64::from(x) - middle[0], f64::from(*level));
+                for (sum, term) in
+                    sums.iter_mut().zip([1.0, dx, dy, v, dx * dx, dx * dy, dy * dy, dx * v, dy * v, v * v])
+                {
+                    *sum += term;
+                }
             }
         }
         let [n, x, y, v, xx, xy, yy, xv, yv, vv] = sums;
@@ -129,43 +137,55 @@ impl Cell {
 /// Returns the standard deviation of the noise in a disc, DN, at least that of rounding; `None` without a prepared
 /// pixel.
 fn noise_dn(frame: &PreparedFrame, disc: BallDisc) -> Option<f64> {
-    let at = |x: i32, y: i32| frame.levels.data()[frame.levels.index(x as isize, y as isize)];
-    let second = |(x, y): (i32, i32)| {
-        let row = |y: i32| at(x - 1, y) - 2.0 * at(x, y) + at(x + 1, y);
-        (row(y - 1) - 2.0 * row(y) + row(y + 1)).abs()
-    };
-    let mut differences: Vec<f32> = pixels(frame, disc).map(second).collect();
+    let mut differences: Vec<f32> = Vec::new();
+    for y in rows_of_disc(disc) {
+        let columns = row_in_disc(frame, disc, y);
+        if columns.is_empty() {
+            continue;
+        }
+        let wide = columns.start - 1..columns.end + 1;
+        let [above, row, below] = [y - 1, y, y + 1].map(|y| row_levels(frame, wide.clone(), y));
+        let second = |row: &[f32]| row[0] - 2.0 * row[1] + row[2];
+        let rows = above.windows(3).zip(row.windows(3)).zip(below.windows(3));
+        differences.extend(rows.map(|((a, b), c)| (second(a) - 2.0 * second(b) + second(c)).abs()));
+    }
     let size = quantile(&mut differences, NOISE_QUANTILE)?;
     Some((f64::from(size) / (NORMAL_QUANTILE * SECOND_DIFFERENCE_GAIN)).max(LIMITS.min_noise_dn))
 }
 
 /// Returns the grey levels of the prepared pixels of a disc, DN, minus the frame's offset.
 fn levels(frame: &PreparedFrame, disc: BallDisc) -> impl Iterator<Item = f32> {
-    pixels(frame, disc).map(|(x, y)| frame.levels.data()[frame.levels.index(x as isize, y as isize)])
+    rows_of_disc(disc).flat_map(move |y| row_levels(frame, row_in_disc(frame, disc, y), y)).copied()
 }
 
-/// Returns column and row of the prepared pixels of a disc, relative to the corner of the prepared part.
-fn pixels(frame: &PreparedFrame, disc: BallDisc) -> impl Iterator<Item = (i32, i32)> {
-    let origin = frame.local(GridPoint { x: 0, y: 0 });
-    let (x, y) = (disc.x_px + f64::from(origin.x), disc.y_px + f64::from(origin.y));
-    let range = |center: f64, side: usize| {
-        let first = (center - disc.radius_px).ceil().max(0.0) as i32;
-        first..((center + disc.radius_px).floor().min(side as f64 - 1.0) as i32 + 1).max(first)
-    };
-    let columns = range(x, frame.levels.width());
-    range(y, frame.levels.height())
-        .flat_map(move |row| columns.clone().map(move |column| (column, row)))
-        .filter(move |(column, row)| (f64::from(*column) - x).hypot(f64::from(*row) - y) < disc.radius_px)
+/// Returns the rows of the image that a disc crosses.
+fn rows_of_disc(disc: BallDisc) -> Range<i32> {
+    (disc.y_px - disc.radius_px).ceil() as i32..(disc.y_px + disc.radius_px).floor() as i32 + 1
 }
 
-/// Returns the grey level of the pixel (x, y) of the image, DN, minus the frame's offset; `None` off the disc or off
-/// the prepared part.
-fn level(frame: &PreparedFrame, disc: BallDisc, x: i32, y: i32) -> Option<f32> {
-    let is_inside = (f64::from(x) - disc.x_px).hypot(f64::from(y) - disc.y_px) < disc.radius_px;
+/// Returns the columns of the image whose pixels in row `y` are prepared and inside the disc; empty without any.
+fn row_in_disc(frame: &PreparedFrame, disc: BallDisc, y: i32) -> Range<i32> {
     let origin = frame.local(GridPoint { x: 0, y: 0 });
-    let (x, y) = (x + origin.x, y + origin.y);
-    let is_prepared = x >= 0 && y >= 0 && x < frame.levels.width() as i32 && y < frame.levels.height() as i32;
-    (is_inside && is_prepared).then(|| frame.levels.data()[frame.levels.index(x as isize, y as isize)])
+    let is_prepared = (0..frame.levels.height() as i32).contains(&(y + origin.y));
+    let square = disc.radius_px.powi(2) - (f64::from(y) - disc.y_px).powi(2);
+    if !is_prepared || square <= 0.0 {
+        return 0..0;
+    }
+    let half = square.sqrt();
+    let first = ((disc.x_px - half).floor() as i32 + 1).max(-origin.x);
+    let end = ((disc.x_px + half).ceil() as i32).min(frame.levels.width() as i32 - origin.x);
+    first..end.max(first)
+}
+
+/// Returns the grey levels of some columns of row `y` of the image, DN, minus the frame's offset. One column and row
+/// beyond the prepared part may be read: it is padded.
+fn row_levels(frame: &PreparedFrame, columns: Range<i32>, y: i32) -> &[f32] {
+    if columns.is_empty() {
+        return &[];
+    }
+    let origin = frame.local(GridPoint { x: 0, y: 0 });
+    let first = frame.levels.index((columns.start + origin.x) as isize, (y + origin.y) as isize);
+    &frame.levels.data()[first..first + columns.len()]
 }
 
 #[cfg(test)]

@@ -338,7 +338,7 @@ fn build_mask(window: &SubsetMask, stride: usize, alike: impl Fn(usize) -> bool,
 
 /// Returns the sum of squares of a residual.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
-fn sum_of_squares(residual: &[Lanes]) -> f64 {
+pub(super) fn sum_of_squares(residual: &[Lanes]) -> f64 {
     let mut total = 0.0;
     // Chunks limit the rounding of single precision: a body may have a million pixels.
     for part in residual.chunks(512) {
