@@ -2,6 +2,8 @@
 
 use super::Polarity;
 use super::annulus::{BAND_PX, INNER_BAND_PX};
+use super::changed_disc::{WantedRadius, fit_disc};
+use super::foreground::Foreground;
 use super::hough::{HoughPeak, HoughSearch, Marks};
 use super::paper_hough::PaperHough;
 use super::params::{BallError, BallParams, OutlineMethod};
@@ -96,6 +98,7 @@ pub struct BallFinder {
     ransac: Ransac,
     fit: SubpixelFit,
     textured: TexturedSearch,
+    foreground: Foreground,
     paper_hough: PaperHough,
 }
 
@@ -125,6 +128,7 @@ impl BallFinder {
             ransac: Ransac::default(),
             fit: SubpixelFit::default(),
             textured: TexturedSearch::default(),
+            foreground: Foreground::default(),
             paper_hough: PaperHough::default(),
         })
     }
@@ -172,9 +176,35 @@ impl BallFinder {
         self.best_of_peaks(image, QUICK).or_else(|| self.search_textured(image))
     }
 
+    /// Finds the ball in the difference of an image from its background, DN, by what has changed.
+    ///
+    /// Returns `None` if nothing of the size of the ball has changed, or if its rim does not determine a circle.
+    ///
+    /// # Panics
+    ///
+    /// If the size of `difference` differs from the planned size.
+    pub fn find_changed(&mut self, difference: ImageView<'_>) -> Option<Circle> {
+        self.check_shape(difference);
+        let (width, height) = self.shape;
+        if width < 8 || height < 8 {
+            return None;
+        }
+        let radii = RadiusRange { low: self.params.min_radius_px, high: self.params.max_radius_px };
+        let expected = self.params.expected_radius_px.filter(|radius| (radii.low..=radii.high).contains(radius));
+        let parts = self.foreground.search(difference, self.searched_region(difference), radii);
+        let sizes = ImageView::new(self.foreground.sizes(), width, height).ok()?;
+        let discs = parts.into_iter().filter_map(|part| fit_disc(sizes, part, WantedRadius { range: radii, expected }));
+        discs.max_by(|a, b| a.gain.total_cmp(&b.gain)).map(|disc| disc.circle)
+    }
+
+    /// Returns the region in which the ball is searched: left, top, width and height, px.
+    fn searched_region(&self, image: ImageView<'_>) -> [usize; 4] {
+        self.params.roi_px.map_or([0, 0, image.width(), image.height()], |roi| roi.map(|v| v as usize))
+    }
+
     /// Searches the ball by its texture, and the outline by the boundary of that texture.
     fn search_textured(&mut self, image: ImageView<'_>) -> Option<Circle> {
-        let roi = self.params.roi_px.map_or([0, 0, image.width(), image.height()], |roi| roi.map(|v| v as usize));
+        let roi = self.searched_region(image);
         let ranges = self.radius_ranges();
         let circle = self.textured.find(image, roi, &ranges)?;
         self.has_allowed_radius(&circle).then_some(circle)

@@ -2,11 +2,13 @@
 
 mod annulus;
 mod boundary;
+mod changed_disc;
 mod circle_fit;
 mod edge_fit;
 mod edge_selection;
 mod finder;
 mod first_harmonic;
+mod foreground;
 mod hough;
 mod limb_darkening;
 mod paper_hough;

@@ -22,6 +22,13 @@ impl FrameImage {
         self.correction.correct(image);
     }
 
+    /// Unpacks and corrects a complete frame into another image.
+    ///
+    /// The size and the bytes of the frame were checked when it arrived.
+    pub(super) fn unpack_into(&self, frame: &Frame<'_>, image: &mut Image) {
+        let _ = self.correction.unpack(frame, PixelRect::whole(u32::MAX, u32::MAX), image);
+    }
+
     /// Begins a new frame, of which nothing is unpacked yet.
     pub(super) fn begin(&mut self) {
         self.unpacked = PixelRect::default();

@@ -1,11 +1,12 @@
 //! The measurement of blocks of frames: steps and displacement fields.
 
+use super::background::Background;
 use super::block_state::BlockStates;
 use super::body_motion::{
     fit_center_step, fit_rigid_step, predicted_start, search_motion, set_drift, write_dilatation,
 };
 use super::bounding_box::BoundingBox;
-use super::consistency::{self, OutlinePair};
+use super::consistency;
 use super::error::MeasureError;
 use super::fixed_pattern::FixedPatterns;
 use super::frame_image::FrameImage;
@@ -19,11 +20,8 @@ use super::surface::Surface;
 use crate::dic::{Correlator, PreparedFrame, Start};
 use crate::image::{Frame, FrameMeta, Image};
 use crate::motion::Rotation;
-use crate::results::{BodyStep, Estimate, PairField, PointStatus, RigidStep};
+use crate::results::{BodyStep, Estimate, PairField, RigidStep};
 use std::collections::VecDeque;
-
-/// The number of contradictions in a row after which a body is no longer followed within its block.
-const MAX_DOUBTS: u32 = 2;
 
 /// One body from a reference to its target.
 #[derive(Clone, Copy)]
@@ -57,8 +55,9 @@ pub struct Measurer {
     pub(super) spare: Vec<PreparedFrame>,
     pub(super) states: BlockStates,
     pub(super) rigid_matcher: RigidMatcher,
-    ring_rotation: RingCorrelator,
+    pub(super) ring_rotation: RingCorrelator,
     fixed_patterns: FixedPatterns,
+    pub(super) background: Background,
 }
 
 impl Measurer {
@@ -82,6 +81,7 @@ impl Measurer {
             rigid_matcher: RigidMatcher::default(),
             ring_rotation: RingCorrelator::default(),
             fixed_patterns: FixedPatterns::new(params),
+            background: Background::new(width_px, height_px),
             params: params.clone(),
         })
     }
@@ -123,6 +123,7 @@ impl Measurer {
         self.states.clear();
         self.rigid_matcher.clear();
         self.fixed_patterns.clear();
+        self.background.clear();
     }
 
     /// Whether this measurer needs a frame, as a member of one of its blocks or as a target of one.
@@ -148,7 +149,12 @@ impl Measurer {
         self.check_size(&meta)?;
         frame.check().map_err(|source| MeasureError::Frame { sequence: meta.sequence, source })?;
         self.image.begin();
-        let block = meta.sequence / u64::from(self.params.block_frames);
+        let block_frames = u64::from(self.params.block_frames);
+        let block = meta.sequence / block_frames;
+        if let Some(awaited) = self.background.first_kept().map(|kept| kept / block_frames).filter(|kept| *kept < block)
+        {
+            self.recover_lost_balls(awaited);
+        }
         let own = self.measure_pending(frame, block);
         if self.share.contains(block) {
             self.add_pending(frame, block, own);
@@ -157,6 +163,9 @@ impl Measurer {
             self.spare.extend(own.map(|(prepared, _)| prepared));
         }
         self.complete_by_outlines(frame);
+        if (meta.sequence + 1).is_multiple_of(block_frames) {
+            self.recover_lost_balls(block);
+        }
         self.emit_finished(measured);
         Ok(())
     }
@@ -206,6 +215,7 @@ impl Measurer {
         let meta = frame.meta;
         let (outlines, origins): (Vec<_>, Vec<_>) =
             (0..self.finders.len()).map(|body| self.find_outline(body, frame, block)).unzip();
+        self.keep_if_lost(frame, &outlines, &origins);
         let mut needed = BoundingBox::default();
         let subset_px = self.params.correlation.subset_size_px;
         outlines.iter().flatten().for_each(|outline| needed.include_search(&outline.enclosing_circle(subset_px), 0.0));
@@ -238,88 +248,11 @@ impl Measurer {
         self.pending.push_back(PendingFrame { meta, block, prepared, outlines, origins, done, before });
     }
 
-    /// Compares the motions to the newest frame with the outlines found there; withdraws inconsistent motions.
-    fn check_consistency(&mut self) {
-        let Some(target) = self.pending.pop_back() else { return };
-        let intervals = self.params.intervals_frames.len();
-        let mut pending = std::mem::take(&mut self.pending);
-        for reference in pending.iter_mut().filter(|reference| reference.block == target.block) {
-            self.retry_with_ring(reference, &target);
-            let frames = target.meta.sequence - reference.meta.sequence;
-            for slot in 0..reference.done.len() {
-                let (body, interval_index) = (slot / intervals, slot % intervals);
-                let is_detected = reference.is_comparable(&target, body);
-                let Some(measured) =
-                    reference.done[slot].as_mut().filter(|_| self.params.is_interval(interval_index, frames))
-                else {
-                    continue;
-                };
-                let outlines = OutlinePair {
-                    reference: &reference.outlines[body],
-                    target: &target.outlines[body],
-                    are_detected: is_detected,
-                };
-                if consistency::is_consistent(measured, reference.before[slot].as_ref(), outlines) {
-                    let state = self.states.state_mut(BodyKey { body, block: target.block });
-                    if interval_index == 0 && is_detected && measured.step.motion.is_some() {
-                        state.doubts = 0;
-                    }
-                    // After a contradiction, only outlines make a motion credible again.
-                    if state.doubts == 0 || measured.step.motion.is_none() {
-                        continue;
-                    }
-                    measured.step = BodyStep { status: PointStatus::Ambiguous, ..measured.step.without_motion() };
-                    continue;
-                }
-                measured.step = BodyStep { status: PointStatus::Ambiguous, ..measured.step.without_motion() };
-                if interval_index == 0 {
-                    self.record_contradiction(BodyKey { body, block: target.block });
-                }
-            }
-        }
-        self.pending = pending;
-        self.pending.push_back(target);
-    }
-
-    /// Measures balls again that turned too far to be matched, now that they were detected in the newest frame.
-    fn retry_with_ring(&mut self, reference: &mut PendingFrame, target: &PendingFrame) {
-        let intervals = self.params.intervals_frames.len();
-        let frames = target.meta.sequence - reference.meta.sequence;
-        for body in 0..self.finders.len() {
-            let slot = body * intervals;
-            let is_detected = reference.is_comparable(target, body) && self.params.is_interval(0, frames);
-            let is_lost = |measured: &Measured| measured.step.motion.is_none() && measured.field.is_some();
-            if !is_detected || !reference.done[slot].as_ref().is_some_and(is_lost) {
-                continue;
-            }
-            let (Ok(Outline::Ball(from)), Ok(Outline::Ball(to))) = (&reference.outlines[body], &target.outlines[body])
-            else {
-                continue;
-            };
-            let pair = FramePair { reference: &reference.prepared, target: &target.prepared };
-            let Some(rate) = self.ring_rotation.motion_between(from, to, pair, frames as f64) else { continue };
-            let state = self.states.state_mut(BodyKey { body, block: reference.block });
-            (state.motion, state.center_motion) = (Some(rate), Some(rate));
-            let target = Target { sequence: target.meta.sequence, prepared: &target.prepared, is_narrow: false };
-            let retried = self.measure_body(reference, slot, Some(target));
-            if retried.as_ref().is_some_and(|retried| retried.step.motion.is_some()) {
-                reference.done[slot] = retried;
-            }
-        }
-    }
-
-    /// Discards the motion of a body; after the second contradiction it is no longer followed within the block.
-    ///
-    /// Another object may be taken for it, and one contradiction may be chance.
-    fn record_contradiction(&mut self, key: BodyKey) {
-        self.rigid_matcher.forget(key);
-        let state = self.states.state_mut(key);
-        state.doubts += 1;
-        (state.motion, state.is_ambiguous) = (None, state.doubts >= MAX_DOUBTS);
-    }
-
     /// Ends the stream: appends the results of the frames without a target.
     pub fn finish(&mut self, measured: &mut Vec<Measured>) {
+        if let Some(kept) = self.background.first_kept() {
+            self.recover_lost_balls(kept / u64::from(self.params.block_frames));
+        }
         let mut pending = std::mem::take(&mut self.pending);
         for reference in &mut pending {
             self.measure_due(reference, None);
@@ -361,7 +294,10 @@ impl Measurer {
 
     /// Appends the results of frames that are measured with all targets, oldest first.
     fn emit_finished(&mut self, measured: &mut Vec<Measured>) {
-        while self.pending.front().is_some_and(|reference| reference.done.iter().all(Option::is_some)) {
+        let awaited = self.background.first_kept().unwrap_or(u64::MAX);
+        let is_finished =
+            |reference: &PendingFrame| reference.meta.sequence < awaited && reference.done.iter().all(Option::is_some);
+        while self.pending.front().is_some_and(is_finished) {
             let Some(reference) = self.pending.pop_front() else { return };
             measured.extend(reference.done.into_iter().flatten());
             self.spare.push(reference.prepared);
@@ -369,7 +305,12 @@ impl Measurer {
     }
 
     /// Measures the motion of one body from a frame; `None` if more of the target has to be prepared first.
-    fn measure_body(&mut self, reference: &PendingFrame, slot: usize, target: Option<Target<'_>>) -> Option<Measured> {
+    pub(super) fn measure_body(
+        &mut self,
+        reference: &PendingFrame,
+        slot: usize,
+        target: Option<Target<'_>>,
+    ) -> Option<Measured> {
         let intervals = self.params.intervals_frames.len();
         let (body, interval_index) = (slot / intervals, slot % intervals);
         let key = BodyKey { body, block: reference.block };

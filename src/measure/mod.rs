@@ -3,6 +3,8 @@
 //! [`Measurer`] computes steps and displacement fields of the frames of one block. The correlation workers and the
 //! offline analysis run it. It is pure: the same frames give the same rows everywhere.
 
+mod background;
+mod background_search;
 mod block_state;
 mod body_motion;
 mod bounding_box;
@@ -17,6 +19,7 @@ mod outline_search;
 mod params;
 mod patch_finder;
 mod pending_frame;
+mod reconcile;
 mod rigid_match;
 mod ring_rotation;
 mod surface;

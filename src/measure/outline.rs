@@ -81,6 +81,14 @@ impl Finder {
         }
     }
 
+    /// Finds a ball by its difference from the background, DN; other bodies give `None`.
+    pub(super) fn find_changed(&mut self, difference: ImageView<'_>) -> Option<Circle> {
+        match self {
+            Self::Ball(finder) => finder.find_changed(difference),
+            Self::Rod(_) | Self::Patch(_) => None,
+        }
+    }
+
     /// Discards what was found in the blocks before this one.
     pub(super) fn forget_before(&mut self, block: u64) {
         if let Self::Patch(finder) = self {

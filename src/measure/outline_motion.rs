@@ -18,9 +18,9 @@ const SAME_RADIUS_FRACTION: f64 = 0.03;
 
 /// The outline of a body in the target of a motion.
 #[derive(Debug, Clone, Copy)]
-struct FoundOutline {
-    outline: Result<Outline, PointStatus>,
-    origin: OutlineOrigin,
+pub(super) struct FoundOutline {
+    pub(super) outline: Result<Outline, PointStatus>,
+    pub(super) origin: OutlineOrigin,
 }
 
 impl Measurer {
@@ -61,7 +61,7 @@ impl Measurer {
     }
 
     /// Measures the motion of one ball by its outlines in a reference and in its target, or of one patch by its poses.
-    fn move_by_outlines(&mut self, reference: &mut PendingFrame, body: usize, found: FoundOutline) {
+    pub(super) fn move_by_outlines(&mut self, reference: &mut PendingFrame, body: usize, found: FoundOutline) {
         let FoundOutline { outline: target, origin } = found;
         let key = BodyKey { body, block: reference.block };
         let (is_plain, slot) = (self.is_plain(key), body * self.params.intervals_frames.len());

@@ -63,7 +63,9 @@ impl Measurer {
             (None, moved) => {
                 let unseen_frames = meta.sequence - state.detected_frame.unwrap_or(meta.sequence);
                 let coasted = moved.zip(motion).and_then(|(near, step)| near.coasted(&step, unseen_frames));
-                match (finder.find(self.image.unpack_all(frame)), coasted) {
+                let found = finder.find(self.image.unpack_all(frame));
+                let found = found.or_else(|status| self.find_changed(body, frame, block).ok_or(status));
+                match (found, coasted) {
                     (Err(_), Some(outline)) => (Ok(outline), OutlineOrigin::Coasted),
                     (found, _) => {
                         // It was not where its motion would have led it.

@@ -1,0 +1,92 @@
+//! The reconciliation of motions with the outlines of their bodies, as soon as both frames are known.
+
+use super::consistency::{self, OutlinePair};
+use super::measurer::Measurer;
+use super::outline::Outline;
+use super::pending_frame::{BodyKey, FramePair, Measured, PendingFrame, Target};
+use crate::results::{BodyStep, PointStatus};
+
+/// The number of contradictions in a row after which a body is no longer followed within its block.
+const MAX_DOUBTS: u32 = 2;
+
+impl Measurer {
+    /// Compares the motions to the newest frame with the outlines found there; withdraws inconsistent motions.
+    pub(super) fn check_consistency(&mut self) {
+        let Some(target) = self.pending.pop_back() else { return };
+        let intervals = self.params.intervals_frames.len();
+        let mut pending = std::mem::take(&mut self.pending);
+        for reference in pending.iter_mut().filter(|reference| reference.block == target.block) {
+            self.retry_with_ring(reference, &target);
+            let frames = target.meta.sequence - reference.meta.sequence;
+            for slot in 0..reference.done.len() {
+                let (body, interval_index) = (slot / intervals, slot % intervals);
+                let is_detected = reference.is_comparable(&target, body);
+                let Some(measured) =
+                    reference.done[slot].as_mut().filter(|_| self.params.is_interval(interval_index, frames))
+                else {
+                    continue;
+                };
+                let outlines = OutlinePair {
+                    reference: &reference.outlines[body],
+                    target: &target.outlines[body],
+                    are_detected: is_detected,
+                };
+                if consistency::is_consistent(measured, reference.before[slot].as_ref(), outlines) {
+                    let state = self.states.state_mut(BodyKey { body, block: target.block });
+                    if interval_index == 0 && is_detected && measured.step.motion.is_some() {
+                        state.doubts = 0;
+                    }
+                    // After a contradiction, only outlines make a motion credible again.
+                    if state.doubts == 0 || measured.step.motion.is_none() {
+                        continue;
+                    }
+                    measured.step = BodyStep { status: PointStatus::Ambiguous, ..measured.step.without_motion() };
+                    continue;
+                }
+                measured.step = BodyStep { status: PointStatus::Ambiguous, ..measured.step.without_motion() };
+                if interval_index == 0 {
+                    self.record_contradiction(BodyKey { body, block: target.block });
+                }
+            }
+        }
+        self.pending = pending;
+        self.pending.push_back(target);
+    }
+
+    /// Measures balls again that turned too far to be matched, now that they were detected in the newest frame.
+    fn retry_with_ring(&mut self, reference: &mut PendingFrame, target: &PendingFrame) {
+        let intervals = self.params.intervals_frames.len();
+        let frames = target.meta.sequence - reference.meta.sequence;
+        for body in 0..self.finders.len() {
+            let slot = body * intervals;
+            let is_detected = reference.is_comparable(target, body) && self.params.is_interval(0, frames);
+            let is_lost = |measured: &Measured| measured.step.motion.is_none() && measured.field.is_some();
+            if !is_detected || !reference.done[slot].as_ref().is_some_and(is_lost) {
+                continue;
+            }
+            let (Ok(Outline::Ball(from)), Ok(Outline::Ball(to))) = (&reference.outlines[body], &target.outlines[body])
+            else {
+                continue;
+            };
+            let pair = FramePair { reference: &reference.prepared, target: &target.prepared };
+            let Some(rate) = self.ring_rotation.motion_between(from, to, pair, frames as f64) else { continue };
+            let state = self.states.state_mut(BodyKey { body, block: reference.block });
+            (state.motion, state.center_motion) = (Some(rate), Some(rate));
+            let target = Target { sequence: target.meta.sequence, prepared: &target.prepared, is_narrow: false };
+            let retried = self.measure_body(reference, slot, Some(target));
+            if retried.as_ref().is_some_and(|retried| retried.step.motion.is_some()) {
+                reference.done[slot] = retried;
+            }
+        }
+    }
+
+    /// Discards the motion of a body; after the second contradiction it is no longer followed within the block.
+    ///
+    /// Another object may be taken for it, and one contradiction may be chance.
+    fn record_contradiction(&mut self, key: BodyKey) {
+        self.rigid_matcher.forget(key);
+        let state = self.states.state_mut(key);
+        state.doubts += 1;
+        (state.motion, state.is_ambiguous) = (None, state.doubts >= MAX_DOUBTS);
+    }
+}
