@@ -270,7 +270,7 @@ fn read_small(path: &Path) -> Result<String, String> {
     match read {
         Ok(bytes) if bytes as u64 > FILE_BYTES_MAX => Err(format!("larger than {FILE_BYTES_MAX} bytes")),
         Ok(_) => Ok(text),
-        Err(error) if error.kind() == ErrorKind::InvalidData => Err("it is no text, and a rig file is one".into()),
+        Err(error) if error.kind() == ErrorKind::InvalidData => Err("not a text file".into()),
         Err(error) => Err(error.to_string()),
     }
 }

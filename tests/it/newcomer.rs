@@ -50,7 +50,7 @@ const ROWS: &[Row] = &[
     refused("a command without a film", "ricochet analyze", 2, "were not provided"),
     refused("a film that is not there", "ricochet analyze drop.mp4 --config rig.toml", 5, "drop.mp4: No such file"),
     refused("a rig file as a film", "ricochet analyze rig.toml", 5, "it is a rig file, not a film"),
-    refused("a film as a rig file", "ricochet run film.mcap", 2, "it is no text, and a rig file is one"),
+    refused("a film as a rig file", "ricochet run film.mcap", 2, "not a text file"),
     refused("a rig file to replay", "ricochet replay rig.toml", 5, "it is a rig file, not a film"),
     refused("an empty recording", ": > e.mcap; ricochet info e.mcap; c=$?; rm e.mcap; exit $c", 5, "the file is empty"),
     refused(

@@ -78,7 +78,7 @@ fn files_that_cannot_be_read_are_named() {
         (missing.as_path(), "No such file or directory (os error 2)"),
         (folder.path(), "Is a directory (os error 21)"),
         (large.as_path(), "larger than 1048576 bytes"),
-        (binary.as_path(), "stream did not contain valid UTF-8"),
+        (binary.as_path(), "not a text file"),
     ] {
         let error = Config::load(path).unwrap_err();
         assert_eq!(error.to_string(), format!("cannot read {}: {reason}", path.display()));
