@@ -1,4 +1,4 @@
-//! What moved before a still background: the parts of an image that differ from the background by more than noise.
+//! The parts of an image that moved before a still background: they differ from it by more than noise.
 //!
 //! A ball as bright as the background, or before a mottled one, has no rim of one sign. Its difference from the background
 //! is zero outside the ball, whatever the background looks like.

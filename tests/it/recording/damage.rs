@@ -122,10 +122,13 @@ fn files_that_are_no_recording_are_refused_in_one_line() {
         std::fs::write(&path, content).unwrap();
         Recording::open(&path).unwrap_err().to_string()
     };
-    for (name, content) in [("empty.mcap", &b""[..]), ("text.mcap", b"frame,body\n1,2\n"), ("short.mcap", b"\x89MCAP0")]
-    {
+    for (name, content, reason) in [
+        ("empty.mcap", &b""[..], "the file is empty"),
+        ("text.mcap", b"frame,body\n1,2\n", "not an MCAP file"),
+        ("short.mcap", b"\x89MCAP0", "not an MCAP file"),
+    ] {
         let line = refusal(name, content);
-        assert!(line.contains(name) && line.contains("not an MCAP file") && !line.contains('\n'), "{line}");
+        assert!(line.contains(name) && line.contains(reason) && !line.contains('\n'), "{line}");
     }
     let missing = Recording::open(&folder.path().join("missing.mcap")).unwrap_err();
     assert!(matches!(missing, RecordingError::Io { action: "open", .. }), "{missing}");
