@@ -240,7 +240,10 @@ fn a_video_that_cannot_be_written_is_reported_with_the_reason() {
     recording(&shot);
     let to = folder.path().join("missing/film.mp4");
     let message = export::run(&options(&shot, "frames", Format::Mp4, &to)).unwrap_err().to_string();
-    assert!(message.contains("film.mp4") && message.contains("its folder does not exist") && !message.contains('\n'), "{message}");
+    assert!(
+        message.contains("film.mp4") && message.contains("its folder does not exist") && !message.contains('\n'),
+        "{message}"
+    );
 }
 
 #[test]
