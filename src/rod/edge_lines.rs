@@ -123,12 +123,12 @@ mod tests {
     #[test]
     fn the_surface_below_the_rod_is_not_a_tape_but_a_third_tape_is_ambiguous() {
         let shade = |row: usize| f64::from(u8::from(matches!(row, 11..=30 | 51..=60 | 71..=90)));
-        let white: Vec<f64> = (0..91).map(shade).collect();
+        let white: Vec<f64> = (0..110).map(shade).collect();
         let mut lines =
             [(10, 20), (30, -20), (50, 20), (60, -20), (70, 19)].map(|(at, strength)| Line { at, strength }).to_vec();
         let found = select_edges(&white, &lines, 4).unwrap();
         assert_eq!(found.iter().map(|line| line.at).collect::<Vec<_>>(), [10, 30, 50, 60]);
-        lines.push(Line { at: 80, strength: -19 });
+        lines.push(Line { at: 90, strength: -19 });
         assert_eq!(select_edges(&white, &lines, 4), Err(PointStatus::Ambiguous));
     }
 }

@@ -63,6 +63,7 @@ pub(super) struct CleanPaint {
 }
 
 /// The grey levels along a line across the edge.
+#[derive(Debug, Clone)]
 pub(super) struct Profile {
     /// The coordinate along the edge, from its middle.
     pub(super) along: f64,

@@ -87,6 +87,7 @@ mod several_cameras;
 mod shards;
 mod simulated_camera;
 mod slots;
+mod still_ground;
 mod storage;
 mod study_convergence;
 mod study_design;

@@ -152,7 +152,7 @@ fn rods_with_glare_and_shading_are_measured_within_their_sigmas() {
         );
         check(valid >= 150, "rows");
         check(across.worst < 5.0 && across.rms() < 1.0, "x");
-        check(edges.count > 200 && edges.rms() < 0.08 && edges.worst < 6.0, "edges");
+        check(edges.count > 200 && edges.rms() < 0.08 && edges.worst < 5.0, "edges");
         check(steps.rms() < 0.008 && steps.worst < 5.0, "steps");
         let Some(found) = rows.impacts.last() else {
             check(false, "no impact");
