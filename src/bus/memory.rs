@@ -4,7 +4,8 @@
 use super::BusError;
 use rustix::fs::FallocateFlags;
 use rustix::io::Errno;
-use rustix::mm::{Advice, madvise};
+use rustix::mm::{Advice, MlockAllFlags, madvise, mlockall};
+use rustix::process::{Resource, getrlimit};
 use std::ffi::c_void;
 use std::fs::OpenOptions;
 use std::os::unix::fs::MetadataExt;
@@ -77,6 +78,17 @@ pub(super) fn populate(address: usize) -> Result<(), BusError> {
     match touched {
         Err(Errno::FAULT) => Err(BusError::Memory { needed_bytes: bytes as u64, free_bytes: free_bytes() }),
         _ => Ok(()),
+    }
+}
+
+/// Keeps the memory of this process from being swapped to disk, if nothing limits how much it may lock
+/// (`RLIMIT_MEMLOCK`): under a limit, an allocation beyond it would fail later. Pages are locked when they are first used.
+pub fn lock_if_unlimited() {
+    if getrlimit(Resource::Memlock).current.is_some() {
+        return;
+    }
+    if let Err(error) = mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE | MlockAllFlags::ONFAULT) {
+        log::debug!("memory is not locked: {error}");
     }
 }
 

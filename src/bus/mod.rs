@@ -25,7 +25,7 @@ pub use error::BusError;
 pub use field::{FieldPublisher, FieldSubscriber};
 pub use frames::{FramePublisher, FrameSample, FrameSubscriber};
 pub use limits::Limits;
-pub use memory::{check_room, free_bytes};
+pub use memory::{check_room, free_bytes, lock_if_unlimited};
 pub use notification::{TopicListener, TopicNotifier};
 pub use topic::{Publisher, Subscriber, Topic};
 

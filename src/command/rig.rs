@@ -1,6 +1,6 @@
 //! `ricochet run` and the commands that run one process of a rig.
 
-use crate::bus::Domain;
+use crate::bus::{self, Domain};
 use crate::config::Config;
 use crate::console::Outcome;
 use crate::failure::Failure;
@@ -88,6 +88,7 @@ pub fn role(role: Role, options: &RoleOptions, stop: &Stop) -> Result<Outcome, F
         let origin = &config.origin;
         return Err(crate::console::UsageError(format!("{origin}: nothing to record: add a [record] table")).into());
     }
+    bus::lock_if_unlimited();
     let summary = match role {
         Role::Acquire => process::acquire(config, launch, stop)?,
         Role::Correlate => process::correlate(config, options.worker, &launch, stop)?,

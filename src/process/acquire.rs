@@ -54,7 +54,7 @@ pub fn run(config: &Config, launch: Launch, stop: &Stop) -> Result<Summary, Fail
     });
     match resume {
         // So that the numbers and epochs of this process rise even if it dies before its first frame.
-        Some((resume, _)) => reached.save(FrameStamp::from(&resume), resume.epoch),
+        Some((resume, _)) => reached.save_state(&resume),
         None => {
             reached.clear();
             reference_picture::begin_stream(config, &bus)?;
@@ -123,6 +123,8 @@ struct Loop {
     epoch: u32,
     /// The state of the dead predecessor until the first frame, and when it was true.
     resume: Option<(Resume, Instant)>,
+    /// One past the last frame of the dead predecessor: the frames from there to the first one are lost.
+    unpublished: Option<u64>,
 }
 
 impl Loop {
@@ -165,6 +167,7 @@ impl Loop {
             offset: 0,
             epoch: 0,
             resume: None,
+            unpublished: None,
         })
     }
 
@@ -173,7 +176,10 @@ impl Loop {
         let Some((resume, since)) = resume else { return };
         self.epoch = resume.epoch;
         self.reporter.set_state(self.epoch);
-        self.resume = (self.source.pace() == Pace::Live).then_some((resume, since));
+        if self.source.pace() == Pace::Live {
+            self.resume = Some((resume, since));
+            self.unpublished = Some(resume.published + 1);
+        }
     }
 
     /// Moves a film to the first block from the frame on that is due by now, if the process replaces one that died.
@@ -297,7 +303,8 @@ impl Loop {
         if self.first.is_none() {
             self.first = Some(meta.sequence);
             // A live camera counts from its first frame id, complete or not; a recording may begin with any number.
-            self.next = if self.source.is_live() { self.offset } else { meta.sequence };
+            let begin = if self.source.is_live() { self.offset } else { meta.sequence };
+            self.next = self.unpublished.unwrap_or(begin);
             self.reporter.publish_event(EventKind::Started, frame, "first frame")?;
             if self.epoch > 0 {
                 let text = format!("its process was restarted; epoch {}", self.epoch);
@@ -307,7 +314,10 @@ impl Loop {
         let gap = meta.sequence.saturating_sub(self.next);
         if gap > 0 {
             self.summary.lost += gap;
-            let text = format!("the camera lost {gap} frames");
+            let text = match self.unpublished {
+                Some(due) if due == self.next => format!("{gap} frames came while no process took them"),
+                _ => format!("the camera lost {gap} frames"),
+            };
             self.reporter.publish_event(EventKind::Lost, frame, &text)?;
         }
         self.next = meta.sequence + 1;

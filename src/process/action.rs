@@ -7,9 +7,10 @@ use super::frame_stamp::FrameStamp;
 use crate::bus::Bus;
 use crate::config::Config;
 use crate::message::{Command as Request, ReplyCode};
-use rustix::process::{Pid, Signal, kill_process_group};
+use rustix::process::{Pid, Signal, kill_process, kill_process_group};
 use std::os::unix::process::CommandExt;
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 use ureq::Agent;
@@ -22,6 +23,8 @@ const REPLY_TIMEOUT: Duration = Duration::from_secs(5);
 const POLL_PERIOD: Duration = Duration::from_millis(2);
 /// Time at the end of a loop for the actions that still run.
 const END_TIMEOUT: Duration = Duration::from_secs(5);
+/// Environment variable of a program and of all that it starts. Its value is different for each action.
+const MARK: &str = "RICOCHET_ACTION";
 /// Maximum number of concurrent actions; further ones are not started.
 const MAX_RUNNING: usize = 16;
 
@@ -150,12 +153,14 @@ impl Action {
 ///
 /// The outcome, unless the program ends with 0.
 fn run_program(command: &[String], rig: &str, cause: &TriggerCause, limit: Duration) -> Result<String, String> {
+    let mark = next_mark();
     let mut child = Command::new(&command[0])
         .args(&command[1..])
         .env("RICOCHET_RIG", rig)
         .env("RICOCHET_FRAME", cause.frame.sequence.to_string())
         .env("RICOCHET_STAMP_NS", cause.frame.stamp_ns.to_string())
         .env("RICOCHET_CAUSE", &cause.text)
+        .env(MARK, &mark)
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .process_group(0)
@@ -168,13 +173,44 @@ fn run_program(command: &[String], rig: &str, cause: &TriggerCause, limit: Durat
             Ok(Some(status)) => return Err(format!("ended with {status}")),
             Err(error) => return Err(error.to_string()),
             Ok(None) if timeout.has_expired() => {
-                let _ = kill_process_group(Pid::from_child(&child), Signal::KILL);
-                let _ = child.wait();
+                kill_all(&mut child, &mark);
                 return Err("killed".into());
             }
             Ok(None) => std::thread::sleep(POLL_PERIOD),
         }
     }
+}
+
+/// Returns a value of [`MARK`] that no other action on this computer has.
+fn next_mark() -> String {
+    static COUNT: AtomicU64 = AtomicU64::new(0);
+    format!("{}.{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed))
+}
+
+/// Kills a program and all that it has started: its process group, and then whatever has its mark, since a process can
+/// leave its group, its session and its parent.
+fn kill_all(child: &mut Child, mark: &str) {
+    let _ = kill_process_group(Pid::from_child(child), Signal::KILL);
+    let _ = child.wait();
+    // A process that forks while the list is made is found in the next one.
+    while let found @ [_, ..] = marked(mark).as_slice() {
+        for pid in found {
+            // It may have ended by itself.
+            let _ = kill_process(*pid, Signal::KILL);
+        }
+        std::thread::sleep(POLL_PERIOD);
+    }
+}
+
+/// Returns the processes whose environment holds this mark.
+fn marked(mark: &str) -> Vec<Pid> {
+    let variable = format!("{MARK}={mark}");
+    let Ok(entries) = std::fs::read_dir("/proc") else { return Vec::new() };
+    let pids = entries.flatten().filter_map(|entry| entry.file_name().to_str()?.parse::<i32>().ok());
+    // That of a process which has ended, or of another user, cannot be read.
+    let environment = |pid: i32| std::fs::read(format!("/proc/{pid}/environ")).unwrap_or_default();
+    let is_marked = |pid: &i32| environment(*pid).split(|byte| *byte == 0).any(|text| text == variable.as_bytes());
+    pids.filter(is_marked).filter_map(Pid::from_raw).collect()
 }
 
 /// Posts the trigger to a web service as JSON and returns the status of the response as text.
@@ -220,16 +256,23 @@ mod tests {
         let folder = std::env::temp_dir().join(format!("ricochet-action-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
         let note = folder.join("pid");
-        let script = format!("sleep 600 & echo $! > {}; wait", note.display());
+        // One in its group, one in a session of its own, and one that has no parent any more.
+        let script = format!(
+            "echo > {0}; sleep 600 & echo $! >> {0}; setsid sh -c 'echo $$ >> {0}; exec sleep 600' & \
+             (setsid sh -c 'echo $$ >> {0}; exec sleep 600' &) & wait",
+            note.display()
+        );
         let command = ["/bin/sh".to_owned(), "-c".into(), script];
         let cause = TriggerCause { frame: FrameStamp::default(), text: String::new() };
         let outcome = run_program(&command, "rig", &cause, Duration::from_millis(500));
         assert_eq!(outcome, Err("killed".to_owned()));
-        let grandchild = std::fs::read_to_string(&note).unwrap();
-        let state = || std::fs::read_to_string(format!("/proc/{}/stat", grandchild.trim())).unwrap_or_default();
+        let text = std::fs::read_to_string(&note).unwrap();
+        let started: Vec<&str> = text.split_whitespace().collect();
+        assert_eq!(started.len(), 3, "{started:?}");
+        let state = |pid: &str| std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
         let timeout = Timeout::new(Duration::from_secs(10));
-        while !(state().is_empty() || state().contains(") Z ")) {
-            assert!(!timeout.has_expired(), "{}", state());
+        while !started.iter().all(|pid| state(pid).is_empty() || state(pid).contains(") Z ")) {
+            assert!(!timeout.has_expired(), "{:?}", started.iter().map(|pid| state(pid)).collect::<Vec<_>>());
             std::thread::sleep(POLL_PERIOD);
         }
         std::fs::remove_dir_all(&folder).unwrap();

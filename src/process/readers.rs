@@ -1,4 +1,4 @@
-//! The readers of the frames and their progress, as acquisition sees them.
+//! The readers of the frames and their progress, as acquisition and the tracker see them.
 
 use super::clock::Timeout;
 use super::stop::Stop;
@@ -43,6 +43,13 @@ impl Readers {
         // A quarter of the ring in flight keeps every reader busy and every queue far from overflow.
         let window = (limits.ring_frames as u64 / 4).max(8);
         Ok(Self { progress: bus.subscriber(limits)?, expected, paced_by, latest: BTreeMap::new(), window })
+    }
+
+    /// Follows the workers alone.
+    pub(super) fn workers(bus: &Bus, limits: &Limits) -> Result<Self, BusError> {
+        let expected = (0..limits.workers).map(|index| Reader { role: Role::Correlate as u32, index }).collect();
+        let progress = bus.subscriber(limits)?;
+        Ok(Self { progress, expected, paced_by: Vec::new(), latest: BTreeMap::new(), window: 0 })
     }
 
     /// Reads new progress messages; returns whether there were any.

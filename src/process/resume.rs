@@ -9,7 +9,9 @@ use std::path::Path;
 /// The last known state of a process that died.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Resume {
-    /// Its last published frame; for a camera process, the frame that is due by now.
+    /// Its last published frame.
+    pub published: u64,
+    /// The same; for a camera process, the frame that is due by now.
     pub sequence: u64,
     /// Stamp of that frame, ns since the Unix epoch.
     pub stamp_ns: u64,
@@ -41,12 +43,6 @@ impl Resume {
     }
 }
 
-impl From<&Resume> for FrameStamp {
-    fn from(resume: &Resume) -> Self {
-        Self { sequence: resume.sequence, stamp_ns: resume.stamp_ns }
-    }
-}
-
 /// The newest frame of a process, in a file that outlives the process.
 ///
 /// The system keeps what was written when the process is killed, so its successor knows the very last frame.
@@ -65,19 +61,25 @@ impl NewestFrameFile {
 
     /// Reads the state that was written last, and the time since then, s; `None` if the file is new or was cleared.
     pub(super) fn read(&self) -> Option<(Resume, f64)> {
-        let mut bytes = [0; 32];
+        let mut bytes = [0; 40];
         self.0.read_exact_at(&mut bytes, 0).ok()?;
         let number =
             |at: usize| bytes[8 * at..8 * at + 8].iter().rev().fold(0, |sum, byte| sum << 8 | u64::from(*byte));
-        let resume =
-            Resume { sequence: number(0), stamp_ns: number(1), epoch: u32::try_from(number(2)).unwrap_or(u32::MAX) };
+        let epoch = u32::try_from(number(2)).unwrap_or(u32::MAX);
+        let resume = Resume { published: number(4), sequence: number(0), stamp_ns: number(1), epoch };
         Some((resume, monotonic_ns().saturating_sub(number(3)) as f64 * 1e-9))
     }
 
-    /// Writes the newest frame. Errors are ignored.
+    /// Writes the newest published frame. Errors are ignored.
     pub(super) fn save(&self, frame: FrameStamp, epoch: u32) {
-        let numbers = [frame.sequence, frame.stamp_ns, u64::from(epoch), monotonic_ns()];
-        let mut bytes = [0; 32];
+        let FrameStamp { sequence, stamp_ns } = frame;
+        self.save_state(&Resume { published: sequence, sequence, stamp_ns, epoch });
+    }
+
+    /// Writes a state. Errors are ignored.
+    pub(super) fn save_state(&self, state: &Resume) {
+        let numbers = [state.sequence, state.stamp_ns, u64::from(state.epoch), monotonic_ns(), state.published];
+        let mut bytes = [0; 40];
         bytes.chunks_exact_mut(8).zip(numbers).for_each(|(part, number)| part.copy_from_slice(&number.to_le_bytes()));
         // Without it a successor only counts fewer of the lost frames.
         let _ = self.0.write_all_at(&bytes, 0);
@@ -104,7 +106,13 @@ mod tests {
         drop(first);
         let (second, left) = NewestFrameFile::open(&path).unwrap();
         let (resume, age_s) = left.unwrap();
-        assert_eq!(resume, Resume { sequence: frame.sequence, stamp_ns: frame.stamp_ns, epoch: 3 });
+        let FrameStamp { sequence, stamp_ns } = frame;
+        assert_eq!(resume, Resume { published: sequence, sequence, stamp_ns, epoch: 3 });
+        // A successor that dies before it films leaves the frame that its own successor counts the loss from.
+        let due = resume.after(2.0, 100.0);
+        second.save_state(&due);
+        assert_eq!(second.read().unwrap().0, Resume { sequence: sequence + 200, ..due });
+        assert_eq!(due.published, sequence);
         assert!((0.0..60.0).contains(&age_s), "{age_s}");
         second.clear();
         assert_eq!(NewestFrameFile::open(&path).unwrap().1, None);
@@ -113,7 +121,7 @@ mod tests {
 
     #[test]
     fn numbers_continue_after_the_missed_frames_with_the_start_of_a_block() {
-        let resume = Resume { sequence: 100, stamp_ns: 5_000_000_000, epoch: 1 }.after(0.1, 500.0);
+        let resume = Resume { published: 100, sequence: 100, stamp_ns: 5_000_000_000, epoch: 1 }.after(0.1, 500.0);
         assert_eq!((resume.sequence, resume.stamp_ns), (150, 5_100_000_000));
         // 0.3 s later 150 more frames were due.
         assert_eq!(resume.first_frame(5_400_000_000, 500.0, 16), 304);

@@ -4,6 +4,7 @@ use super::clock::{Timeout, now};
 use super::frame_stamp::FrameStamp;
 use super::launch::Launch;
 use super::live_trigger::LiveTrigger;
+use super::readers::Readers;
 use super::resume::NewestFrameFile;
 use super::setup::{SUCCESSION_TIMEOUT, analysis_params, expected_format, limits, update_exposure};
 use super::status_reporter::StatusReporter;
@@ -22,6 +23,8 @@ use std::time::Duration;
 
 /// Maximum wait for fields before the loop does its other work.
 const WAIT: Duration = Duration::from_millis(2);
+/// Maximum wait for the last results of a run whose camera process died. Its successor waits longer for the tracker.
+const LAST_STEPS_TIMEOUT: Duration = Duration::from_secs(10);
 /// Time without results at the end of the stream after which frames count as lost.
 const SILENCE: Duration = Duration::from_secs(5);
 
@@ -49,6 +52,7 @@ pub fn run(config: &Config, launch: &Launch, stop: &Stop) -> Result<Summary, Fai
         impacts: bus.publisher(&limits)?,
         notifier: bus.notifier("velocity")?,
         live_trigger: LiveTrigger::new(config),
+        workers: Readers::workers(&bus, &limits)?,
         ordered: None,
         config,
         format,
@@ -59,6 +63,7 @@ pub fn run(config: &Config, launch: &Launch, stop: &Stop) -> Result<Summary, Fai
         shots: VecDeque::new(),
         shot: None,
         published_end: 0,
+        start: 0,
         measured: 0,
         limits,
         newest: FrameStamp::default(),
@@ -71,10 +76,10 @@ pub fn run(config: &Config, launch: &Launch, stop: &Stop) -> Result<Summary, Fai
         let events = stream.take_events();
         loop_.live_trigger.handle_events(&events, &loop_.reporter)?;
         if begins {
-            loop_.attach(&stream)?;
+            loop_.attach(&stream, stop)?;
         }
         loop_.note_shots(&events);
-        let progressed = loop_.drain(&stream)?;
+        let progressed = loop_.drain(stream.first)?;
         loop_.end_shot(&stream)?;
         if let Some(end) = stream.end {
             loop_.end(&stream, end, stop)?;
@@ -98,6 +103,7 @@ struct Loop<'a> {
     impacts: Publisher<ImpactMessage>,
     notifier: TopicNotifier,
     live_trigger: LiveTrigger,
+    workers: Readers,
     config: &'a Config,
     format: StreamFormat,
     /// The tracker of the current run or shot, once its first step has come.
@@ -114,6 +120,8 @@ struct Loop<'a> {
     shot: Option<u64>,
     /// One past the last frame of a shot that was published.
     published_end: u64,
+    /// First frame of the current tracker. Earlier frames without rows are counted already.
+    start: u64,
     /// One past the newest measured frame of this run.
     measured: u64,
     limits: Limits,
@@ -123,9 +131,11 @@ struct Loop<'a> {
 
 impl Loop<'_> {
     /// Publishes the rest of the previous run, and starts with a newly announced one.
-    fn attach(&mut self, stream: &StreamState) -> Result<(), BusError> {
-        // A dead camera process announced no end: its run is published as far as known before the next
-        // begins.
+    fn attach(&mut self, stream: &StreamState, stop: &Stop) -> Result<(), BusError> {
+        // A dead camera process announced no end: all that it left is published before the next run begins.
+        if stream.continues {
+            self.take_last_steps(stream.run_id.unwrap_or(0), stop)?;
+        }
         self.flush(self.measured)?;
         // Otherwise the status would show a frame of the previous run.
         (self.measured, self.newest) = (0, FrameStamp::default());
@@ -137,11 +147,25 @@ impl Loop<'_> {
         self.reporter.publish_progress(u64::MAX)
     }
 
+    /// Tracks the last steps of the run before `next_run`. Its workers publish them before they attach to that.
+    fn take_last_steps(&mut self, next_run: u64, stop: &Stop) -> Result<(), BusError> {
+        let timeout = Timeout::new(LAST_STEPS_TIMEOUT);
+        while !stop.requested() && !timeout.has_expired() && !self.workers.all_attached(next_run)? {
+            self.drain(None)?;
+            self.reporter.publish_status_if_due(&self.summary, self.newest)?;
+            std::thread::sleep(WAIT);
+        }
+        self.drain(None).map(|_| ())
+    }
+
     /// Tracks the available steps and publishes the rows that become final; returns whether there were any steps.
-    fn drain(&mut self, stream: &StreamState) -> Result<bool, BusError> {
+    ///
+    /// The order starts at the first frame of the run. While its number is not known (`None`), a new order waits.
+    fn drain(&mut self, first: Option<u64>) -> Result<bool, BusError> {
         let mut progressed = false;
-        // The order starts at the first frame, so its number must be known.
-        let Some(first) = stream.first else { return Ok(false) };
+        if self.ordered.is_none() && first.is_none() {
+            return Ok(false);
+        }
         while let Some((header, _field)) = self.fields.take()? {
             if header.run_id != self.reporter.run_id() {
                 continue;
@@ -156,7 +180,10 @@ impl Loop<'_> {
             }
             if self.ordered.is_none() {
                 update_exposure(self.config, &mut self.format, header.exposure_ns);
-                self.begin_tracking(self.shot.unwrap_or(first), step.frame);
+                self.begin_tracking(self.shot.or(first).unwrap_or(step.frame), step.frame);
+            }
+            if step.frame < self.start {
+                continue;
             }
             self.measured = self.measured.max(step.frame + 1);
             if let Some(ordered) = &mut self.ordered {
@@ -201,6 +228,7 @@ impl Loop<'_> {
                 seen
             }
         };
+        self.start = start;
         // A worker can be behind by no more than its queue holds.
         let max_delay_frames = self.limits.ring_frames as u64 + 512;
         let params = analysis_params(self.config, &self.format).1;
@@ -267,7 +295,7 @@ impl Loop<'_> {
         let mut silence = Timeout::new(SILENCE);
         let first = stream.first.unwrap_or(end);
         while !stop.requested() && !silence.has_expired() {
-            if self.drain(stream)? {
+            if self.drain(stream.first)? {
                 silence.renew();
             }
             let is_published = end <= first || self.published_end >= end;

@@ -33,6 +33,7 @@ mod field_reports;
 mod field_series;
 mod figures;
 mod film_apart;
+mod fuzz_corpus;
 mod genicam;
 mod genicam_rate;
 mod genicam_settings;

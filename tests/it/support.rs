@@ -135,6 +135,29 @@ impl Drop for Background {
     }
 }
 
+/// `ricochet listen` in the background. What it prints is read all the time, so that it never waits for its reader.
+pub struct Listener(Background, std::thread::JoinHandle<String>);
+
+impl Listener {
+    /// Prints every sample of a topic as JSON, from the start of the rig on.
+    pub fn start(topic: &str, rig: &str) -> Self {
+        let mut program = Background::start(ricochet(["listen", topic, "--rig", rig, "--json", "--wait", "60"]));
+        let mut stdout = program.0.stdout.take().unwrap();
+        let read = move || {
+            let mut text = String::new();
+            std::io::Read::read_to_string(&mut stdout, &mut text).unwrap();
+            text
+        };
+        Self(program, std::thread::spawn(read))
+    }
+
+    /// Waits for the end of the stream and returns all that was printed.
+    pub fn end(mut self) -> String {
+        wait_until("the listener ends", || self.0.0.try_wait().unwrap());
+        self.1.join().unwrap()
+    }
+}
+
 /// Sends a signal to a process of a rig.
 pub fn kill(pid: u32, signal: i32) {
     let sent = Command::new("kill").args([format!("-{signal}"), pid.to_string()]).status().unwrap();

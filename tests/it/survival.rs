@@ -1,9 +1,11 @@
 //! Survival of a rig: deaths, signals and hangs of each process, a full memory, other users.
 
 mod histories;
+mod matrix;
 mod memory;
 mod page;
 mod soak;
+mod start_up;
 mod users;
 
 use crate::pipeline::drift;
@@ -90,52 +92,6 @@ fn no_orphan_after_3_s(rig: &Rig) {
     let killed = Instant::now();
     wait_until("the processes of a killed supervisor end", || children(rig).is_empty().then_some(()));
     assert!(killed.elapsed() < Duration::from_secs(3), "{:?}", killed.elapsed());
-}
-
-#[test]
-fn a_rig_that_is_started_right_after_its_supervisor_was_killed_records_the_next_drop() {
-    let rig = Rig::new();
-    let config = armed(&rig);
-    for round in 0..3 {
-        let service = start(&config);
-        running(&rig, 40 + 20 * round);
-        service.signal(9);
-        let next = start(&config);
-        running(&rig, 40);
-        record_a_drop(&rig);
-        next.signal(2);
-        let (code, _, stderr) = next.end();
-        assert_eq!((code, complaints(&stderr)), (Some(0), vec![]), "round {round}");
-        assert!(children(&rig).is_empty());
-    }
-}
-
-#[test]
-fn a_supervisor_killed_while_it_starts_leaves_no_process() {
-    supervisors_killed_while_starting(5);
-}
-
-#[test]
-#[ignore = "30 starts"]
-fn thirty_supervisors_killed_while_they_start_leave_no_process() {
-    supervisors_killed_while_starting(30);
-}
-
-fn supervisors_killed_while_starting(rounds: u64) {
-    let rig = Rig::new();
-    let config = armed(&rig);
-    for round in 0..rounds {
-        let service = start(&config);
-        std::thread::sleep(Duration::from_millis(7 + 400 * round / rounds));
-        service.signal(9);
-        drop(service);
-        no_orphan_after_3_s(&rig);
-    }
-    let service = start(&config);
-    running(&rig, 40);
-    record_a_drop(&rig);
-    service.signal(15);
-    assert_eq!(service.end().0, Some(0));
 }
 
 #[test]
@@ -364,72 +320,4 @@ fn the_unit_file_is_valid() {
         }
         Err(error) => eprintln!("left out: systemd-analyze: {error}"),
     }
-}
-
-/// Kills, ends, stops each process at several moments: the next drop is recorded and equals its analysis, the exit code shows
-/// the death, and nothing is left.
-fn matrix(signals: &[i32], delays_ms: &[u64]) {
-    for signal in signals {
-        for delay_ms in delays_ms {
-            for role in ["acquire", "correlate", "correlate-1", "track", "record", "run"] {
-                one_cell(role, *signal, *delay_ms);
-            }
-        }
-    }
-}
-
-fn one_cell(role: &str, signal: i32, delay_ms: u64) {
-    let rig = Rig::new();
-    let config = armed(&rig);
-    let mut service = start(&config);
-    let before = running(&rig, 40);
-    assert!(trigger(&rig).status.success());
-    std::thread::sleep(Duration::from_millis(delay_ms));
-    let (name, index) = role.split_once('-').map_or((role, 0), |(name, index)| (name, index.parse().unwrap()));
-    let victim = u32::try_from(process(&before, name, index).unwrap()["pid"].as_u64().unwrap()).unwrap();
-    kill(victim, signal);
-    if signal == 11 {
-        // The first one only ends Rust's own handler, which looks for a stack overflow.
-        std::thread::sleep(Duration::from_millis(1));
-        kill(victim, signal);
-    }
-    if signal == 19 {
-        std::thread::sleep(Duration::from_secs(5));
-        kill(victim, 18);
-    }
-    if role == "run" && signal != 19 {
-        let (code, _, stderr) = service.end();
-        assert_eq!(code.is_some_and(|code| code == 0), signal == 15, "{role} {signal} {delay_ms}: {stderr}");
-        no_orphan_after_3_s(&rig);
-        service = start(&config);
-    }
-    // The time before the next trigger, which its recording includes, is after the death.
-    let back = number(&running(&rig, 40), "track", "sequence");
-    running(&rig, back + 40);
-    record_a_drop(&rig);
-    service.signal(2);
-    let (code, _, stderr) = service.end();
-    let is_death = role != "run" && matches!(signal, 9 | 11);
-    println!("{role} {signal} {delay_ms} ms: {code:?} {stderr}");
-    // A process that was stopped for long has lost frames.
-    let allowed: &[i32] = if is_death {
-        &[6]
-    } else if signal == 19 {
-        &[0, 6]
-    } else {
-        &[0]
-    };
-    assert!(code.is_some_and(|code| allowed.contains(&code)), "{role} {signal} {delay_ms}: {code:?} {stderr}");
-    assert!(children(&rig).is_empty(), "{role} {signal} {delay_ms}");
-}
-
-#[test]
-fn each_process_may_die_during_a_shot() {
-    matrix(&[9], &[150]);
-}
-
-#[test]
-#[ignore = "120 rigs"]
-fn each_process_may_get_any_signal_at_any_moment_of_a_shot() {
-    matrix(&[9, 11, 15, 19], &[0, 100, 250, 450, 800]);
 }

@@ -9,6 +9,9 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+const FOOTER: u8 = 2;
+const CHANNEL: u8 = 4;
+const MESSAGE: u8 = 5;
 const CHUNK: u8 = 6;
 const MESSAGE_INDEX: u8 = 7;
 const DATA_END: u8 = 15;
@@ -31,33 +34,76 @@ fn film_of(folder: &Path, size: [u32; 2], numbers: impl IntoIterator<Item = u64>
     path
 }
 
-/// The bodies of the records of a file outside chunks, with their kinds.
+/// The bodies of the records of a file outside chunks, with their kinds, up to the first that is longer than the file.
 fn records(bytes: &[u8]) -> Vec<(u8, Range<usize>)> {
-    let (mut at, mut found) = (8, Vec::new());
-    while at + 9 < bytes.len() {
+    records_within(bytes, 8..bytes.len())
+}
+
+fn records_within(bytes: &[u8], range: Range<usize>) -> Vec<(u8, Range<usize>)> {
+    let (mut at, mut found) = (range.start, Vec::new());
+    while at + 9 <= range.end {
         let length = u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap()) as usize;
-        found.push((bytes[at], at + 9..at + 9 + length));
-        at += 9 + length;
+        let Some(end) = (at + 9).checked_add(length).filter(|end| *end <= range.end) else { break };
+        found.push((bytes[at], at + 9..end));
+        at = end;
     }
     found
+}
+
+/// The number of images in our own recording, record by record and without its index; `None` for any other recording, a
+/// compressed or a damaged one.
+pub fn count_images(bytes: &[u8]) -> Option<usize> {
+    let outer = records(bytes);
+    let (FOOTER, last) = outer.last()? else { return None };
+    let is_whole = last.end + 8 == bytes.len();
+    let chunks = outer.iter().filter(|(kind, _)| *kind == CHUNK);
+    let mut inner = Vec::new();
+    for (_, body) in chunks {
+        let content = body.start + 40..body.end;
+        if content.start > content.end || bytes[body.start + 28..body.start + 32] != [0; 4] {
+            return None;
+        }
+        let found = records_within(bytes, content.clone());
+        if found.last().map_or(content.start, |(_, last)| last.end) != content.end {
+            return None;
+        }
+        inner.extend(found);
+    }
+    let id = |body: &Range<usize>| bytes.get(body.start..body.start + 2).filter(|_| body.len() >= 2);
+    let channels = |topic: &str| -> Vec<_> {
+        let is_it = |body: &Range<usize>| bytes[body.clone()].get(8..8 + topic.len()) == Some(topic.as_bytes());
+        inner.iter().filter(|(kind, body)| *kind == CHANNEL && is_it(body)).map(|(_, body)| id(body)).collect()
+    };
+    let count = |topic: &str| {
+        let ids = channels(topic);
+        inner.iter().filter(|(kind, body)| *kind == MESSAGE && ids.contains(&id(body))).count()
+    };
+    (is_whole && count("/camera/frame_info") > 0).then(|| count("/camera/image"))
+}
+
+/// Makes the checksums of a file right again, whatever it holds. Those of compressed chunks stay as they are.
+pub fn seal(bytes: &mut [u8]) {
+    for (kind, body) in records(bytes) {
+        match kind {
+            CHUNK if body.len() >= 40 && bytes[body.start + 28..body.start + 32] == [0; 4] => {
+                let crc = crc32fast::hash(&bytes[body.start + 40..body.end]);
+                bytes[body.start + 24..body.start + 28].copy_from_slice(&crc.to_le_bytes());
+            }
+            // No checksum of the data section, nor of the summary.
+            DATA_END => bytes[body].fill(0),
+            FOOTER if body.len() == 20 => bytes[body.end - 4..body.end].fill(0),
+            _ => {}
+        }
+    }
 }
 
 /// Changes the records inside each chunk of our own uncompressed files and makes all checksums right again.
 fn rewrite(path: &Path, change: impl Fn(&mut [u8])) {
     let mut bytes = std::fs::read(path).unwrap();
-    for (kind, body) in records(&bytes) {
-        match kind {
-            CHUNK => {
-                let content = body.start + 40..body.end;
-                change(&mut bytes[content.clone()]);
-                let crc = crc32fast::hash(&bytes[content]);
-                bytes[body.start + 24..body.start + 28].copy_from_slice(&crc.to_le_bytes());
-            }
-            // No checksum of the data section.
-            DATA_END => bytes[body].fill(0),
-            _ => {}
-        }
+    for (_, body) in records(&bytes).iter().filter(|(kind, _)| *kind == CHUNK) {
+        change(&mut bytes[body.start + 40..body.end]);
     }
+    seal(&mut bytes);
     std::fs::write(path, bytes).unwrap();
 }
 
@@ -71,6 +117,7 @@ fn first_error(path: &Path) -> String {
 fn pixels_that_contradict_their_checksum_are_refused_though_the_chunk_is_right() {
     let folder = tempfile::tempdir().unwrap();
     let path = film(folder.path(), 0..12);
+    assert_eq!(count_images(&std::fs::read(&path).unwrap()), Some(12));
     let pixels = samples::frame(7, PixelFormat::Mono8, [20, 10], 0).1;
     rewrite(&path, |records| {
         if let Some(at) = records.windows(pixels.len()).position(|window| window == pixels) {

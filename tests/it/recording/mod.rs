@@ -3,14 +3,14 @@
 mod camera;
 mod compressed;
 mod container;
-mod damage;
+pub mod damage;
 mod export;
 mod extract;
 pub mod film;
 pub mod foreign;
 mod killed;
 mod lies;
-mod mutation;
+pub mod mutation;
 mod node;
 mod power_cut;
 mod python;

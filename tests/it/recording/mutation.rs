@@ -2,9 +2,10 @@
 
 use super::damage::{SMALL, read_all};
 use super::recover::xorshift;
-use super::{compressed, film, samples};
+use super::{compressed, film, lies, samples};
 use crate::allocation::largest_bytes;
 use crate::import;
+use ricochet::image::FrameMeta;
 use ricochet::recording::{Compression, Recording, WriterOptions, copy_as_ros2, copy_results, recover};
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -17,6 +18,8 @@ const PIECE_BYTES: usize = 64 << 20;
 /// The memory of the process, kB: 64 MiB for what is read, as much for its decoder, since the files have a few kB, and
 /// 16 MiB for everything else, including the memory of C libraries.
 const MEMORY_KB: u32 = 144 << 10;
+/// The processor time of a reader per file.
+const TIME: Duration = Duration::from_secs(2);
 /// The variable for the process that does the work: rounds, or seconds followed by `s`.
 const BUDGET: &str = "RICOCHET_MUTATE";
 /// The variable with the duration of the ignored tests, s.
@@ -70,21 +73,41 @@ fn kept(test: &str, ending: &str) -> PathBuf {
     Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("mutated-{test}{ending}"))
 }
 
-/// Changes seeds and reads them with `read`, which returns the number of frames.
-fn mutate_and_read(test: &str, seeds: &[(&str, Vec<u8>)], budget: &Budget, read: impl Fn(&Path) -> usize) {
+/// The processor time of this thread.
+fn processor_time() -> Duration {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    Duration::new(time.tv_sec as u64, time.tv_nsec as u32)
+}
+
+/// Changes seeds and reads them with `read`, which returns the number of frames. `seal` makes the checksums of every
+/// other file right again.
+fn mutate_and_read(
+    test: &str,
+    seeds: &[(&str, Vec<u8>)],
+    budget: &Budget,
+    seal: impl Fn(&mut [u8]),
+    read: impl Fn(&Path) -> usize,
+) {
     let mut random = xorshift(0x2545_f491_4f6c_dd1d);
-    let (start, mut round, mut frames, mut largest) = (Instant::now(), 0, 0, 0);
+    let (start, mut round, mut frames) = (Instant::now(), 0, 0);
+    let (mut largest, mut longest) = (0, Duration::ZERO);
     while budget.is_left(round, start) {
         let (ending, seed) = &seeds[round % seeds.len()];
         let mut bytes = seed.clone();
         for _ in 0..=random(4) {
             mutate(&mut bytes, &mut random);
         }
+        if random(2) == 0 {
+            seal(&mut bytes);
+        }
         let path = kept(test, ending);
         std::fs::write(&path, &bytes).unwrap();
+        let began = processor_time();
         let (outcome, piece_bytes) = largest_bytes(|| catch_unwind(AssertUnwindSafe(|| read(&path))));
         assert!(piece_bytes <= 2 * bytes.len() + PIECE_BYTES, "round {round}, {}: {piece_bytes}", path.display());
-        largest = largest.max(piece_bytes);
+        let time = processor_time() - began;
+        assert!(time < TIME, "round {round}, {}: {time:?}", path.display());
+        (largest, longest) = (largest.max(piece_bytes), longest.max(time));
         match outcome {
             Ok(count) => frames += count,
             Err(_) => panic!("round {round}: {}", path.display()),
@@ -94,7 +117,7 @@ fn mutate_and_read(test: &str, seeds: &[(&str, Vec<u8>)], budget: &Budget, read:
     for (ending, _) in seeds {
         let _ = std::fs::remove_file(kept(test, ending));
     }
-    println!("{test}: {round} files, {frames} frames read, largest allocation {largest} bytes");
+    println!("{test}: {round} files, {frames} frames read, largest allocation {largest} bytes, longest {longest:?}");
     assert!(8 * frames > round, "many mutations leave frames to read: {frames} in {round} files");
 }
 
@@ -118,7 +141,8 @@ fn mutate(bytes: &mut Vec<u8>, random: &mut impl FnMut(usize) -> usize) {
     }
 }
 
-fn recordings(folder: &Path) -> Vec<(&'static str, Vec<u8>)> {
+/// A small file of every kind.
+pub fn recordings(folder: &Path) -> Vec<(&'static str, Vec<u8>)> {
     let mut seeds = Vec::new();
     for (index, compression) in [Compression::None, Compression::Zstd1].into_iter().enumerate() {
         let path = folder.join(format!("seed-{index}.mcap"));
@@ -137,12 +161,25 @@ fn recordings(folder: &Path) -> Vec<(&'static str, Vec<u8>)> {
     seeds
 }
 
+/// Checks a recording that is read without any error: its numbers rise, and none of its images is left out.
+fn check_frames(recording: &Recording) {
+    let Ok(frames) = recording.frames() else { return };
+    let frames: Result<Vec<_>, _> = frames.collect();
+    let (Ok(frames), None) = (frames, recording.truncated()) else { return };
+    let number = |meta: &FrameMeta| (meta.epoch, meta.sequence);
+    assert!(frames.windows(2).all(|pair| number(&pair[0].0) < number(&pair[1].0)), "numbers that fall are believed");
+    if let Some(images) = lies::count_images(&std::fs::read(recording.path()).unwrap()) {
+        assert_eq!(frames.len(), images, "images are left out");
+    }
+}
+
 fn read_recordings(test: &str, budget: &Budget) {
     let folder = tempfile::tempdir().unwrap();
     let to = folder.path().join("whole.mcap");
     let round = Cell::new(0);
-    mutate_and_read(test, &recordings(folder.path()), budget, |path| {
+    mutate_and_read(test, &recordings(folder.path()), budget, lies::seal, |path| {
         let Ok(recording) = Recording::open(path) else { return 0 };
+        check_frames(&recording);
         let frames = read_all(&recording).len();
         // Each copy waits for the disk.
         round.set(round.get() + 1);
@@ -165,18 +202,30 @@ fn read_recordings(test: &str, budget: &Budget) {
 fn read_imports(test: &str, budget: &Budget) {
     // The pixels of the Photron header among the seeds.
     std::fs::write(kept(test, ".mraw"), [7; 96]).unwrap();
-    mutate_and_read(test, &import::seeds(), budget, |path| {
-        let Ok(footage) = ricochet::import::open(&[path.to_path_buf()], Some(100.0)) else { return 0 };
-        footage.take(8).filter(Result::is_ok).count()
-    });
+    mutate_and_read(
+        test,
+        &import::seeds(),
+        budget,
+        |_| {},
+        |path| {
+            let Ok(footage) = ricochet::import::open(&[path.to_path_buf()], Some(100.0)) else { return 0 };
+            footage.take(8).filter(Result::is_ok).count()
+        },
+    );
     let _ = std::fs::remove_file(kept(test, ".mraw"));
 }
 
 fn read_films(test: &str, budget: &Budget) {
-    mutate_and_read(test, &film::seeds(), budget, |path| {
-        let Ok(footage) = ricochet::import::open(&[path.to_path_buf()], Some(100.0)) else { return 0 };
-        footage.take(8).filter(Result::is_ok).count()
-    });
+    mutate_and_read(
+        test,
+        &film::seeds(),
+        budget,
+        |_| {},
+        |path| {
+            let Ok(footage) = ricochet::import::open(&[path.to_path_buf()], Some(100.0)) else { return 0 };
+            footage.take(8).filter(Result::is_ok).count()
+        },
+    );
 }
 
 #[test]

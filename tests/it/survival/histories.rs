@@ -1,4 +1,4 @@
-//! Histories: processes of a rig die at random moments, and every frame number is accounted for.
+//! Histories: processes of a rig die, hang and starve at random moments, and every frame number is accounted for.
 //!
 //! `RICOCHET_SEED` selects the first history.
 
@@ -6,15 +6,93 @@ use super::{children, number, start};
 use crate::pipeline::drift;
 use crate::pipeline_faults::{analysis, tables};
 use crate::recording::recover::xorshift;
-use crate::support::{Background, Rig, frames, kill, process, ricochet, run, status, wait_until};
+use crate::support::{Listener, Rig, frames, process, run, status, wait_until};
 use ricochet::recording::Recording;
 use ricochet::results::{PointStatus, VelocitySample};
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
 
 /// Deaths in each history. More within half a minute could end the rig.
 const KILLS: usize = 5;
+/// The system calls at which a process may die.
+const CALLS: [&str; 8] = ["write", "pwrite64", "futex", "openat", "mmap", "close", "sendto", "clock_nanosleep"];
+
+/// What happens to a process.
+#[derive(Debug)]
+enum Fault {
+    /// It is killed.
+    Death,
+    /// It is killed at its n-th system call of a kind from now on, or after a second without that many.
+    DeathAtCall(&'static str, usize),
+    /// It is stopped for some time, and then killed.
+    DeathAfterHang(Duration),
+    /// It has to share the processors with others that compute all the time, and is then killed.
+    DeathAfterStarvation(Duration),
+}
+
+impl Fault {
+    fn draw(random: &mut impl FnMut(usize) -> usize) -> Self {
+        let time = Duration::from_millis(50 + random(700) as u64);
+        match random(4) {
+            0 => Self::Death,
+            1 => Self::DeathAtCall(CALLS[random(CALLS.len())], 1 + random(40)),
+            2 => Self::DeathAfterHang(time),
+            _ => Self::DeathAfterStarvation(time),
+        }
+    }
+
+    fn inflict(&self, pid: u32) {
+        match self {
+            Self::Death => {}
+            Self::DeathAtCall(call, count) => kill_at_call(pid, call, *count),
+            Self::DeathAfterHang(time) => {
+                signal_if_there(pid, 19);
+                std::thread::sleep(*time);
+            }
+            Self::DeathAfterStarvation(time) => starve(*time),
+        }
+        signal_if_there(pid, 9);
+    }
+}
+
+/// Kills a process by strace at its n-th call of a kind; has no effect without strace.
+fn kill_at_call(pid: u32, call: &str, count: usize) {
+    let inject = format!("inject={call}:signal=KILL:when={count}");
+    let mut command = Command::new("strace");
+    command.args([
+        "-f",
+        "-qq",
+        "-o",
+        "/dev/null",
+        "-p",
+        &pid.to_string(),
+        "-e",
+        &format!("trace={call}"),
+        "-e",
+        &inject,
+    ]);
+    let Ok(mut tracer) = command.stderr(Stdio::null()).spawn() else { return };
+    let begin = Instant::now();
+    while begin.elapsed() < Duration::from_secs(1) && tracer.try_wait().unwrap().is_none() {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    // It leaves the process as it is.
+    let _ = Command::new("kill").args(["-INT", &tracer.id().to_string()]).stderr(Stdio::null()).status();
+    tracer.wait().unwrap();
+}
+
+/// Computes on as many threads as would take all processors twice.
+fn starve(time: Duration) {
+    let end = Instant::now() + time;
+    let count = 2 * std::thread::available_parallelism().map_or(2, usize::from);
+    std::thread::scope(|scope| {
+        for _ in 0..count {
+            scope.spawn(|| while Instant::now() < end {});
+        }
+    });
+}
 const ROLES: [(&str, u64); 5] = [("acquire", 0), ("correlate", 0), ("correlate", 1), ("track", 0), ("record", 0)];
 
 #[test]
@@ -52,8 +130,7 @@ fn history(seed: u64) -> [u64; 3] {
     let scenario = rig.file("long.toml", &drift(60_000, 100.0));
     let camera = format!("source = \"simulated\"\nscenario = \"{}\"\npaced = true", scenario.display());
     let config = rig.config(&camera, "[scale]\nmm_per_px = 0.5\n[workers]\ncount = 2\nblock_frames = 8");
-    let listen = ["listen", "velocity", "--rig", rig.name.as_str(), "--json", "--wait", "60"];
-    let listener = Background::start(ricochet(listen));
+    let listener = Listener::start("velocity", &rig.name);
     let service = start(&config);
     wait_until("it films", || (number(&status(&rig.name)?, "track", "given") > 20).then_some(()));
     for _ in 0..KILLS {
@@ -61,7 +138,9 @@ fn history(seed: u64) -> [u64; 3] {
         let (role, index) = ROLES[random(ROLES.len())];
         // It may be on its way up after its last death.
         let pid = wait_until("the process reports", || process(&status(&rig.name)?, role, index)?["pid"].as_u64());
-        kill_if_there(u32::try_from(pid).unwrap());
+        let fault = Fault::draw(&mut random);
+        println!("seed {seed}: {role}-{index}: {fault:?}");
+        fault.inflict(u32::try_from(pid).unwrap());
     }
     wait_until("all processes are back", || {
         let status = status(&rig.name)?;
@@ -72,14 +151,12 @@ fn history(seed: u64) -> [u64; 3] {
     let (code, _, stderr) = service.end();
     assert_eq!(code, Some(6), "seed {seed}: {stderr}");
     assert!(children(&rig).is_empty(), "seed {seed}");
-    let live = live_rows(&listener.end().1, seed);
+    let live = live_rows(&listener.end(), seed);
     check(&rig, &live, &stderr, seed)
 }
 
-fn kill_if_there(pid: u32) {
-    if Path::new(&format!("/proc/{pid}")).exists() {
-        kill(pid, 9);
-    }
+fn signal_if_there(pid: u32, signal: i32) {
+    let _ = Command::new("kill").args([format!("-{signal}"), pid.to_string()]).stderr(Stdio::null()).status();
 }
 
 /// The motion of the body in each frame as it was published, if it was measured.

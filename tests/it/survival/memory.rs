@@ -1,6 +1,6 @@
 //! A full shared memory. Needs a memory of its own, which only the administrator can mount.
 
-use super::{armed, number, pid, record_a_drop};
+use super::{armed, number, pid, record_a_drop, running};
 use crate::support::{Background, Rig, kill, run, status, wait_until};
 use std::process::Command;
 
@@ -98,4 +98,35 @@ fn a_rig_outlives_a_memory_that_others_fill_and_a_process_that_dies_meanwhile() 
     service.signal(2);
     let (code, _, stderr) = service.end();
     assert_eq!(code, Some(6), "{stderr}");
+}
+
+/// The memory of the process of a role that is locked, kB.
+fn locked_kb(rig: &Rig, role: &str) -> u64 {
+    let text = std::fs::read_to_string(format!("/proc/{}/status", pid(&running(rig, 40), role))).unwrap();
+    let line = text.lines().find_map(|line| line.strip_prefix("VmLck:")).unwrap();
+    line.trim().trim_end_matches(" kB").parse().unwrap()
+}
+
+#[test]
+fn a_rig_without_a_limit_locks_its_memory() {
+    for limit in ["unlimited", "1024"] {
+        let rig = Rig::new();
+        let config = armed(&rig);
+        let mut command = Command::new("sh");
+        command.args(["-c", &format!("ulimit -l {limit} || exit 77; exec \"$0\" run \"$1\"")]);
+        let mut service = Background::start({
+            command.arg(env!("CARGO_BIN_EXE_ricochet")).arg(&config);
+            command
+        });
+        std::thread::sleep(std::time::Duration::from_millis(200));
+        if service.0.try_wait().unwrap().is_some_and(|status| status.code() == Some(77)) {
+            eprintln!("left out: only the administrator can raise the limit on locked memory");
+            return;
+        }
+        for role in ["acquire", "correlate", "track", "record"] {
+            assert_eq!(locked_kb(&rig, role) > 0, limit == "unlimited", "{role}, {limit}");
+        }
+        service.signal(2);
+        assert_eq!(service.end().0, Some(0));
+    }
 }

@@ -7,6 +7,8 @@ use crate::pipeline::drift;
 use crate::pipeline_faults::{analysis, tables};
 use crate::recording::recover::xorshift;
 use crate::support::{Rig, frames, kill, process, run, status, wait_until};
+use ricochet::recording::Recording;
+use ricochet::results::PointStatus;
 use std::time::{Duration, Instant};
 
 const ROLES: [(&str, u64); 5] = [("acquire", 0), ("correlate", 0), ("correlate", 1), ("track", 0), ("record", 0)];
@@ -17,13 +19,21 @@ struct Plan {
     between_drops: Duration,
     between_deaths: Duration,
     rate_hz: f64,
+    /// The growth of memory from the first to the second half that passes.
+    growth_percent: u64,
 }
 
 #[test]
-#[ignore = "half a minute of both processors"]
-fn half_a_minute_of_drops_and_deaths_leaks_nothing() {
+#[ignore = "five minutes"]
+fn five_minutes_of_drops_and_deaths_leak_nothing() {
     let seconds = Duration::from_secs;
-    soak(&Plan { duration: seconds(30), between_drops: seconds(3), between_deaths: seconds(8), rate_hz: 200.0 });
+    soak(&Plan {
+        duration: seconds(300),
+        between_drops: seconds(10),
+        between_deaths: seconds(60),
+        rate_hz: 200.0,
+        growth_percent: 10,
+    });
 }
 
 #[test]
@@ -36,6 +46,7 @@ fn an_hour_of_drops_and_deaths_leaks_nothing() {
         between_drops: seconds(10),
         between_deaths: seconds(60),
         rate_hz: 1000.0,
+        growth_percent: 2,
     });
 }
 
@@ -80,9 +91,15 @@ fn soak(plan: &Plan) {
         let missing = film.last().unwrap().0.sequence + 1 - film[0].0.sequence - film.len() as u64;
         let (_, analysed) = analysis(&rig, &path, "1");
         let is_equal = analysed == tables(&path);
-        // The rows of a dead worker are lost, although its frames are in the file.
-        assert!(is_equal || last_death.elapsed() < plan.between_drops, "{path:?} differs from its analysis");
-        println!("{:.0} s: {} frames, {missing} missing, equal: {is_equal}", began.elapsed().as_secs_f64(), film.len());
+        // The rows of a dead worker, or of one that fell behind, are lost, although its frames are in the file.
+        let rows = Recording::open(&path).unwrap().velocities().unwrap().map(Result::unwrap);
+        let lost = rows.filter(|row| row.status == PointStatus::Lost).count();
+        assert!(is_equal || lost > 0, "{path:?} differs from its analysis");
+        println!(
+            "{:.0} s: {} frames, {missing} missing, {lost} rows lost, equal: {is_equal}",
+            began.elapsed().as_secs_f64(),
+            film.len()
+        );
         std::fs::remove_file(&path).unwrap();
         drops += 1;
     }
@@ -91,7 +108,15 @@ fn soak(plan: &Plan) {
     assert_eq!(code, Some(if deaths > 0 { 6 } else { 0 }), "{stderr}");
     assert!(children(&rig).is_empty());
     println!("{drops} drops, {deaths} deaths; memory (kB) and descriptors: {samples:?}; {stderr}");
-    let (first, last) = (samples[0], samples[samples.len() - 1]);
-    assert!(last[0] * 100 <= first[0] * 110, "memory grows from {} to {} kB", first[0], last[0]);
-    assert!(last[1] <= first[1] + 8, "descriptors grow from {} to {}", first[1], last[1]);
+    // A process that has just begun needs less, so single samples differ.
+    let (early, late) = samples.split_at(samples.len() / 2);
+    let middle = |half: &[[u64; 2]], k: usize| {
+        let mut values: Vec<u64> = half.iter().map(|sample| sample[k]).collect();
+        values.sort_unstable();
+        values[values.len() / 2]
+    };
+    let ([first, last], percent) = ([early, late].map(|half| middle(half, 0)), plan.growth_percent);
+    assert!(last * 100 <= first * (100 + percent), "memory grows from {first} to {last} kB");
+    let [first, last] = [early, late].map(|half| middle(half, 1));
+    assert!(last <= first + 8, "descriptors grow from {first} to {last}");
 }

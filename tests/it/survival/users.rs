@@ -3,7 +3,7 @@
 use super::{armed, number, pid, record_a_drop, running};
 use crate::support::{Background, Rig, complaints, kill, process, ricochet, run, status, wait_until};
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 /// Another user: nobody.
@@ -158,4 +158,69 @@ fn a_role_cannot_be_taken_from_outside() {
     record_a_drop(&rig);
     service.signal(2);
     assert_eq!(service.end().0, Some(6));
+}
+
+/// The files of a folder and all folders in it.
+fn files_below(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    entries.flat_map(|path| if path.is_dir() { files_below(&path) } else { vec![path] }).collect()
+}
+
+#[test]
+fn the_reference_picture_of_a_patch_is_out_of_reach_for_others() {
+    let rig = Rig::new();
+    if as_other(&[]).is_none() {
+        return;
+    }
+    let scenario = rig.file("long.toml", &crate::pipeline::drift(60_000, 100.0));
+    let camera = format!("source = \"simulated\"\nscenario = \"{}\"\npaced = true", scenario.display());
+    let patch = "[[body]]\nname = \"p\"\nkind = \"patch\"\npolygon_px = [[40, 50], [80, 50], [80, 84], [40, 84]]\n";
+    let trigger = "[trigger]\nmode = \"software\"\npre_s = 0.3\npost_s = 0.4\nrearm = true";
+    let config = rig.config(&camera, &format!("{patch}[scale]\nmm_per_px = 0.5\n[workers]\ncount = 2\n{trigger}"));
+    let runtime = rig.path("runtime");
+    std::fs::create_dir(&runtime).unwrap();
+    std::fs::set_permissions(&runtime, PermissionsExt::from_mode(0o700)).unwrap();
+    let on_rig = |arguments: &[&str]| {
+        let mut command = ricochet(arguments);
+        command.env("RICOCHET_RUNTIME_DIR", &runtime);
+        command
+    };
+    let service = Background::start(on_rig(&["run", config.to_str().unwrap()]));
+    let picture = wait_until("the picture is kept", || {
+        files_below(&runtime).into_iter().find(|path| path.to_string_lossy().ends_with("reference.png"))
+    });
+    let before = std::fs::read(&picture).unwrap();
+    let path = picture.to_str().unwrap();
+    for attack in [
+        format!("cat {path} > /dev/null"),
+        format!("echo forged > {path}"),
+        format!("rm -f {path} && mkfifo {path}"),
+        format!("ln -sf /etc/passwd {path}"),
+    ] {
+        let output = output(&["sh", "-c", &format!("({attack}) 2>&1")]).unwrap();
+        assert!(!output.status.success(), "{attack}");
+        assert!(String::from_utf8_lossy(&output.stdout).contains("Permission denied"), "{attack}");
+    }
+    // Names that could be guessed hold nothing.
+    let guessed = std::fs::read_dir(std::env::temp_dir()).unwrap().flatten();
+    let of_rig = |entry: &std::fs::DirEntry| entry.file_name().to_string_lossy().contains("reference.png");
+    assert_eq!(guessed.filter(of_rig).count(), 0);
+    // A process that starts later measures against the picture that was kept.
+    let status = || {
+        let output = on_rig(&["status", "--rig", &rig.name, "--json"]).output().unwrap();
+        output.status.success().then(|| serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap())
+    };
+    let worker = wait_until("a worker measures", || {
+        let status = status()?;
+        (number(&status, "track", "sequence") > 40).then(|| pid(&status, "correlate"))
+    });
+    kill(worker, 9);
+    wait_until("its successor measures", || {
+        let status = status()?;
+        (pid(&status, "correlate") != worker && number(&status, "correlate", "given") > 20).then_some(())
+    });
+    assert_eq!(std::fs::read(&picture).unwrap(), before);
+    service.signal(2);
+    assert_eq!(service.end().0, Some(6));
+    assert!(!picture.exists(), "the picture outlives its rig");
 }
