@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# Makes a gallery: six small films, their measurements and their reports, as pages in a new folder.
+# Makes a gallery in a new folder: six small films, their measurements, their reports as pages, and a picture of each.
 #
 #     examples/gallery.sh gallery
 #
-# Every film is simulated, so that its recording holds the true values too. RICOCHET names the program, if it is not on the
-# path.
+# Every film is simulated, so that its recording holds the true values too. The figures of the README, which the demo
+# draws, are there as well. RICOCHET names the program, if it is not on the path.
 set -euo pipefail
 folder=${1:?usage: examples/gallery.sh FOLDER}
 program=${RICOCHET:-ricochet}
@@ -81,15 +81,24 @@ kind = "ball"
 diameter_mm = 20
 RIG
 
-gallery() { # NAME SCENARIO [RIG FILE]
-    "$program" simulate "$2" -o "$1-film.mcap"
-    "$program" analyze "$1-film.mcap" ${3:+--config "$3"} -o "$1.mcap"
+gallery() { # NAME FRAME SCENARIO [RIG FILE]
+    "$program" simulate "$3" -o "$1-film.mcap"
+    "$program" analyze "$1-film.mcap" ${4:+--config "$4"} -o "$1.mcap"
     "$program" report "$1.mcap" --film "$1-film.mcap" -o "$1.html"
+    # The displacements of one frame.
+    "$program" export "$1.mcap" --film "$1-film.mcap" --topic field --format png -o "$1-frames"
+    mv "$1-frames/field_$2.png" "$1.png"
+    rm -r "$1-frames"
 }
 
-gallery rod rod
-gallery tennis tennis
-gallery lacrosse lacrosse
-gallery pair pair
-gallery patch lacrosse "$config/patch.toml"
-gallery steel steel.toml steel-rig.toml
+gallery rod 000036 rod
+gallery tennis 000036 tennis
+gallery lacrosse 000020 lacrosse
+gallery pair 000036 pair
+gallery patch 000036 lacrosse "$config/patch.toml"
+gallery steel 000010 steel.toml steel-rig.toml
+
+"$program" demo lacrosse -o demo
+mv demo/*-fig18-field.svg impact-field.svg
+mv demo/*-fig20-velocity.svg impact-velocity.svg
+rm -r demo

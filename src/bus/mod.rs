@@ -27,6 +27,7 @@ pub use frames::{FramePublisher, FrameSample, FrameSubscriber};
 pub use limits::Limits;
 pub use memory::{check_room, free_bytes, lock_if_unlimited};
 pub use notification::{TopicListener, TopicNotifier};
+pub use runtime::{FolderFault, examine_runtime_folder};
 pub use topic::{Publisher, Subscriber, Topic};
 
 use claim::Claim;

@@ -41,11 +41,52 @@ pub(super) fn candidate_folders() -> Vec<PathBuf> {
 pub(super) fn open_folder() -> Result<PathBuf, BusError> {
     let path = candidate_folders().swap_remove(0);
     ensure_private(&path)?;
-    if path.as_os_str().len() > MAX_PATH_BYTES {
-        let reason = format!("its path is longer than {MAX_PATH_BYTES} bytes");
-        return Err(BusError::Folder { path, reason });
+    if is_too_long(&path) {
+        return Err(BusError::Folder { path, reason: FolderFault::TooLong.to_string() });
     }
     Ok(path)
+}
+
+/// A reason why a folder is not one that only this user can enter.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum FolderFault {
+    /// A file or a link has its name.
+    #[error("it is no folder")]
+    NoFolder,
+    /// It belongs to the first of these users, not to the second, this one.
+    #[error("it belongs to user {0}, not to user {1}")]
+    Owner(u32, u32),
+    /// Others can enter it by this mode.
+    #[error("others can enter it (mode {0:o}, must be 700)")]
+    Open(u32),
+    /// An address in it would be too long.
+    #[error("its path is longer than {MAX_PATH_BYTES} bytes")]
+    TooLong,
+}
+
+/// Returns the folder for new rigs, and the reason why it cannot be used; `None` where nothing speaks against it, or it
+/// does not exist yet.
+pub fn examine_runtime_folder() -> (PathBuf, Option<FolderFault>) {
+    let path = candidate_folders().swap_remove(0);
+    let fault = if is_too_long(&path) { Some(FolderFault::TooLong) } else { fault_of(&path).ok().flatten() };
+    (path, fault)
+}
+
+/// Whether the address of a socket in a runtime folder would be too long.
+fn is_too_long(path: &Path) -> bool {
+    path.as_os_str().len() > MAX_PATH_BYTES
+}
+
+/// Returns the reason why others could enter a folder or replace it; `None` if only this user can.
+fn fault_of(path: &Path) -> std::io::Result<Option<FolderFault>> {
+    let found = path.symlink_metadata()?;
+    let (user, owner, mode) = (rustix::process::geteuid().as_raw(), found.uid(), found.mode() & 0o7777);
+    Ok(match () {
+        () if !found.is_dir() => Some(FolderFault::NoFolder),
+        () if owner != user => Some(FolderFault::Owner(owner, user)),
+        () if mode & 0o077 != 0 => Some(FolderFault::Open(mode)),
+        () => None,
+    })
 }
 
 /// Creates a folder that only this user can enter, or checks that an existing one is such a folder.
@@ -59,13 +100,9 @@ pub(super) fn ensure_private(path: &Path) -> Result<(), BusError> {
     if let Some(error) = created.err().filter(|error| error.kind() != std::io::ErrorKind::AlreadyExists) {
         return Err(fail(error.to_string()));
     }
-    let found = path.symlink_metadata().map_err(|error| fail(error.to_string()))?;
-    let (user, owner, mode) = (rustix::process::geteuid().as_raw(), found.uid(), found.mode() & 0o7777);
-    match () {
-        () if !found.is_dir() => Err(fail("it is no folder".into())),
-        () if owner != user => Err(fail(format!("it belongs to user {owner}, not to user {user}"))),
-        () if mode & 0o077 != 0 => Err(fail(format!("others can enter it (mode {mode:o}, must be 700)"))),
-        () => Ok(()),
+    match fault_of(path).map_err(|error| fail(error.to_string()))? {
+        None => Ok(()),
+        Some(fault) => Err(fail(fault.to_string())),
     }
 }
 

@@ -6,7 +6,7 @@ use super::check::{Bounds, Table};
 use super::error::ConfigError;
 use super::raw::RawCalibration;
 use crate::motion::{Calibration, Distortion, Lens, Rectifier};
-use toml_edit::{Array, DocumentMut, TableLike, Value, value};
+use toml_edit::{DocumentMut, TableLike, Value, value};
 
 /// The maximum number of coefficients of the Brown model.
 const COEFFICIENTS_MAX: usize = 8;
@@ -62,7 +62,7 @@ pub(super) fn embed_files(
 
 /// Replaces the key `file` of a table by the numbers of that file; `None` when it names none.
 ///
-/// Other keys that the table has are kept, except the image size.
+/// Other keys that the table has are kept, and take precedence.
 fn embed_file(table: &mut dyn TableLike, read: &impl Fn(&str) -> Result<String, String>) -> Option<Result<(), String>> {
     let name = table.get("file")?.as_str()?.to_owned();
     let numbers = match read(&name).and_then(|content| file::parse_numbers(&content)) {
@@ -74,18 +74,16 @@ fn embed_file(table: &mut dyn TableLike, read: &impl Fn(&str) -> Result<String, 
         }
     };
     table.remove("file");
-    if let Some(size) = numbers.image_px {
-        table.insert("image_px", value(size.iter().map(|px| i64::from(*px)).collect::<Array>()));
-    }
     let list = |numbers: Vec<f64>| Value::Array(numbers.into_iter().collect());
+    let size = |size: [u32; 2]| Value::Array(size.iter().map(|px| i64::from(*px)).collect());
     let values = [
+        ("image_px", numbers.image_px.map(size)),
         ("camera_matrix", numbers.camera_matrix.map(list)),
         ("distortion", numbers.distortion.map(list)),
         ("homography_mm", numbers.homography_mm.map(list)),
         ("distortion_model", numbers.model.map(Value::from)),
     ];
     for (key, given) in values {
-        // Keys of the rig file take precedence.
         if let (Some(given), false) = (given, table.contains_key(key)) {
             table.insert(key, value(given));
         }

@@ -190,17 +190,17 @@ fn check_required(table: &Table<'_>, trigger: &Trigger, context: &TriggerContext
         return Err(table.foreign_key_error("mode", BodyKind::Patch.assignment(), BodyKind::Ball.assignment()));
     }
     let mut rods = (0..).zip(context.bodies).filter(|(_, body)| watched(body) && body.kind == BodyKind::Rod);
-    match rods.next() {
-        // The end of a rod does not follow from its tapes.
-        Some((index, _)) if !context.bodies.iter().any(|body| watched(&body) && body.has_known_extent()) => {
-            let key = format!("body[{index}].end_mm");
-            Err(table.text.refuse(&key, needed("0 to 10000 mm from its lowest edge to its end")))
-        }
-        Some((_, rod)) if rod.end_mm.is_some() && !matches!(context.scale, Some(Scale::MmPerPx(_))) => {
-            Err(table.text.refuse("scale.mm_per_px", needed("given, for the end of a rod,")))
-        }
-        _ => Ok(()),
+    // The end of a rod does not follow from its tapes.
+    if let Some((index, _)) = rods.clone().next()
+        && !context.bodies.iter().any(|body| watched(&body) && body.has_known_extent())
+    {
+        let key = format!("body[{index}].end_mm");
+        return Err(table.text.refuse(&key, needed("0 to 10000 mm from its lowest edge to its end")));
     }
+    if rods.any(|(_, rod)| rod.end_mm.is_some()) && !matches!(context.scale, Some(Scale::MmPerPx(_))) {
+        return Err(table.text.refuse("scale.mm_per_px", needed("given, for the end of a rod,")));
+    }
+    Ok(())
 }
 
 /// Checks the program and its arguments: 1 to [`COMMAND_TEXTS_MAX`] texts without NUL, the first not blank; empty

@@ -44,9 +44,10 @@ impl Canvas {
     ///
     /// # Panics
     ///
-    /// If the part reaches below the last row of the frame. It must not reach over the right edge either.
+    /// If the part reaches below the last row or over the right edge of the frame.
     pub fn from_part(levels: &[u8], width_px: u32, part_px: [u32; 4], zoom: u32) -> Self {
         let [left, top, width, height] = part_px;
+        assert!(left + width <= width_px, "columns {left} to {} of {width_px}", left + width);
         let picture = RgbImage::from_fn(width * zoom, height * zoom, |x, y| {
             Rgb([levels[((top + y / zoom) * width_px + left + x / zoom) as usize]; 3])
         });
@@ -179,6 +180,12 @@ mod tests {
         assert_eq!(picture.dimensions(), (18, 15));
         assert_eq!((picture.get_pixel(0, 0).0, picture.get_pixel(17, 14).0), ([90; 3], [175; 3]));
         assert_eq!(picture.get_pixel(7, 7).0, RED, "the middle of the pixel");
+    }
+
+    #[test]
+    #[should_panic(expected = "columns 3 to 9 of 8")]
+    fn a_part_over_the_right_edge_is_refused() {
+        Canvas::from_part(&[0; 64], 8, [3, 0, 6, 2], 1);
     }
 
     #[test]

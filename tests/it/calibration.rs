@@ -115,7 +115,7 @@ fn a_calibration_file_is_written_as_numbers_into_the_attached_configuration() {
         matrix("camera_matrix", "560., 0., 214., 0., 560., 205., 0., 0., 1."),
         matrix("distortion_coefficients", "-0.12, 0.03, 0.0005,\n      -0.0003")
     );
-    std::fs::write(&lens, yaml).unwrap();
+    std::fs::write(&lens, &yaml).unwrap();
     std::fs::write(&rig, format!("{}[calibration]\nfile = {:?}\n", level_rig(0.5), lens)).unwrap();
     let config = Config::load(&rig).unwrap();
     assert_eq!(config.calibration, Some(rectifier(LENS)));
@@ -123,6 +123,12 @@ fn a_calibration_file_is_written_as_numbers_into_the_attached_configuration() {
     let again = Config::parse(&config.text, "recording").unwrap();
     assert_eq!(again.calibration, config.calibration);
     assert!(!config.text.contains("lens.yaml"));
+    // A key of the rig file takes precedence over the same one of the calibration file.
+    let own = format!("{}[calibration]\nfile = {lens:?}\nimage_px = [420, 400]\n", level_rig(0.5));
+    std::fs::write(&rig, own).unwrap();
+    std::fs::write(&lens, yaml).unwrap();
+    assert!(Config::load(&rig).unwrap().text.contains("[420, 400]"));
+    std::fs::remove_file(&lens).unwrap();
     let missing = Config::load(&rig).unwrap_err().to_string();
     assert!(missing.contains("calibration.file = ") && missing.contains("No such file"), "{missing}");
 }

@@ -108,6 +108,21 @@ fn the_listening_examples_print_every_velocity_of_the_rig() {
     }
 }
 
+/// Checks that a page shows what was drawn, but for some pixels of lines, which follow the last digit of a number.
+///
+/// After a change that is meant, `RICOCHET_WRITE_GOLDEN=1` copies it.
+fn check_picture(drawn: &Path, name: &str) {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join(name);
+    if std::env::var_os("RICOCHET_WRITE_GOLDEN").is_some_and(|value| value == "1") {
+        std::fs::copy(drawn, &page).unwrap();
+    }
+    let [drawn, shown] = [drawn, &page].map(|path| image::open(path).unwrap().into_rgb8());
+    assert_eq!(drawn.dimensions(), shown.dimensions(), "{name}");
+    let differing = drawn.pixels().zip(shown.pixels()).filter(|(drawn, shown)| drawn != shown).count();
+    let share = differing as f64 / (drawn.width() * drawn.height()) as f64;
+    assert!(share < 0.005, "{name}: {:.2} % of the pixels differ", 100.0 * share);
+}
+
 /// Six films with their reports, from rod to a plain steel ball.
 #[test]
 fn the_gallery_is_made_by_one_command() {
@@ -129,6 +144,13 @@ fn the_gallery_is_made_by_one_command() {
         assert!(found.is_some_and(|found| (0.4..1.0).contains(&found)), "{name}: {found:?}");
     }
     restitution("pair");
+    for name in ["rod", "tennis", "lacrosse", "pair", "patch", "steel"] {
+        check_picture(&folder.join(format!("{name}.png")), &format!("docs/gallery/{name}.png"));
+    }
+    for name in ["impact-field.svg", "impact-velocity.svg"] {
+        let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs").join(name);
+        assert!(std::fs::read(folder.join(name)).unwrap() == std::fs::read(page).unwrap(), "{name} of the README");
+    }
     // A second gallery in the same folder would mix with the first.
     assert!(!Command::new(script("gallery.sh")).arg(&folder).output().unwrap().status.success());
 }

@@ -98,7 +98,7 @@ impl Session {
         let recording = root().join("recordings/lacrosse.mcap");
         std::fs::copy(&recording, session.path("recordings/lacrosse.mcap")).unwrap();
         std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_ricochet"), session.path("bin/ricochet")).unwrap();
-        for example in ["lucas_kanade.py", "hough_circle.py"] {
+        for example in ["lucas_kanade.py", "hough_circle.py", "gallery.sh"] {
             std::fs::copy(root().join("examples").join(example), session.path("examples").join(example)).unwrap();
         }
         session.save_pictures(&recording);

@@ -50,6 +50,13 @@ pub struct Finding {
     pub words: String,
 }
 
+impl Finding {
+    /// Whether the rig is not ready because of it. Lost frames count as lost data instead, which the exit code states.
+    pub(super) fn keeps_from_use(&self) -> bool {
+        self.verdict == Verdict::Bad && self.name != "lost-frames"
+    }
+}
+
 /// The measurements that the findings are derived from.
 pub(super) struct Seen<'a> {
     pub(super) config: &'a Config,

@@ -99,8 +99,8 @@ pub fn run(options: &CheckOptions, stop: &Stop) -> Result<Outcome, Failure> {
             print_line(&output.display().to_string());
         }
     }
-    let bad = |finding: &&Finding| finding.verdict == Verdict::Bad && finding.name != "lost-frames";
-    let what = inspection.findings.iter().filter(bad).map(|finding| finding.name).collect::<Vec<_>>().join(", ");
+    let unready = inspection.findings.iter().filter(|finding| finding.keeps_from_use());
+    let what = unready.map(|finding| finding.name).collect::<Vec<_>>().join(", ");
     if !what.is_empty() {
         return Err(NotReady { rig: config.rig.name.clone(), what }.into());
     }
@@ -174,10 +174,9 @@ fn inspection_as_json(config: &Config, grabbed: &Grabbed, inspection: &Inspectio
             "verdict": finding.verdict.as_str(), "text": finding.words,
         })
     });
-    let worst = findings.iter().map(|finding| finding.verdict).max().unwrap_or(Verdict::Unknown);
     json!({
         "rig": config.rig.name, "camera": grabbed.camera.model, "serial": grabbed.camera.serial,
-        "frames": grabbed.means.len(), "ready": worst != Verdict::Bad, "findings": rows.collect::<Vec<_>>(),
+        "frames": grabbed.means.len(), "ready": !findings.iter().any(Finding::keeps_from_use), "findings": rows.collect::<Vec<_>>(),
         "defective_px": inspection.defective_px,
     })
 }

@@ -18,9 +18,11 @@ pub(super) fn examine(host: &Host) -> Option<Finding> {
         (0, _) => None,
         (count, 0) => Some(Finding::good("video devices", format!("{count} can be opened"))),
         _ => {
-            let found = format!("no permission for {}", refused.join(", "));
-            let fix = "usermod -aG video \"$SUDO_USER\", and log in again; for now: chmod a+rw";
-            Some(Finding::bad("video devices", found, format!("{fix} {}", refused.join(" "))))
+            let found = format!(
+                "no permission for {}; after `usermod -aG video USER` and a new login it lasts",
+                refused.join(", ")
+            );
+            Some(Finding::bad("video devices", found, format!("chmod a+rw {}", refused.join(" "))))
         }
     }
 }

@@ -1,8 +1,8 @@
-//! Processors, clock, huge pages and limits.
+//! Processors, clock and huge pages.
 
 use super::Finding;
 use super::host::Host;
-use rustix::process::{Resource, getrlimit};
+use rustix::thread::sched_getaffinity;
 
 /// The folder of the clock sources.
 const CLOCK: &str = "/sys/devices/system/clocksource/clocksource0";
@@ -12,29 +12,39 @@ const HUGE_PAGES: &str = "/sys/kernel/mm/transparent_hugepage/shmem_enabled";
 const PROCESSORS: &str = "/sys/devices/system/cpu";
 /// Clock sources that are read in tens of nanoseconds, best first. Others take microseconds.
 const FAST_CLOCKS: [&str; 5] = ["tsc", "kvm-clock", "arch_sys_counter", "hyperv_clocksource_tsc_page", "xen"];
-/// The number of files that a rig with 16 bodies and 8 cameras needs. It has about 500 open.
-const OPEN_FILES: u64 = 1024;
 
-/// Examines processors, frequency control, clock, huge pages and the limit of open files.
+/// Examines processors, frequency control, clock and huge pages.
 pub(super) fn examine(host: &Host) -> Vec<Finding> {
-    let findings = [
-        Some(examine_processors()),
-        examine_governor(host),
-        examine_clock(host),
-        examine_huge_pages(host),
-        Some(examine_open_files()),
-    ];
+    let findings =
+        [Some(examine_processors(host)), examine_governor(host), examine_clock(host), examine_huge_pages(host)];
     findings.into_iter().flatten().collect()
 }
 
-/// Examines whether there is more than one processor for the processes of a rig.
-fn examine_processors() -> Finding {
+/// Examines whether this process may use all processors of the machine, and more than one.
+fn examine_processors(host: &Host) -> Finding {
     let count = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let found = format!("{count} usable");
-    match count {
-        1 => Finding { fix: None, ..Finding::advice("processors", found + "; a rig has at least four processes", "") },
+    let online = host.read(&format!("{PROCESSORS}/online")).unwrap_or_default();
+    let of_machine = count_listed(&online);
+    match sched_getaffinity(None).map_or(of_machine, |allowed| allowed.count() as usize) {
+        allowed if allowed < of_machine => {
+            let found = format!("{found}, and this program may run on {allowed} of {of_machine}");
+            Finding::advice("processors", found, format!("taskset -pc {online} $$"))
+        }
+        _ if count == 1 => {
+            Finding { fix: None, ..Finding::advice("processors", found + "; a rig has at least four processes", "") }
+        }
         _ => Finding::good("processors", found),
     }
+}
+
+/// Returns the number of processors in a list of the kernel such as `0-3,6`; 0 for any other text.
+fn count_listed(list: &str) -> usize {
+    let count = |range: &str| {
+        let (first, last) = range.split_once('-').unwrap_or((range, range));
+        Some(last.parse::<usize>().ok()?.checked_sub(first.parse().ok()?)? + 1)
+    };
+    list.split(',').map(count).sum::<Option<usize>>().unwrap_or(0)
 }
 
 /// Examines the frequency control; `None` where the processors have none.
@@ -86,14 +96,12 @@ fn examine_huge_pages(host: &Host) -> Option<Finding> {
     })
 }
 
-/// Examines the limit of open files per process.
-fn examine_open_files() -> Finding {
-    match getrlimit(Resource::Nofile).current {
-        Some(count) if count < OPEN_FILES => {
-            let found = format!("at most {count}, and a large rig needs {OPEN_FILES}");
-            Finding::bad("open files", found, format!("ulimit -n {OPEN_FILES}"))
-        }
-        Some(count) => Finding::good("open files", format!("at most {count}")),
-        None => Finding::good("open files", "no limit"),
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lists_of_processors_are_counted() {
+        assert_eq!(["0", "0-3", "0-3,6,8-9", "", "3-1", "x"].map(count_listed), [1, 4, 7, 0, 0, 0]);
     }
 }

@@ -6,6 +6,7 @@ mod machine;
 mod network;
 mod storage;
 mod tools;
+mod user;
 
 use crate::config::Config;
 use crate::console::{Outcome, UsageError, print_line};
@@ -95,6 +96,7 @@ pub fn run(options: &DoctorOptions) -> Result<Outcome, Failure> {
     let directory = directory.unwrap_or_else(|| PathBuf::from("."));
     let mut findings = storage::examine(&host, config.as_ref(), &directory);
     findings.extend(machine::examine(&host));
+    findings.extend(user::examine());
     findings.extend(network::examine(&host));
     findings.extend(cameras::examine(&host));
     findings.extend(tools::examine());

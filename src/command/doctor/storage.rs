@@ -6,8 +6,10 @@ use crate::config::{Camera, Config};
 use crate::image::PixelFormat;
 use crate::interrupt;
 use rustix::fs::statvfs;
+use rustix::process::geteuid;
 use std::fs::File;
-use std::io::Write;
+use std::io::{self, Write};
+use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 use std::time::Instant;
 
@@ -66,13 +68,14 @@ fn examine_shared_memory(host: &Host, config: Option<&Config>) -> Option<Finding
 fn examine_folder(config: Option<&Config>, directory: &Path) -> Vec<Finding> {
     let name = directory.display();
     if !directory.is_dir() {
-        return vec![Finding::bad("recordings", format!("{name} is not a folder"), format!("mkdir -p '{name}'"))];
+        let (found, fix) = (format!("{name} is not a folder"), format!("mkdir -p {}", quoted(directory)));
+        return vec![Finding::bad("recordings", found, fix)];
     }
     let speed = match measure_write_speed(directory) {
         Ok(speed) => speed,
         Err(error) => {
             let found = format!("{name} takes no file: {error}");
-            return vec![Finding::bad("recordings", found, format!("chmod u+rwx '{name}'"))];
+            return vec![Finding { fix: cure_of(&error, directory), ..Finding::bad("recordings", found, "") }];
         }
     };
     let mut findings = Vec::new();
@@ -95,8 +98,28 @@ fn examine_folder(config: Option<&Config>, directory: &Path) -> Vec<Finding> {
     findings
 }
 
+/// Returns a path in quotes, as one word of a shell.
+pub(super) fn quoted(path: &Path) -> String {
+    format!("'{}'", path.display().to_string().replace('\'', "'\\''"))
+}
+
+/// Returns the command that lets a folder take files again; `None` if there is none, as for a full disk.
+fn cure_of(error: &io::Error, directory: &Path) -> Option<String> {
+    let name = quoted(directory);
+    match error.kind() {
+        io::ErrorKind::ReadOnlyFilesystem => Some(format!("mount -o remount,rw \"$(stat -c %m {name})\"")),
+        io::ErrorKind::PermissionDenied => {
+            let user = geteuid().as_raw();
+            let is_own = directory.metadata().is_ok_and(|about| about.uid() == user);
+            let chmod = format!("chmod u+rwx {name}");
+            Some(if is_own { chmod } else { format!("chown {user} {name} && {chmod}") })
+        }
+        _ => None,
+    }
+}
+
 /// Writes a file, syncs and removes it; returns the speed, bytes/s.
-fn measure_write_speed(directory: &Path) -> std::io::Result<f64> {
+fn measure_write_speed(directory: &Path) -> io::Result<f64> {
     let path = directory.join(format!(".ricochet-trial-{}", std::process::id()));
     let _unfinished = interrupt::note(&path);
     let written = write_trial_file(&path);
@@ -105,7 +128,7 @@ fn measure_write_speed(directory: &Path) -> std::io::Result<f64> {
 }
 
 /// Writes and syncs a new file of [`TRIAL_BYTES`]; returns the speed, bytes/s.
-fn write_trial_file(path: &Path) -> std::io::Result<f64> {
+fn write_trial_file(path: &Path) -> io::Result<f64> {
     let mut file = File::options().write(true).create_new(true).open(path)?;
     // Some disks compress, so the bytes must not be equal.
     let chunk: Vec<u8> = (0..CHUNK_BYTES as u32).map(|k| (k.wrapping_mul(0x9E37_79B9) >> 24) as u8).collect();

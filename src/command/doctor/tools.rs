@@ -2,7 +2,10 @@
 
 use super::Finding;
 use crate::camera::genicam;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+/// The folders in which systems install programs.
+const FOLDERS: [&str; 3] = ["/usr/local/bin", "/usr/bin", "/bin"];
 
 /// Examines the library Aravis and the program ffmpeg.
 pub(super) fn examine() -> Vec<Finding> {
@@ -26,11 +29,14 @@ fn examine_ffmpeg() -> Finding {
     let paths = std::env::var_os("PATH").unwrap_or_default();
     let is_missing = |name: &&str| !std::env::split_paths(&paths).any(|folder: PathBuf| folder.join(name).is_file());
     let missing: Vec<&str> = ["ffmpeg", "ffprobe"].into_iter().filter(is_missing).collect();
-    match missing.as_slice() {
-        [] => Finding::good("ffmpeg", "films can be read and written"),
-        missing => {
-            let found = format!("no {}; films of AVI, MP4 and the like need it", missing.join(", no "));
-            Finding::advice("ffmpeg", found, "apt-get install ffmpeg")
-        }
+    if missing.is_empty() {
+        return Finding::good("ffmpeg", "films can be read and written");
     }
+    let found = format!("no {}; films of AVI, MP4 and the like need it", missing.join(", no "));
+    let has_all = |folder: &&&str| missing.iter().all(|name| Path::new(folder).join(name).is_file());
+    let fix = match FOLDERS.iter().find(has_all) {
+        Some(folder) => format!("export PATH=\"$PATH:{folder}\""),
+        None => "apt-get install ffmpeg".to_owned(),
+    };
+    Finding::advice("ffmpeg", found, fix)
 }

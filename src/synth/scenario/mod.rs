@@ -185,11 +185,11 @@ pub struct RodSetup {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RingingSetup {
-    /// Speed at first contact, m/s.
+    /// Amplitude of the speed at first contact, m/s. The speed is a sine that decays from it, and 0 at that moment.
     pub speed_m_s: f64,
     /// Frequency, Hz.
     pub frequency_hz: f64,
-    /// Time of decay to 1/e, s.
+    /// Time in which the amplitude decays to 1/e, s.
     pub decay_s: f64,
 }
 

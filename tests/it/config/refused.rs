@@ -203,6 +203,11 @@ fn a_trigger_without_its_inputs_is_refused() {
         ": scale.mm_per_px is missing: must be given, for the end of a rod, for mode = \"predicted-contact\"",
     );
     missing(
+        "[scale]\nball_diameter_mm = 9\n[surface]\nedge = [[0, 10], [9, 10]]\n[[body]]\nname = \"a\"\nkind = \"rod\"\n\
+         [[body]]\nname = \"b\"\nkind = \"rod\"\nend_mm = 5\n[trigger]\nmode = \"predicted-contact\"",
+        ": scale.mm_per_px is missing: must be given, for the end of a rod, for mode = \"predicted-contact\"",
+    );
+    missing(
         &format!("{edge}[[body]]\nend_mm = 5"),
         ", line 8: body[0].end_mm = 5: does not go with kind = \"ball\"; it belongs to kind = \"rod\"",
     );

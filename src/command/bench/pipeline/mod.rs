@@ -9,6 +9,7 @@ mod usage;
 use super::BenchOptions;
 use crate::console::{Outcome, UsageError, print_line, print_note};
 use crate::failure::Failure;
+use crate::interrupt::Interrupted;
 use crate::process::Stop;
 use rig::{Folder, Scene};
 use trial::Trial;
@@ -98,7 +99,7 @@ pub(super) fn run(options: &BenchOptions, rate: BenchRate, stop: &Stop) -> Resul
         }
     };
     if stop.requested() {
-        return Ok(Outcome::Clean);
+        return Err(Interrupted.into());
     }
     if options.json {
         print_line(&serde_json::to_string_pretty(&output::as_json(&trials))?);

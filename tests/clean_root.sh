@@ -1,0 +1,86 @@
+#!/usr/bin/env bash
+# Tries a clean Debian 12: a root of its own with Rust and a C compiler, and nothing else. As root, with debootstrap.
+#
+#     tests/clean_root.sh FOLDER [demo] [tests] [package]
+#
+# demo and tests are the two commands of the README, as printed there. package builds the Debian package, installs it, runs
+# a rig by the command line of its unit, and removes it. Each prints its time and the disk that the root takes after it.
+# The root stays in FOLDER, to be used again. Rust is that of this machine. The mounts end with this script.
+set -euo pipefail
+project=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+usage="usage: tests/clean_root.sh FOLDER [demo] [tests] [package]"
+folder=${1:?$usage}
+shift
+steps=("$@")
+((${#steps[@]})) || steps=(demo tests package)
+
+if [[ -z ${RICOCHET_CLEAN_ROOT:-} ]]; then
+    export RICOCHET_CLEAN_ROOT=1
+    exec unshare --mount "$0" "$folder" "${steps[@]}"
+fi
+
+[[ -d $folder/usr ]] ||
+    debootstrap --variant=minbase --include=gcc,libc6-dev,ca-certificates bookworm "$folder" >"$folder.log"
+folder=$(cd "$folder" && pwd)
+# The checkout as a newcomer gets it: committed files alone.
+rm -rf "$folder/root/ricochet"
+mkdir -p "$folder/root/ricochet"
+git -C "$project" archive HEAD | tar -x -C "$folder/root/ricochet"
+
+mount -t proc proc "$folder/proc"
+mount --rbind /sys "$folder/sys"
+mount -t tmpfs tmpfs "$folder/dev"
+for device in null zero full random urandom tty; do
+    touch "$folder/dev/$device"
+    mount --bind "/dev/$device" "$folder/dev/$device"
+done
+mkdir "$folder/dev/shm" "$folder/dev/pts"
+ln -s /proc/self/fd "$folder/dev/fd"
+mount -t tmpfs tmpfs "$folder/dev/shm"
+mount -t tmpfs tmpfs "$folder/tmp"
+for place in .cargo .rustup; do
+    mkdir -p "$folder/root/$place"
+done
+mount --bind "${CARGO_HOME:-$HOME/.cargo}" "$folder/root/.cargo"
+mount --bind "${RUSTUP_HOME:-$HOME/.rustup}" "$folder/root/.rustup"
+cp /etc/resolv.conf /etc/hosts "$folder/etc/"
+
+inside() { # COMMAND LINE
+    env --chdir="$folder" -u CARGO_HOME -u RUSTUP_HOME -u CARGO_TARGET_DIR -u RICOCHET_CLEAN_ROOT -u RICOCHET_REAL_DATA \
+        HOME=/root PATH=/root/.cargo/bin:/usr/sbin:/usr/bin:/sbin:/bin LC_ALL=C.UTF-8 TMPDIR=/tmp \
+        chroot "$folder" bash -c "cd /root/ricochet && $1" </dev/null
+}
+
+measured() { # NAME COMMAND LINE
+    local began=$SECONDS
+    echo "== $1: $2"
+    inside "$2"
+    local disk
+    disk=$(du -sm --one-file-system "$folder" | cut -f1)
+    echo "== $1: $((SECONDS - began)) s, the root takes $disk MB"
+}
+
+# The commands of the first block of the README, without their comments.
+printed=$(sed -n '/^```sh$/,/^```$/p' "$project/README.md" | sed '/^```/d; s/ *#.*//' | head -n 2)
+for step in "${steps[@]}"; do
+    case $step in
+    demo) measured demo "$(sed -n 1p <<<"$printed")" ;;
+    tests) measured tests "$(sed -n 2p <<<"$printed")" ;;
+    package)
+        measured build 'cargo build --release && packaging/debian.sh'
+        before=$(inside 'find / -xdev -not -path "/root/*" -not -path "/var/lib/dpkg/*" -not -path "/var/log/*" | sort')
+        measured install 'dpkg --install target/ricochet_*.deb'
+        # The unit's command line as its user, with the folders that systemd makes.
+        unit=$(sed -n 's/^ExecStart=//p' "$folder/lib/systemd/system/ricochet@.service")
+        cp "$project/config/lacrosse.toml" "$folder/etc/ricochet/"
+        inside 'install -d -m 700 -o ricochet /run/ricochet /var/lib/ricochet'
+        measured rig "cd /var/lib/ricochet && RICOCHET_RUNTIME_DIR=/run/ricochet \
+            setpriv --reuid=ricochet --regid=ricochet --clear-groups ${unit//%i/lacrosse} && ls shots"
+        inside 'rm -r /run/ricochet /var/lib/ricochet/* /etc/ricochet/lacrosse.toml'
+        measured remove 'dpkg --purge ricochet'
+        after=$(inside 'find / -xdev -not -path "/root/*" -not -path "/var/lib/dpkg/*" -not -path "/var/log/*" | sort')
+        diff <(echo "$before") <(echo "$after") && echo "== nothing is left"
+        ;;
+    *) echo "$usage" >&2 && exit 2 ;;
+    esac
+done
