@@ -56,8 +56,8 @@ measured() { # NAME COMMAND LINE
     echo "== $1: $2"
     inside "$2"
     local disk
-    disk=$(du -sm --one-file-system "$folder" | cut -f1)
-    echo "== $1: $((SECONDS - began)) s, the root takes $disk MB"
+    disk=$(du -sm --exclude="$folder/root/.*" --one-file-system "$folder" | cut -f1)
+    echo "== $1: $((SECONDS - began)) s, the root takes $disk MB without Rust"
 }
 
 # The commands of the first block of the README, without their comments.

@@ -1,7 +1,7 @@
 //! `ricochet merge`: one table of many recordings.
 
 use super::export::{TABLES, write_merged};
-use crate::console::{Outcome, OutputFile, Overwrite, UsageError, check_no_input, print_note};
+use crate::console::{Outcome, OutputFile, Overwrite, UsageError, check_no_input, print_note, progress};
 use crate::failure::Failure;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -45,12 +45,16 @@ pub fn run(options: &MergeOptions) -> Result<Outcome, Failure> {
         return Err(UsageError(format!("{}: holds no recording", options.inputs[0].display())).into());
     }
     match &options.output {
-        None => write_merged(&recordings, topic, std::io::stdout().lock(), "standard output")?,
+        None => {
+            let bar = progress::bar_of_output(recordings.len() as u64, "merge");
+            write_merged(&recordings, topic, std::io::stdout().lock(), "standard output", &bar)?
+        }
         Some(path) => {
             check_no_input(path, &recordings)?;
             let mut file = OutputFile::create(path, options.overwrite)?;
             let mut buffered = BufWriter::new(&mut file);
-            let rows = write_merged(&recordings, topic, &mut buffered, &path.display().to_string())?;
+            let bar = progress::bar(recordings.len() as u64, "merge");
+            let rows = write_merged(&recordings, topic, &mut buffered, &path.display().to_string(), &bar)?;
             buffered.flush()?;
             drop(buffered);
             file.finish()?;

@@ -1,8 +1,12 @@
 //! `ricochet recover`: recovers the complete messages of a damaged recording.
 
-use crate::recording::{RecordingError, Recovered, recover};
+use crate::console::progress;
+use crate::recording::{RecordingError, Recovered, recover_with_progress};
 use std::io::{self, Write as _};
 use std::path::PathBuf;
+
+/// The steps of the progress bar.
+const STEPS: u64 = 1000;
 
 /// The options of `ricochet recover`.
 #[derive(Debug, Clone, PartialEq, Eq, clap::Args)]
@@ -20,7 +24,10 @@ pub struct RecoverOptions {
 ///
 /// [`RecordingError`] when the file cannot be opened or the new recording cannot be written.
 pub fn run(options: &RecoverOptions) -> Result<Recovered, RecordingError> {
-    let recovered = recover(&options.file, &options.output)?;
+    let bar = progress::bar(STEPS, "recover");
+    let report = |share: f64| bar.set_position((share * STEPS as f64) as u64);
+    let recovered = recover_with_progress(&options.file, &options.output, report)?;
+    bar.finish_and_clear();
     let mut text = format!(
         "{}: {} frames and {} other messages\n",
         recovered.path.display(),

@@ -1,6 +1,8 @@
 //! Progress bars on standard error, hidden when that is not a terminal.
 
+pub use indicatif::ProgressBar as Bar;
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
+use std::io::IsTerminal;
 
 /// The line of a bar: label, bar, share and the time that is left. It fills the terminal, and fits 40 columns.
 const TEMPLATE: &str = "{prefix:10} [{wide_bar}] {percent:>3} % {eta_precise} left";
@@ -12,4 +14,15 @@ pub fn bar(total: u64, label: &'static str) -> ProgressBar {
         bar.set_style(style.progress_chars("=> "));
     }
     bar.with_prefix(label)
+}
+
+/// Returns a bar as [`bar`] for work whose result goes to standard output. It is hidden when that is a terminal, so that the
+/// two do not mix.
+pub fn bar_of_output(total: u64, label: &'static str) -> ProgressBar {
+    if std::io::stdout().is_terminal() { hidden() } else { bar(total, label) }
+}
+
+/// Returns a bar that is never drawn.
+pub fn hidden() -> ProgressBar {
+    ProgressBar::hidden()
 }

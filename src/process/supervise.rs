@@ -204,7 +204,9 @@ impl<'a> Supervisor<'a> {
                 self.bus().clean_up_dead();
             }
             if stop.requested() && self.draining.is_none() {
-                self.end_processes(|child| child.role == Role::Acquire);
+                if !self.kill_before_first_frame()? {
+                    self.end_processes(|child| child.role == Role::Acquire);
+                }
                 self.draining = Some(Timeout::new(STOP_DRAIN_TIMEOUT));
                 self.manager.report_stopping();
             }

@@ -29,7 +29,7 @@ pub use extract::{copy_as_ros2, copy_results};
 pub use part_file::part_path;
 pub use png_attachment::{from_png, to_png, to_png_of_bits};
 pub use reader::{Attachment, Frames, Recording, Rows, TopicSummary, files_of};
-pub use recover::{Recovered, recover};
+pub use recover::{Recovered, recover, recover_with_progress};
 pub use rows::{EventRow, StatusRow};
 pub use schema::Topic;
 pub use writer::{FinishedRecording, RecordingInfo, RecordingWriter, ViewInfo, WriterOptions};

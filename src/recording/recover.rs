@@ -31,6 +31,15 @@ pub struct Recovered {
 ///
 /// [`RecordingError`] when the old file cannot be opened or the new one cannot be written.
 pub fn recover(from: &Path, to: &Path) -> Result<Recovered, RecordingError> {
+    recover_with_progress(from, to, |_| {})
+}
+
+/// Recovers a file as [`recover`], and reports the share of it that is done, 0 to 1, after each chunk.
+///
+/// # Errors
+///
+/// Those of [`recover`].
+pub fn recover_with_progress(from: &Path, to: &Path, report: impl Fn(f64)) -> Result<Recovered, RecordingError> {
     let recording = Recording::open_one(from)?;
     let mut writer = RecordingWriter::start(to, part_file::recovering_path(to), &WriterOptions::default())?;
     let mut skipped: Vec<String> = recording.truncated().map(str::to_owned).into_iter().collect();
@@ -49,6 +58,7 @@ pub fn recover(from: &Path, to: &Path) -> Result<Recovered, RecordingError> {
         }
         filter.copier.end_chunk()?;
         filter.info = None;
+        report((number + 1) as f64 / recording.section_count() as f64);
     }
     let messages = filter.copier.messages();
     let finished = writer.finish()?;

@@ -8,7 +8,7 @@ mod sink;
 mod video;
 
 use crate::command::result_film::{self, Frames};
-use crate::console::{OutputFile, Overwrite, check_no_input, print_note};
+use crate::console::{OutputFile, Overwrite, check_no_input, print_note, progress};
 use crate::failure::{ExitCode, Failure, Fatal};
 use crate::recording::{self, Recording, RecordingError};
 use crate::results::named_enum;
@@ -232,9 +232,13 @@ fn write_topic(options: &ExportOptions) -> Result<u64, ExportError> {
         Format::Csv => {
             let recording = options.open_recording()?;
             match &options.output {
-                None => write_table(&recording, topic, io::stdout().lock(), "standard output"),
+                None => {
+                    let bar = progress::bar_of_output(rows::steps(&recording, topic), "export");
+                    write_csv(&recording, topic, Csv::new(io::stdout().lock(), "standard output"), &bar)
+                }
                 Some(path) => write_whole(options, path, |file| {
-                    write_table(&recording, topic, BufWriter::new(file), &path.display().to_string())
+                    let bar = progress::bar(rows::steps(&recording, topic), "export");
+                    write_csv(&recording, topic, Csv::new(BufWriter::new(file), &path.display().to_string()), &bar)
                 }),
             }
         }
@@ -255,7 +259,8 @@ fn write_whole(
 
 /// Writes one of [`TABLES`] of several recordings as one CSV table, and returns the number of its rows.
 ///
-/// The first column names the recording, by its file without the ending. Errors call the target `name`.
+/// The first column names the recording, by its file without the ending. Errors call the target `name`, and `bar` counts the
+/// recordings.
 ///
 /// # Errors
 ///
@@ -265,6 +270,7 @@ pub(super) fn write_merged(
     topic: &str,
     to: impl Write,
     name: &str,
+    bar: &progress::Bar,
 ) -> Result<u64, ExportError> {
     let mut table = Csv::new(to, name);
     let mut first = None;
@@ -272,7 +278,8 @@ pub(super) fn write_merged(
         let recording = Recording::open(path)?;
         let stem = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
         let mut part = Merged { table: &mut table, columns: &mut first, recording: &stem };
-        rows::send_table(&recording, topic, &mut part)?;
+        rows::send_table(&recording, topic, &mut part, &progress::hidden())?;
+        bar.inc(1);
     }
     table.finish()
 }
@@ -283,7 +290,16 @@ pub(super) fn write_merged(
 ///
 /// [`ExportError`] as [`run`].
 pub fn write_table(recording: &Recording, topic: &str, to: impl Write, name: &str) -> Result<u64, ExportError> {
-    let mut table = Csv::new(to, name);
-    rows::send_table(recording, topic, &mut table)?;
+    write_csv(recording, topic, Csv::new(to, name), &progress::hidden())
+}
+
+/// Writes one of [`TABLES`] as CSV, with its progress, and returns the number of its rows.
+fn write_csv(
+    recording: &Recording,
+    topic: &str,
+    mut table: Csv<impl Write>,
+    bar: &progress::Bar,
+) -> Result<u64, ExportError> {
+    rows::send_table(recording, topic, &mut table, bar)?;
     table.finish()
 }

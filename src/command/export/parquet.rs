@@ -2,7 +2,7 @@
 
 use super::sink::Sink;
 use super::{ExportError, rows};
-use crate::console::OutputFile;
+use crate::console::{OutputFile, progress};
 use crate::recording::Recording;
 use crate::results::{Cell, Heading, Kind};
 use parquet::basic::{ConvertedType, Repetition, Type as Physical};
@@ -26,7 +26,8 @@ pub(super) fn write(recording: &Recording, topic: &str, file: &mut OutputFile, n
     let metadata = entries.map(|(key, value)| KeyValue::new(format!("ricochet.{key}"), value.clone())).collect();
     let mut table =
         Table { name, file: Some(file), metadata, writer: None, columns: Vec::new(), rows: Vec::new(), count: 0 };
-    rows::send_table(recording, topic, &mut table)?;
+    let bar = progress::bar(rows::steps(recording, topic), "export");
+    rows::send_table(recording, topic, &mut table, &bar)?;
     table.write_group()?;
     if let Some(writer) = table.writer.take() {
         writer.close().map_err(|error| write_error(name, error))?;

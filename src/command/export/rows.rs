@@ -4,23 +4,41 @@ use super::ExportError;
 use super::sink::Sink;
 use crate::command::rod;
 use crate::config::{BodyKind, Config};
+use crate::console::progress::Bar;
 use crate::recording::{EventRow, Recording, RecordingError};
 use crate::report::last_revisions;
 use crate::results::{
     Cell, Column, FieldPoint, Heading, Impact, Kind, PairField, PointStatus, Rod, Sample, TrackSample, VelocitySample,
 };
 
-/// Sends the header and the rows of one of [`TABLES`](super::TABLES) to a sink. Any other topic counts as the events.
-pub(super) fn send_table(recording: &Recording, topic: &str, table: &mut dyn Sink) -> Result<(), ExportError> {
+/// Returns the number of steps of the progress of a table: each message is read and then written.
+pub(super) fn steps(recording: &Recording, topic: &str) -> u64 {
+    let topics = recording.topics();
+    2 * topics.iter().filter(|found| found.topic.strip_prefix('/') == Some(topic)).map(|found| found.messages).sum::<u64>()
+}
+
+/// Sends the header and the rows of one of [`TABLES`](super::TABLES) to a sink, and the number of [`steps`] to a bar. Any
+/// other topic counts as the events.
+pub(super) fn send_table(
+    recording: &Recording,
+    topic: &str,
+    table: &mut dyn Sink,
+    bar: &Bar,
+) -> Result<(), ExportError> {
     match topic {
-        "velocity" => send_velocities(recording, recording.velocities()?.collect::<Result<_, _>>()?, table),
-        "truth" => send_velocities(recording, recording.truth()?.collect::<Result<_, _>>()?, table),
-        "track" => send_tracks(recording, table),
-        "impact" => send_impacts(recording, recording.impacts()?.collect::<Result<_, _>>()?, table),
-        "truth_impact" => send_impacts(recording, recording.truth_impacts()?.collect::<Result<_, _>>()?, table),
-        "field" => send_fields(recording, table),
+        "velocity" => send_velocities(recording, read(recording.velocities()?, bar)?, table, bar),
+        "truth" => send_velocities(recording, read(recording.truth()?, bar)?, table, bar),
+        "track" => send_tracks(recording, table, bar),
+        "impact" => send_impacts(recording, read(recording.impacts()?, bar)?, table),
+        "truth_impact" => send_impacts(recording, read(recording.truth_impacts()?, bar)?, table),
+        "field" => send_fields(recording, table, bar),
         _ => send_events(recording, table),
     }
+}
+
+/// Reads all rows of a topic.
+fn read<T>(rows: impl Iterator<Item = Result<T, RecordingError>>, bar: &Bar) -> Result<Vec<T>, RecordingError> {
+    rows.inspect(|_| bar.inc(1)).collect()
 }
 
 /// The recording's first frame, from which tables count frames and seconds.
@@ -95,6 +113,7 @@ fn send_velocities(
     recording: &Recording,
     mut rows: Vec<VelocitySample>,
     table: &mut dyn Sink,
+    bar: &Bar,
 ) -> Result<(), ExportError> {
     rows.sort_by_key(|row| (row.frame, row.body));
     let origin = Origin::from_samples(recording, &rows)?;
@@ -107,13 +126,14 @@ fn send_velocities(
             origin.time_cell(row.stamp_ns),
         ];
         send_row(place, row, VelocitySample::COLUMNS, table)?;
+        bar.inc(1);
     }
     Ok(())
 }
 
 /// Sends track rows, by frame and body; with the columns of rods if the rig follows any.
-fn send_tracks(recording: &Recording, table: &mut dyn Sink) -> Result<(), ExportError> {
-    let mut rows: Vec<TrackSample> = recording.tracks()?.collect::<Result<_, _>>()?;
+fn send_tracks(recording: &Recording, table: &mut dyn Sink, bar: &Bar) -> Result<(), ExportError> {
+    let mut rows: Vec<TrackSample> = read(recording.tracks()?, bar)?;
     rows.sort_by_key(|row| (row.frame, row.body));
     let origin = Origin::from_samples(recording, &rows)?;
     let has_rods = has_rods(recording) || rows.iter().any(|row| row.rod.is_some());
@@ -129,6 +149,7 @@ fn send_tracks(recording: &Recording, table: &mut dyn Sink) -> Result<(), Export
             place.extend(rod_cells(row.rod.as_ref()));
         }
         send_row(place, row, TrackSample::COLUMNS, table)?;
+        bar.inc(1);
     }
     Ok(())
 }
@@ -153,7 +174,7 @@ fn rod_cells(rod: Option<&Rod>) -> impl Iterator<Item = Cell> {
 }
 
 /// Sends the fields with those of one frame in memory at a time.
-fn send_fields(recording: &Recording, table: &mut dyn Sink) -> Result<(), ExportError> {
+fn send_fields(recording: &Recording, table: &mut dyn Sink, bar: &Bar) -> Result<(), ExportError> {
     let mut fields = recording.fields()?.peekable();
     let first = fields.peek().and_then(|field| field.as_ref().ok());
     let first = first.map(|field| Origin { frame: field.frame, stamp_ns: field.stamp_ns });
@@ -162,6 +183,7 @@ fn send_fields(recording: &Recording, table: &mut dyn Sink) -> Result<(), Export
     let mut frame: Vec<PairField> = Vec::new();
     for field in fields {
         let field = field?;
+        bar.inc(2);
         if frame.first().is_some_and(|first| first.stamp_ns != field.stamp_ns) {
             send_frame_fields(origin, &mut frame, table)?;
         }

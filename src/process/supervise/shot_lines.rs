@@ -51,21 +51,43 @@ impl ShotLines {
             Some(EventKind::Started) if !self.has_trigger => format!("filming: rig {rig}"),
             Some(EventKind::Recorded) => {
                 self.shots += 1;
-                let result = self.impact.take().map_or_else(String::new, |impact| self.describe_result(&impact));
+                let result = self.impact.take().map_or_else(String::new, |impact| {
+                    describe_result(self.bodies.get(impact.body as usize).map_or("", String::as_str), &impact)
+                });
                 format!("shot {}: {}{result}", self.shots, event.text())
             }
             _ => return,
         };
         (self.print)(&line);
     }
+}
 
-    /// Returns the result of a collision in words: its restitution, or its status.
-    fn describe_result(&self, impact: &Impact) -> String {
-        let body = self.bodies.get(impact.body as usize).map_or("", String::as_str);
-        match (impact.status, impact.restitution) {
-            (PointStatus::Valid, Some(e)) => format!(", {body} restitution {:.4} +- {:.4}", e.value, e.sigma),
-            (PointStatus::Valid, None) => format!(", {body} collided, without a flight on both sides"),
-            (status, _) => format!(", {body} collided, {}", status.as_str()),
-        }
+/// Returns the result of a collision of a body in words: its restitution, or the reason why there is none.
+fn describe_result(body: &str, impact: &Impact) -> String {
+    match (impact.status, impact.restitution) {
+        (PointStatus::Valid, Some(e)) => format!(", {body} restitution {:.4} +- {:.4}", e.value, e.sigma),
+        (PointStatus::Valid, None) => format!(", {body} collided, without a flight on both sides"),
+        // Its first revision, when the contact starts.
+        (PointStatus::Lost, _) if impact.end_s.is_none() => format!(", {body} collided, and the end of it was not filmed"),
+        (PointStatus::Lost, _) => format!(", {body} collided, with too few frames around it for a result"),
+        (PointStatus::Outlier, _) => format!(", {body} collided, but neither a fixed surface nor a fall explains it"),
+        (status, _) => format!(", {body} collided, without a result: {}", status.as_str()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::results::Estimate;
+
+    #[test]
+    fn a_collision_that_was_cut_off_is_no_loss() {
+        let mut impact = Impact::unknown(0, 0, 0);
+        assert_eq!(describe_result("ball", &impact), ", ball collided, and the end of it was not filmed");
+        impact.end_s = Some(Estimate { value: 0.005, sigma: 1e-6 });
+        assert_eq!(describe_result("ball", &impact), ", ball collided, with too few frames around it for a result");
+        impact.status = PointStatus::Valid;
+        impact.restitution = Some(Estimate { value: 0.8, sigma: 0.01 });
+        assert_eq!(describe_result("ball", &impact), ", ball restitution 0.8000 +- 0.0100");
     }
 }

@@ -150,7 +150,7 @@ fn inject(fault: &Fault) -> Option<String> {
 
 /// Whether a misconfiguration can be made here: in namespaces of its own, as the administrator.
 fn can_inject() -> bool {
-    let trial = "mount -t tmpfs tmpfs /mnt && mknod /mnt/node c 81 7 && ip link add a type veth peer name b && taskset -p $$ \
+    let trial = "mount -t tmpfs tmpfs /mnt && mknod /mnt/node c 81 7 && ip link add camera type veth peer name other && taskset -p $$ \
                  && setpriv --reuid=65534 --regid=65534 --clear-groups true";
     let trial = Command::new("unshare").args(["--mount", "--net", "sh", "-c", trial]).output();
     trial.is_ok_and(|output| output.status.success())
