@@ -82,6 +82,7 @@ mod rod;
 mod rod_light;
 mod rolling_shutter;
 mod rotation_search;
+mod rules_of_thumb;
 mod scenes;
 mod serve;
 mod several_cameras;

@@ -133,6 +133,29 @@ const ROWS: &[Row] = &[
         &[],
     ),
     done("another locale", "LC_ALL=de_DE.UTF-8 ricochet export results.mcap --topic impact", ",0.79771", &[]),
+    refused(
+        "a second instance",
+        "printf '[rig]\\nname = \"slow\"\\n[camera]\\nsource = \"recording\"\\nid = \"film.mcap\"\\nplayback_rate = 1e-3\\n[scale]\\n\
+         mm_per_px = 0.5142\\n[[body]]\\nname = \"ball\"\\ndiameter_mm = 63.25\\n' > slow.toml; \
+         ricochet run slow.toml > said 2>&1 & p=$!; until ricochet status > listed 2>&1; do sleep .05; done; \
+         timeout 10 ricochet run slow.toml; c=$?; kill $p; wait $p; rm -rf slow.toml said listed shots; exit $c",
+        4,
+        "has a process `ricochet run` already; stop it",
+    ),
+    refused(
+        "a place that cannot be written",
+        "mount -t tmpfs -o ro tmpfs small; ricochet analyze film.mcap -o small/a.mcap",
+        5,
+        "Read-only file system",
+    ),
+    done(
+        "a home that cannot be written",
+        "mount -t tmpfs -o ro tmpfs small; HOME=$PWD/small ricochet analyze film.mcap -o a.mcap",
+        "100 of 100",
+        &["a.mcap"],
+    ),
+    refused("a part before the beginning", "ricochet analyze film.mcap --from -1", 2, "--from"),
+    refused("an empty folder to merge", "mkdir e; ricochet merge e; c=$?; rmdir e; exit $c", 2, "holds no recording"),
     done("no home", "HOME=/nowhere ricochet analyze film.mcap -o a.mcap", "100 of 100", &["a.mcap"]),
     done("no file descriptors", "ricochet info film.mcap <&-", "complete      yes", &[]),
     refused("a place that is not his", as_nobody!("analyze film.mcap -o a.mcap"), 5, "Permission denied"),

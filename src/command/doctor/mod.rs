@@ -125,13 +125,13 @@ fn finding_as_json(finding: &Finding) -> serde_json::Value {
 /// Prints every property, then the commands.
 fn print_findings(findings: &[Finding]) {
     for finding in findings {
-        print_line(&format!("{:<16}{:<17}{}", finding.name, finding.state.as_str(), finding.found));
+        print_line(&format!("{:<17}{:<17}{}", finding.name, finding.state.as_str(), finding.found));
     }
     let fixes: Vec<_> = findings.iter().filter(|finding| finding.fix.is_some()).collect();
     if !fixes.is_empty() {
         print_line("\nCommands that mend it, as root where they need it:");
     }
     for finding in fixes {
-        print_line(&format!("  {:<14}{}", finding.name, finding.fix.as_deref().unwrap_or_default()));
+        print_line(&format!("  {:<16}{}", finding.name, finding.fix.as_deref().unwrap_or_default()));
     }
 }
