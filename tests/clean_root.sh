@@ -5,7 +5,8 @@
 #
 # demo and tests are the two commands of the README, as printed there. package builds the Debian package, installs it, runs
 # a rig by the command line of its unit, and removes it. Each prints its time and the disk that the root takes after it.
-# The root stays in FOLDER, to be used again. Rust is that of this machine. The mounts end with this script.
+# The root stays in FOLDER, to be used again. Rust, with its downloaded crates, is that of this machine. The mounts end with
+# this script.
 set -euo pipefail
 project=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 usage="usage: tests/clean_root.sh FOLDER [demo] [tests] [package]"
@@ -22,9 +23,10 @@ fi
 [[ -d $folder/usr ]] ||
     debootstrap --variant=minbase --include=gcc,libc6-dev,ca-certificates bookworm "$folder" >"$folder.log"
 folder=$(cd "$folder" && pwd)
-# The checkout as a newcomer gets it: committed files alone.
-rm -rf "$folder/root/ricochet"
+# The checkout as a newcomer gets it: committed files alone. What was built before stays; remove FOLDER/root/ricochet/target
+# to time the first build.
 mkdir -p "$folder/root/ricochet"
+find "$folder/root/ricochet" -mindepth 1 -maxdepth 1 ! -name target -exec rm -rf {} +
 git -C "$project" archive HEAD | tar -x -C "$folder/root/ricochet"
 
 mount -t proc proc "$folder/proc"
