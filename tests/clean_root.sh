@@ -53,6 +53,11 @@ inside() { # COMMAND LINE
         chroot "$folder" bash -c "cd /root/ricochet && $1" </dev/null
 }
 
+# Every file of the root, but the checkout, what dpkg notes, and the copies that useradd keeps of the files it changes.
+listing() {
+    inside 'find / -xdev -not -path "/root/*" -not -path "/var/lib/dpkg/*" -not -path "/var/log/*" -not -path "/etc/*-" | sort'
+}
+
 measured() { # NAME COMMAND LINE
     local began=$SECONDS
     echo "== $1: $2"
@@ -70,7 +75,7 @@ for step in "${steps[@]}"; do
     tests) measured tests "$(sed -n 2p <<<"$printed")" ;;
     package)
         measured build 'cargo build --release && packaging/debian.sh'
-        before=$(inside 'find / -xdev -not -path "/root/*" -not -path "/var/lib/dpkg/*" -not -path "/var/log/*" | sort')
+        before=$(listing)
         measured install 'dpkg --install target/ricochet_*.deb'
         # The unit's command line as its user, with the folders that systemd makes.
         unit=$(sed -n 's/^ExecStart=//p' "$folder/lib/systemd/system/ricochet@.service")
@@ -80,8 +85,9 @@ for step in "${steps[@]}"; do
             setpriv --reuid=ricochet --regid=ricochet --clear-groups ${unit//%i/lacrosse} && ls shots"
         inside 'rm -r /run/ricochet /var/lib/ricochet/* /etc/ricochet/lacrosse.toml'
         measured remove 'dpkg --purge ricochet'
-        after=$(inside 'find / -xdev -not -path "/root/*" -not -path "/var/lib/dpkg/*" -not -path "/var/log/*" | sort')
-        diff <(echo "$before") <(echo "$after") && echo "== nothing is left"
+        diff <(echo "$before") <(listing)
+        inside '! getent passwd ricochet'
+        echo "== nothing is left"
         ;;
     *) echo "$usage" >&2 && exit 2 ;;
     esac
