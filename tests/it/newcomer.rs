@@ -283,20 +283,33 @@ fn the_trials_of_other_tests_exist() {
 }
 
 #[test]
-fn progress_fits_forty_columns() {
-    let rig = Rig::new();
-    let program = env!("CARGO_BIN_EXE_ricochet");
-    let line = format!("stty cols 40 rows 20; {program} simulate tennis -o {}", rig.path("a.mcap").display());
-    let Ok(output) = Command::new("script").args(["-qec", &line, "/dev/null"]).stdin(Stdio::null()).output() else {
-        eprintln!("left out: script is not installed");
+fn progress_of_long_work_fits_forty_columns() {
+    if !has_ffmpeg() {
         return;
-    };
-    let drawn = String::from_utf8_lossy(&output.stdout).into_owned();
-    let plain = without_escapes(&drawn);
-    let bars: Vec<&str> = plain.split(['\r', '\n']).filter(|line| line.contains('%')).collect();
-    assert!(!bars.is_empty(), "{drawn:?}");
-    for bar in bars {
-        assert!(bar.chars().count() <= 40 && bar.contains("left"), "{bar:?}");
+    }
+    let rig = inputs();
+    for line in [
+        "simulate tennis -o a.mcap",
+        "recover cut.mcap -o b.mcap",
+        "export results.mcap --topic field -o a.csv",
+        "export results.mcap --topic track --format parquet -o a.parquet",
+        "export results.mcap --topic velocity --format npz -o a.npz",
+        "merge results.mcap results.mcap --topic velocity -o b.csv",
+    ] {
+        let line = format!("stty cols 40 rows 20; {} {line}", env!("CARGO_BIN_EXE_ricochet"));
+        let mut terminal = Command::new("script");
+        terminal.args(["-qec", &line, "/dev/null"]).stdin(Stdio::null()).current_dir(rig.path(""));
+        let Ok(output) = terminal.output() else {
+            eprintln!("left out: script is not installed");
+            return;
+        };
+        let drawn = String::from_utf8_lossy(&output.stdout).into_owned();
+        let plain = without_escapes(&drawn);
+        let bars: Vec<&str> = plain.split(['\r', '\n']).filter(|line| line.contains("left")).collect();
+        assert!(!bars.is_empty(), "{line}: {drawn:?}");
+        for bar in bars {
+            assert!(bar.chars().count() <= 40 && bar.contains('%'), "{line}: {bar:?}");
+        }
     }
 }
 

@@ -68,7 +68,10 @@ fn examine_shared_memory(host: &Host, config: Option<&Config>) -> Option<Finding
 fn examine_folder(config: Option<&Config>, directory: &Path) -> Vec<Finding> {
     let name = directory.display();
     if !directory.is_dir() {
-        let (found, fix) = (format!("{name} is not a folder"), format!("mkdir -p {}", quoted(directory)));
+        let (found, fix) = (
+            format!("{name} is not a folder"),
+            format!("mkdir -p {0} && chown {1} {0}", quoted(directory), user_number()),
+        );
         return vec![Finding::bad("recordings", found, fix)];
     }
     let speed = match measure_write_speed(directory) {
@@ -78,7 +81,7 @@ fn examine_folder(config: Option<&Config>, directory: &Path) -> Vec<Finding> {
             return vec![Finding { fix: cure_of(&error, directory), ..Finding::bad("recordings", found, "") }];
         }
     };
-    let mut findings = Vec::new();
+    let mut findings = vec![Finding::good("recordings", format!("{name} takes files"))];
     let found = format!("{:.0} MB/s into {name}", 1e-6 * speed);
     findings.push(match config.and_then(bytes_per_second) {
         Some(needed) if needed > speed => Finding {
@@ -103,13 +106,18 @@ pub(super) fn quoted(path: &Path) -> String {
     format!("'{}'", path.display().to_string().replace('\'', "'\\''"))
 }
 
+/// Returns the number of this user.
+pub(super) fn user_number() -> u32 {
+    geteuid().as_raw()
+}
+
 /// Returns the command that lets a folder take files again; `None` if there is none, as for a full disk.
 fn cure_of(error: &io::Error, directory: &Path) -> Option<String> {
     let name = quoted(directory);
     match error.kind() {
         io::ErrorKind::ReadOnlyFilesystem => Some(format!("mount -o remount,rw \"$(stat -c %m {name})\"")),
         io::ErrorKind::PermissionDenied => {
-            let user = geteuid().as_raw();
+            let user = user_number();
             let is_own = directory.metadata().is_ok_and(|about| about.uid() == user);
             let chmod = format!("chmod u+rwx {name}");
             Some(if is_own { chmod } else { format!("chown {user} {name} && {chmod}") })

@@ -1,10 +1,10 @@
 //! What this user may do: the private folder of rigs, real-time priority, open files.
 
 use super::Finding;
-use super::storage::quoted;
+use super::storage::{quoted, user_number};
 use crate::bus::{FolderFault, examine_runtime_folder};
 use crate::camera::realtime_priority;
-use rustix::process::{Resource, geteuid, getrlimit};
+use rustix::process::{Resource, getrlimit};
 
 /// The number of files that a rig with 16 bodies and 8 cameras needs. It has about 500 open.
 const OPEN_FILES: u64 = 1024;
@@ -24,7 +24,7 @@ fn examine_private_folder() -> Finding {
         FolderFault::NoFolder => format!("rm {name}"),
         FolderFault::Owner(_, user) => format!("chown -R {user} {name} && chmod 700 {name}"),
         FolderFault::Open(_) => format!("chmod 700 {name}"),
-        FolderFault::TooLong => format!("export RICOCHET_RUNTIME_DIR=/tmp/ricochet-{}", geteuid().as_raw()),
+        FolderFault::TooLong => format!("export RICOCHET_RUNTIME_DIR=/tmp/ricochet-{}", user_number()),
     };
     Finding::bad("private folder", found, fix)
 }

@@ -14,7 +14,11 @@ use crate::results::{
 /// Returns the number of steps of the progress of a table: each message is read and then written.
 pub(super) fn steps(recording: &Recording, topic: &str) -> u64 {
     let topics = recording.topics();
-    2 * topics.iter().filter(|found| found.topic.strip_prefix('/') == Some(topic)).map(|found| found.messages).sum::<u64>()
+    2 * topics
+        .iter()
+        .filter(|found| found.topic.strip_prefix('/') == Some(topic))
+        .map(|found| found.messages)
+        .sum::<u64>()
 }
 
 /// Sends the header and the rows of one of [`TABLES`](super::TABLES) to a sink, and the number of [`steps`] to a bar. Any

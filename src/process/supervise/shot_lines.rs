@@ -68,7 +68,9 @@ fn describe_result(body: &str, impact: &Impact) -> String {
         (PointStatus::Valid, Some(e)) => format!(", {body} restitution {:.4} +- {:.4}", e.value, e.sigma),
         (PointStatus::Valid, None) => format!(", {body} collided, without a flight on both sides"),
         // Its first revision, when the contact starts.
-        (PointStatus::Lost, _) if impact.end_s.is_none() => format!(", {body} collided, and the end of it was not filmed"),
+        (PointStatus::Lost, _) if impact.end_s.is_none() => {
+            format!(", {body} collided, and the end of it was not filmed")
+        }
         (PointStatus::Lost, _) => format!(", {body} collided, with too few frames around it for a result"),
         (PointStatus::Outlier, _) => format!(", {body} collided, but neither a fixed surface nor a fall explains it"),
         (status, _) => format!(", {body} collided, without a result: {}", status.as_str()),

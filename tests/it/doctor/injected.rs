@@ -29,15 +29,23 @@ const fn advice(name: &'static str, breaks: &'static str, says: &'static str) ->
 const FAULTS: &[Fault] = &[
     bad("shared memory", "mount -t tmpfs -o size=16M tmpfs /dev/shm", "16 MiB free"),
     bad("shared memory", "head -c 900M /dev/zero > /dev/shm/left", "MiB free"),
-    bad("open files", "ulimit -n 256", "at most 256"),
+    bad("open files", "ulimit -S -n 256", "at most 256"),
     bad("recordings", "rmdir shots", "is not a folder"),
     bad("recordings", "chmod 555 shots", "Permission denied"),
     bad("recordings", "chown root shots; chmod 755 shots", "Permission denied"),
-    bad("recordings", "mount -t tmpfs tmpfs shots; chmod 777 shots; mount -o remount,ro shots", "Read-only file system"),
+    bad(
+        "recordings",
+        "mount -t tmpfs tmpfs shots; chmod 777 shots; mount -o remount,ro shots",
+        "Read-only file system",
+    ),
     bad("private folder", "chmod 755 run", "others can enter it (mode 755"),
     bad("private folder", "chown root run", "it belongs to user 0"),
     bad("private folder", "rmdir run; touch run", "it is no folder"),
-    bad("private folder", "export RICOCHET_RUNTIME_DIR=/tmp/a-folder-whose-name-is-far-too-long", "longer than 35 bytes"),
+    bad(
+        "private folder",
+        "export RICOCHET_RUNTIME_DIR=/tmp/a-folder-whose-name-is-far-too-long",
+        "longer than 35 bytes",
+    ),
     advice("real time", "ulimit -r 0", "is refused"),
     advice("processors", "taskset -pc 0 $$ > pinned", "1 usable"),
     advice("packets", "ip link set dev camera mtu 1500", "camera 1500"),
@@ -66,7 +74,8 @@ export RICOCHET_RUNTIME_DIR=$PWD/run
 set +e";
 
 /// The program as a user without rights.
-const DOCTOR: &str = "setpriv --reuid=65534 --regid=65534 --clear-groups ./ricochet doctor --json --directory \"$PWD/shots\"";
+const DOCTOR: &str =
+    "setpriv --reuid=65534 --regid=65534 --clear-groups ./ricochet doctor --json --directory \"$PWD/shots\"";
 
 /// A shell of the administrator in namespaces of its own.
 struct Shell {
@@ -140,9 +149,8 @@ fn inject(fault: &Fault) -> Option<String> {
     let found = broken["found"].as_str().unwrap_or_default().to_owned();
     let is_found = broken["state"] == fault.state && found.contains(fault.says);
     let fix = broken["fix"].as_str().unwrap_or("false").to_owned();
-    shell.run(&format!("{fix} > mended"));
-    let name = if fault.name == "recordings" { "disk speed" } else { fault.name };
-    let mended = shell.examine(name);
+    shell.run(&format!("{{ {fix}; }} > mended"));
+    let mended = shell.examine(fault.name);
     println!("{:16} {:60} {fix}", fault.name, fault.breaks);
     let is_mended = mended["state"] == "good";
     (!is_sound || !is_found || !is_mended).then(|| format!("{}: {sound}, then {broken}, then {mended}", fault.breaks))
