@@ -207,7 +207,7 @@ impl TapeProfile {
             sums.iter_mut().zip(terms).for_each(|(sum, term)| *sum += weight * term);
             total += weight;
         }
-        if !(total > 0.0) {
+        if total.is_nan() || total <= 0.0 {
             return None;
         }
         let covariance = sums.map(|sum: f64| sum / total);
@@ -391,7 +391,7 @@ mod tests {
                 (squares, count, worst) = (squares + pull * pull, count + 1.0, worst.max(pull.abs()));
             }
         }
-        let rms: f64 = (squares / count as f64).sqrt();
+        let rms: f64 = (squares / count).sqrt();
         eprintln!("{count} sides, pulls {rms:.2} rms, {worst:.1} at most");
         assert!(count > 90.0 && (0.3..1.2).contains(&rms) && worst < 5.0, "{count}: {rms}, {worst}");
     }

@@ -378,7 +378,8 @@ fn files(folder: &Path) -> Vec<String> {
 
 #[test]
 fn every_file_that_the_architecture_names_exists() {
-    let all: Vec<String> = ["src", "tests", "docs"].iter().flat_map(|folder| files(&root().join(folder))).collect();
+    let all: Vec<String> =
+        ["src", "tests", "docs", "examples"].iter().flat_map(|folder| files(&root().join(folder))).collect();
     let page = read("ARCHITECTURE.md");
     let named = page.split('`').skip(1).step_by(2).filter(|name| name.ends_with(".rs") || name.ends_with(".sh"));
     for name in named.filter(|name| !name.contains(' ')) {
