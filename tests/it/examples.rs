@@ -119,7 +119,7 @@ fn check_picture(drawn: &Path, name: &str) {
     let [drawn, shown] = [drawn, &page].map(|path| image::open(path).unwrap().into_rgb8());
     assert_eq!(drawn.dimensions(), shown.dimensions(), "{name}");
     let differing = drawn.pixels().zip(shown.pixels()).filter(|(drawn, shown)| drawn != shown).count();
-    let share = differing as f64 / (drawn.width() * drawn.height()) as f64;
+    let share = differing as f64 / f64::from(drawn.width() * drawn.height());
     assert!(share < 0.005, "{name}: {:.2} % of the pixels differ", 100.0 * share);
 }
 
