@@ -47,15 +47,16 @@ mount --bind "${CARGO_HOME:-$HOME/.cargo}" "$folder/root/.cargo"
 mount --bind "${RUSTUP_HOME:-$HOME/.rustup}" "$folder/root/.rustup"
 cp /etc/resolv.conf /etc/hosts "$folder/etc/"
 
+home=/root
 inside() { # COMMAND LINE
     env --chdir="$folder" -u CARGO_HOME -u RUSTUP_HOME -u CARGO_TARGET_DIR -u RICOCHET_CLEAN_ROOT -u RICOCHET_REAL_DATA \
-        HOME=/root PATH=/root/.cargo/bin:/usr/sbin:/usr/bin:/sbin:/bin LC_ALL=C.UTF-8 TMPDIR=/tmp \
-        chroot "$folder" bash -c "cd /root/ricochet && $1" </dev/null
+        HOME=$home PATH=$home/.cargo/bin:/usr/sbin:/usr/bin:/sbin:/bin LC_ALL=C.UTF-8 TMPDIR=/tmp \
+        chroot "$folder" bash -c "cd $home/ricochet && $1" </dev/null
 }
 
 # Every file of the root, but the checkout, what dpkg notes, and the copies that useradd keeps of the files it changes.
 listing() {
-    inside 'find / -xdev -not -path "/root/*" -not -path "/var/lib/dpkg/*" -not -path "/var/log/*" -not -path "/etc/*-" | sort'
+    inside 'find / -xdev -not -path "$HOME/*" -not -path "/var/lib/dpkg/*" -not -path "/var/log/*" -not -path "/etc/*-" | sort'
 }
 
 measured() { # NAME COMMAND LINE

@@ -107,7 +107,7 @@ pub(super) fn quoted(path: &Path) -> String {
 }
 
 /// Returns the number of this user.
-pub(super) fn user_number() -> u32 {
+fn user_number() -> u32 {
     geteuid().as_raw()
 }
 

@@ -1,7 +1,7 @@
-//! What this user may do: the private folder of rigs, real-time priority, open files.
+//! The rights of this user: the private folder of rigs, real-time priority, open files.
 
 use super::Finding;
-use super::storage::{quoted, user_number};
+use super::storage::quoted;
 use crate::bus::{FolderFault, examine_runtime_folder};
 use crate::camera::realtime_priority;
 use rustix::process::{Resource, getrlimit};
@@ -24,7 +24,7 @@ fn examine_private_folder() -> Finding {
         FolderFault::NoFolder => format!("rm {name}"),
         FolderFault::Owner(_, user) => format!("chown -R {user} {name} && chmod 700 {name}"),
         FolderFault::Open(_) => format!("chmod 700 {name}"),
-        FolderFault::TooLong => format!("export RICOCHET_RUNTIME_DIR=/tmp/ricochet-{}", user_number()),
+        FolderFault::TooLong => "unset RICOCHET_RUNTIME_DIR XDG_RUNTIME_DIR".to_owned(),
     };
     Finding::bad("private folder", found, fix)
 }

@@ -11,7 +11,7 @@ use std::process::{Child, Command, Stdio};
 struct Fault {
     /// The finding.
     name: &'static str,
-    /// What makes it, as a line of a shell. `shots` is the folder of the recordings.
+    /// The line of a shell that makes it. `shots` is the folder of the recordings.
     breaks: &'static str,
     state: &'static str,
     /// A part of what is found.
@@ -41,11 +41,7 @@ const FAULTS: &[Fault] = &[
     bad("private folder", "chmod 755 run", "others can enter it (mode 755"),
     bad("private folder", "chown root run", "it belongs to user 0"),
     bad("private folder", "rmdir run; touch run", "it is no folder"),
-    bad(
-        "private folder",
-        "export RICOCHET_RUNTIME_DIR=/tmp/a-folder-whose-name-is-far-too-long",
-        "longer than 35 bytes",
-    ),
+    bad("private folder", "export RICOCHET_RUNTIME_DIR=$PWD/a-folder-with-a-far-too-long-name", "longer than 35 bytes"),
     advice("real time", "ulimit -r 0", "is refused"),
     advice("processors", "taskset -pc 0 $$ > pinned", "1 usable"),
     advice("packets", "ip link set dev camera mtu 1500", "camera 1500"),
@@ -98,7 +94,7 @@ impl Shell {
         writeln!(self.process.stdin.as_mut().unwrap(), "{line}").unwrap();
     }
 
-    /// What `doctor` finds under this name.
+    /// Returns the finding of this name.
     fn examine(&mut self, name: &str) -> Value {
         self.run(&format!("{DOCTOR} < /dev/null 2> said; echo"));
         let mut answer = String::new();
@@ -158,7 +154,7 @@ fn inject(fault: &Fault) -> Option<String> {
 
 /// Whether a misconfiguration can be made here: in namespaces of its own, as the administrator.
 fn can_inject() -> bool {
-    let trial = "mount -t tmpfs tmpfs /mnt && mknod /mnt/node c 81 7 && ip link add camera type veth peer name other && taskset -p $$ \
+    let trial = "mount -t tmpfs tmpfs /mnt && cd /mnt && mknod node c 81 7 && ip link add camera type veth peer name other && taskset -p $$ \
                  && setpriv --reuid=65534 --regid=65534 --clear-groups true";
     let trial = Command::new("unshare").args(["--mount", "--net", "sh", "-c", trial]).output();
     trial.is_ok_and(|output| output.status.success())
