@@ -62,10 +62,12 @@ fn trigger(rig: &Rig) -> Output {
 
 /// Triggers a drop and waits for its recording, which must equal its own analysis.
 fn record_a_drop(rig: &Rig) -> PathBuf {
-    wait_until("a trigger is accepted", || trigger(rig).status.success().then_some(()));
-    // It is not while an earlier shot is written.
-    let before = rig.recordings();
-    let path = wait_until("the drop is recorded", || rig.recordings().into_iter().find(|path| !before.contains(path)));
+    let path = wait_until("the drop is recorded", || {
+        // It is refused while an earlier shot is written.
+        let output = run(["trigger", "--rig", rig.name.as_str(), "--wait"]);
+        let printed = String::from_utf8(output.stdout).unwrap();
+        output.status.success().then(|| PathBuf::from(printed.trim()))
+    });
     let (_, analysed) = analysis(rig, &path, "1");
     assert!(analysed == tables(&path), "the recording differs from its analysis");
     path

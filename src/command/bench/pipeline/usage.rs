@@ -77,13 +77,12 @@ mod tests {
     fn work_and_memory_of_this_process_are_counted() {
         let before = Usage::read(std::process::id()).unwrap();
         let mut block = vec![1_u8; 32 << 20];
-        let mut sum = 0_u64;
         while Usage::read(std::process::id()).unwrap().since(&before).cpu_ns < 5_000_000 {
             block.iter_mut().for_each(|byte| *byte = byte.wrapping_mul(3).wrapping_add(1));
-            sum += block.iter().map(|byte| u64::from(*byte)).sum::<u64>();
+            std::hint::black_box(&block);
         }
         let used = Usage::read(std::process::id()).unwrap().since(&before);
-        assert!(sum > 0 && used.page_faults > 0 && used.private_bytes > 32 << 20, "{used:?}");
+        assert!(used.page_faults > 0 && used.private_bytes > 32 << 20, "{used:?}");
         assert!(used.peak_bytes >= used.private_bytes, "{used:?}");
         assert_eq!(Usage::read(u32::MAX), None);
     }
