@@ -32,7 +32,7 @@ fn five_minutes_of_drops_and_deaths_leak_nothing() {
         between_drops: seconds(10),
         between_deaths: seconds(60),
         rate_hz: 200.0,
-        growth_percent: 10,
+        growth_percent: 40,
     });
 }
 
