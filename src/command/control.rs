@@ -58,7 +58,7 @@ pub fn trigger(options: &TriggerOptions, stop: &Stop) -> Result<Outcome, Failure
     while events.take()?.is_some() {}
     let reply = ask(&bus, Command::Trigger)?;
     let recording = match ReplyCode::from_number(reply.code) {
-        Some(ReplyCode::Accepted) => Some(wait_for_recording(&bus, &events, stop)?),
+        Some(ReplyCode::Accepted) => Some(wait_for_recording(&bus, &events, reply.sequence, stop)?),
         _ => None,
     };
     report(&options.rig, &reply, recording.as_deref())
@@ -74,15 +74,16 @@ fn ask(bus: &Bus, command: Command) -> Result<Reply, Failure> {
     Ok(reply.ok_or_else(|| no_answer_error(bus))?)
 }
 
-/// Waits until the rig has completed a recording and returns its path.
+/// Waits until the rig has completed a recording that goes on after frame `newest`, the last one written before, and returns
+/// its path. The recording of the shot before ends with that frame, although its event may come now.
 ///
 /// # Errors
 ///
 /// When the rig dies, or a stop ends the wait.
-fn wait_for_recording(bus: &Bus, events: &Subscriber<Event>, stop: &Stop) -> Result<String, Failure> {
+fn wait_for_recording(bus: &Bus, events: &Subscriber<Event>, newest: u64, stop: &Stop) -> Result<String, Failure> {
     while !stop.requested() {
         while let Some(event) = events.take()? {
-            if event.kind() == Some(EventKind::Recorded) {
+            if event.kind() == Some(EventKind::Recorded) && event.sequence > newest + 1 {
                 return Ok(event.text());
             }
         }

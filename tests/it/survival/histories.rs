@@ -19,7 +19,7 @@ const KILLS: usize = 5;
 /// The system calls at which a process may die.
 const CALLS: [&str; 8] = ["write", "pwrite64", "futex", "openat", "mmap", "close", "sendto", "clock_nanosleep"];
 
-/// What happens to a process.
+/// A fault of a process.
 #[derive(Debug)]
 enum Fault {
     /// It is killed.
