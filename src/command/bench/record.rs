@@ -107,7 +107,8 @@ impl Files {
     /// Writes the frames as plain bytes, synced as often as a recording, and removes the file.
     fn write_plain(&self, pool: &[Vec<u8>]) -> Result<Timing, Failure> {
         let timing = time_write(|| {
-            let mut file = File::create(&self.plain)
+            // Noted again, so that a signal cannot come between: the file was removed after the round before.
+            let (mut file, _unfinished) = interrupt::file(&self.plain, || File::create(&self.plain))
                 .map_err(|error| Failure::internal(format!("cannot write {}: {error}", self.plain.display())))?;
             for number in 0..FRAMES {
                 file.write_all(&pool[number as usize % pool.len()])?;
