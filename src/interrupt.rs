@@ -1,7 +1,7 @@
 //! The end of the program by Ctrl-C or a termination signal: nothing unfinished is left.
 //!
 //! A command that works on files ends at the signal, wherever it is: in a long computation, in a read from a slow disk,
-//! while another program decodes a film. Whatever must not outlast it is noted here while it is unfinished: [`file`],
+//! while another program decodes a film. Whatever must not outlast it is noted here while it is unfinished: [`file()`],
 //! [`note`], [`program`]. A command that runs a rig ends in order instead, since others depend on what it still has to do.
 
 use std::collections::BTreeMap;

@@ -23,11 +23,14 @@ fi
 [[ -d $folder/usr ]] ||
     debootstrap --variant=minbase --include=gcc,libc6-dev,ca-certificates bookworm "$folder" >"$folder.log"
 folder=$(cd "$folder" && pwd)
-# The checkout as a newcomer gets it: committed files alone. What was built before stays; remove FOLDER/root/ricochet/target
-# to time the first build.
-mkdir -p "$folder/root/ricochet"
-find "$folder/root/ricochet" -mindepth 1 -maxdepth 1 ! -name target -exec rm -rf {} +
-git -C "$project" archive HEAD | tar -x -C "$folder/root/ricochet"
+# The home of the newcomer, inside the root.
+home=/srv
+# The checkout as a newcomer gets it: committed files alone. What was built before stays; remove its folder target to time
+# the first build.
+checkout=$folder$home/ricochet
+mkdir -p "$checkout"
+find "$checkout" -mindepth 1 -maxdepth 1 ! -name target -exec rm -rf {} +
+git -C "$project" archive HEAD | tar -x -C "$checkout"
 
 mount -t proc proc "$folder/proc"
 mount --rbind /sys "$folder/sys"
@@ -41,13 +44,12 @@ ln -s /proc/self/fd "$folder/dev/fd"
 mount -t tmpfs tmpfs "$folder/dev/shm"
 mount -t tmpfs tmpfs "$folder/tmp"
 for place in .cargo .rustup; do
-    mkdir -p "$folder/root/$place"
+    mkdir -p "$folder$home/$place"
 done
-mount --bind "${CARGO_HOME:-$HOME/.cargo}" "$folder/root/.cargo"
-mount --bind "${RUSTUP_HOME:-$HOME/.rustup}" "$folder/root/.rustup"
+mount --bind "${CARGO_HOME:-$HOME/.cargo}" "$folder$home/.cargo"
+mount --bind "${RUSTUP_HOME:-$HOME/.rustup}" "$folder$home/.rustup"
 cp /etc/resolv.conf /etc/hosts "$folder/etc/"
 
-home=/root
 inside() { # COMMAND LINE
     env --chdir="$folder" -u CARGO_HOME -u RUSTUP_HOME -u CARGO_TARGET_DIR -u RICOCHET_CLEAN_ROOT -u RICOCHET_REAL_DATA \
         HOME=$home PATH=$home/.cargo/bin:/usr/sbin:/usr/bin:/sbin:/bin LC_ALL=C.UTF-8 TMPDIR=/tmp \
@@ -64,7 +66,7 @@ measured() { # NAME COMMAND LINE
     echo "== $1: $2"
     inside "$2"
     local disk
-    disk=$(du -sm --exclude="$folder/root/.*" --one-file-system "$folder" | cut -f1)
+    disk=$(du -sm --exclude="$folder$home/.*" --one-file-system "$folder" | cut -f1)
     echo "== $1: $((SECONDS - began)) s, the root takes $disk MB without Rust"
 }
 

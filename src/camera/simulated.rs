@@ -110,7 +110,7 @@ impl SimulatedCamera {
     ///
     /// # Errors
     ///
-    /// [`CameraError::Setting`] if the film needs more than [`MAX_FILM_BYTES`].
+    /// [`CameraError::Setting`] if the film needs more than 1 GiB.
     pub fn endless(world: SimulatedFilm) -> Result<Self, CameraError> {
         let film = render_in_advance(&world).ok_or_else(|| CameraError::Setting {
             feature: "camera.endless".to_owned(),

@@ -63,7 +63,7 @@ described! {
         pub armed: u32,
         /// The number of recordings completed since the recorder started.
         pub recordings: u64,
-        /// The sequence number of the newest frame that the recorder knows.
+        /// The sequence number of the newest frame of the recorder's shots.
         pub sequence: u64,
     }
 }

@@ -23,6 +23,8 @@ const REPLY_TIMEOUT: Duration = Duration::from_secs(5);
 const POLL_PERIOD: Duration = Duration::from_millis(2);
 /// Time at the end of a loop for the actions that still run.
 const END_TIMEOUT: Duration = Duration::from_secs(5);
+/// Maximum time of killing a program and what it has started. A process that waits for a device cannot be killed.
+const KILL_TIMEOUT: Duration = Duration::from_secs(1);
 /// Environment variable of a program and of all that it starts. Its value is different for each action.
 const MARK: &str = "RICOCHET_ACTION";
 /// Maximum number of concurrent actions; further ones are not started.
@@ -188,17 +190,20 @@ fn next_mark() -> String {
 }
 
 /// Kills a program and all that it has started: its process group, and then whatever has its mark, since a process can
-/// leave its group, its session and its parent.
+/// leave its group, its session and its parent. Gives up after [`KILL_TIMEOUT`].
 fn kill_all(child: &mut Child, mark: &str) {
     let _ = kill_process_group(Pid::from_child(child), Signal::KILL);
     let _ = child.wait();
+    let timeout = Timeout::new(KILL_TIMEOUT);
     // A process that forks while the list is made is found in the next one.
-    while let found @ [_, ..] = marked(mark).as_slice() {
+    let mut found = marked(mark);
+    while !found.is_empty() && !timeout.has_expired() {
         for pid in found {
             // It may have ended by itself.
-            let _ = kill_process(*pid, Signal::KILL);
+            let _ = kill_process(pid, Signal::KILL);
         }
         std::thread::sleep(POLL_PERIOD);
+        found = marked(mark);
     }
 }
 

@@ -1,38 +1,13 @@
 //! The time from a contact to its published numbers, by the clock.
 
-use crate::support::{Rig, kill, ricochet};
-use std::io::{BufRead, BufReader};
-use std::process::{Child, Stdio};
-use std::time::{Duration, Instant};
+use crate::support::{Listener, Rig, ricochet};
+use std::time::Instant;
 
 /// Films for each number of workers.
 const FILMS: usize = 7;
 
 /// Writes the rig file of a film.
 type Film = fn(&Rig) -> String;
-
-/// A listener, and its lines with their times of arrival.
-struct Listener {
-    listener: Child,
-    lines: std::thread::JoinHandle<Vec<(Instant, serde_json::Value)>>,
-}
-
-impl Listener {
-    fn start(topic: &str, rig: &str) -> Self {
-        let mut command = ricochet(["listen", topic, "--rig", rig, "--json", "--wait", "60"]);
-        let mut listener = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
-        let lines = BufReader::new(listener.stdout.take().unwrap()).lines();
-        let stamped =
-            move || lines.map(|line| (Instant::now(), serde_json::from_str(&line.unwrap()).unwrap())).collect();
-        Self { listener, lines: std::thread::spawn(stamped) }
-    }
-
-    fn end(mut self) -> Vec<(Instant, serde_json::Value)> {
-        kill(self.listener.id(), 2);
-        self.listener.wait().unwrap();
-        self.lines.join().unwrap()
-    }
-}
 
 /// A soft ball at a frame rate that two processors keep up with: contact lasts 20 ms of 80, 40 of 160 frames.
 const SOFT: &str = r#"
@@ -103,7 +78,6 @@ fn latency_ms(film: Film, workers: u32) -> [f64; 2] {
     let (events, impacts) = (Listener::start("events", &rig.name), Listener::start("impact", &rig.name));
     let ended = ricochet(["run".as_ref(), config.as_os_str()]).output().unwrap();
     assert_eq!(ended.status.code(), Some(0), "{}", String::from_utf8_lossy(&ended.stderr));
-    std::thread::sleep(Duration::from_millis(100));
     let (events, impacts) = (events.end(), impacts.end());
     let started = events.iter().find(|(_, event)| event["kind"] == "started").unwrap().0;
     let after = |(came, impact): &(Instant, serde_json::Value)| {

@@ -1,6 +1,7 @@
 //! A rig for tests: its own name and directory, the real program, clean-up.
 
 use ricochet::recording::Recording;
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -135,26 +136,26 @@ impl Drop for Background {
     }
 }
 
-/// `ricochet listen` in the background. What it prints is read all the time, so that it never waits for its reader.
-pub struct Listener(Background, std::thread::JoinHandle<String>);
+/// `ricochet listen` in the background. Its samples are read all the time, so that it never waits for its reader.
+pub struct Listener {
+    program: Background,
+    samples: std::thread::JoinHandle<Vec<(Instant, serde_json::Value)>>,
+}
 
 impl Listener {
-    /// Prints every sample of a topic as JSON, from the start of the rig on.
+    /// Listens to a topic from the start of the rig on.
     pub fn start(topic: &str, rig: &str) -> Self {
         let mut program = Background::start(ricochet(["listen", topic, "--rig", rig, "--json", "--wait", "60"]));
-        let mut stdout = program.0.stdout.take().unwrap();
-        let read = move || {
-            let mut text = String::new();
-            std::io::Read::read_to_string(&mut stdout, &mut text).unwrap();
-            text
-        };
-        Self(program, std::thread::spawn(read))
+        let lines = BufReader::new(program.0.stdout.take().unwrap()).lines();
+        let stamped =
+            move || lines.map(|line| (Instant::now(), serde_json::from_str(&line.unwrap()).unwrap())).collect();
+        Self { program, samples: std::thread::spawn(stamped) }
     }
 
-    /// Waits for the end of the stream and returns all that was printed.
-    pub fn end(mut self) -> String {
-        wait_until("the listener ends", || self.0.0.try_wait().unwrap());
-        self.1.join().unwrap()
+    /// Waits for the end of the stream and returns every sample with the time of its arrival.
+    pub fn end(mut self) -> Vec<(Instant, serde_json::Value)> {
+        wait_until("the listener ends", || self.program.0.try_wait().unwrap());
+        self.samples.join().unwrap()
     }
 }
 

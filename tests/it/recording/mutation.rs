@@ -202,30 +202,18 @@ fn read_recordings(test: &str, budget: &Budget) {
 fn read_imports(test: &str, budget: &Budget) {
     // The pixels of the Photron header among the seeds.
     std::fs::write(kept(test, ".mraw"), [7; 96]).unwrap();
-    mutate_and_read(
-        test,
-        &import::seeds(),
-        budget,
-        |_| {},
-        |path| {
-            let Ok(footage) = ricochet::import::open(&[path.to_path_buf()], Some(100.0)) else { return 0 };
-            footage.take(8).filter(Result::is_ok).count()
-        },
-    );
+    mutate_and_read(test, &import::seeds(), budget, |_| {}, read_footage);
     let _ = std::fs::remove_file(kept(test, ".mraw"));
 }
 
 fn read_films(test: &str, budget: &Budget) {
-    mutate_and_read(
-        test,
-        &film::seeds(),
-        budget,
-        |_| {},
-        |path| {
-            let Ok(footage) = ricochet::import::open(&[path.to_path_buf()], Some(100.0)) else { return 0 };
-            footage.take(8).filter(Result::is_ok).count()
-        },
-    );
+    mutate_and_read(test, &film::seeds(), budget, |_| {}, read_footage);
+}
+
+/// Imports the first frames of a file and returns their number.
+fn read_footage(path: &Path) -> usize {
+    let Ok(footage) = ricochet::import::open(&[path.to_path_buf()], Some(100.0)) else { return 0 };
+    footage.take(8).filter(Result::is_ok).count()
 }
 
 #[test]

@@ -151,7 +151,7 @@ fn history(seed: u64) -> [u64; 3] {
     let (code, _, stderr) = service.end();
     assert_eq!(code, Some(6), "seed {seed}: {stderr}");
     assert!(children(&rig).is_empty(), "seed {seed}");
-    let live = live_rows(&listener.end(), seed);
+    let live = live_rows(listener, seed);
     check(&rig, &live, &stderr, seed)
 }
 
@@ -160,10 +160,9 @@ fn signal_if_there(pid: u32, signal: i32) {
 }
 
 /// The motion of the body in each frame as it was published, if it was measured.
-fn live_rows(printed: &str, seed: u64) -> BTreeMap<u64, Option<[f64; 2]>> {
+fn live_rows(listener: Listener, seed: u64) -> BTreeMap<u64, Option<[f64; 2]>> {
     let mut rows = BTreeMap::new();
-    for line in printed.lines() {
-        let row: serde_json::Value = serde_json::from_str(line).unwrap();
+    for (_, row) in listener.end() {
         let Some(frame) = row["frame"].as_u64() else { continue };
         let motion = row["dx_px"].as_f64().zip(row["dy_px"].as_f64()).map(|(x, y)| [x, y]);
         assert!(rows.insert(frame, motion).is_none(), "seed {seed}: frame {frame} is published twice");

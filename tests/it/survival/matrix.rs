@@ -63,16 +63,16 @@ fn one_cell(role: &str, signal: i32, delay_ms: u64) {
     assert!(children(&rig).is_empty(), "{role} {signal} {delay_ms}");
     // A second run has numbers of its own.
     if role != "run" || signal == 19 {
-        let missing = missing_frames(&measured(&velocities.end()), &measured(&tracks.end()));
+        let missing = missing_frames(&measured(velocities), &measured(tracks));
         assert_eq!(missing, reported(&stderr), "{role} {signal} {delay_ms}: {stderr}");
     }
 }
 
 /// The published frames, with whether each was measured.
-fn measured(printed: &str) -> BTreeMap<u64, bool> {
-    let rows = printed.lines().map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());
-    let rows: Vec<_> = rows.map(|row| (row["frame"].as_u64().unwrap(), row["status"] != "lost")).collect();
-    assert!(rows.len() > 40, "{printed}");
+fn measured(listener: Listener) -> BTreeMap<u64, bool> {
+    let rows = listener.end().into_iter().map(|(_, row)| (row["frame"].as_u64().unwrap(), row["status"] != "lost"));
+    let rows: Vec<_> = rows.collect();
+    assert!(rows.len() > 40, "{rows:?}");
     assert!(rows.windows(2).all(|pair| pair[0].0 < pair[1].0), "numbers rise");
     rows.into_iter().collect()
 }
