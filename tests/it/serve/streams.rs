@@ -172,7 +172,7 @@ fn a_server_waits_for_its_rig_and_finds_the_next_one() {
     assert_eq!((status, &answer["accepted"]), (503, &false.into()), "{answer}");
     // The successor has a larger ring.
     let (_, run) = drifting(&rig, 100_000, 100.0, "pre_s = 20");
-    server.wait_for("FILLING");
+    server.wait_for("READY");
     run.signal(15);
     assert_eq!(run.end().0, Some(0));
 }
