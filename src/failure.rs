@@ -80,6 +80,11 @@ impl Failure {
         self.is_reported
     }
 
+    /// Whether the failure is this kind of error.
+    pub fn is<E: Error + 'static>(&self) -> bool {
+        self.error.is::<E>()
+    }
+
     /// Whether the reader of the output, such as `head`, has closed it because it has enough.
     pub fn is_closed_output(&self) -> bool {
         let mut next: Option<&(dyn Error + 'static)> = Some(self.error.as_ref());

@@ -99,7 +99,8 @@ pub fn role(role: Role, options: &RoleOptions, stop: &Stop) -> Result<Outcome, F
     Ok(outcome(&summary))
 }
 
-/// Runs a whole rig until its stream ends or a stop is requested, and prints the paths of the recordings.
+/// Runs a whole rig until its stream ends or a stop is requested, and prints why it stopped and the paths of the
+/// recordings.
 ///
 /// # Errors
 ///
@@ -108,6 +109,8 @@ pub fn run(config: &Path, stop: &Stop) -> Result<Outcome, Failure> {
     let config = load(config, None)?;
     let extras = Extras { page: Page::Served, print: Some(crate::console::print_note), ..Extras::default() };
     let summary = process::supervise(&config, stop, extras, |_| ())?;
+    let reason = if stop.requested() { "on request" } else { "since the camera delivers no more frames" };
+    crate::console::print_note(&format!("stopped: rig {}, {reason}", config.rig.name));
     // Older recordings may have been deleted to make room.
     for path in summary.recordings.iter().filter(|path| path.exists()) {
         crate::console::print_line(&path.display().to_string());

@@ -465,9 +465,10 @@ tables! {
         #[key("4 to 256 frames", "16")]
         block_frames: i64,
     }
-    /// The page of the operator and the streams of topics. With this table, `run` serves them too.
+    /// The page of the operator and the streams of topics, which `run` and `serve` offer.
     "serve" RawServe {
-        /// The address of page and streams. Port 0 takes a free one. `off` serves nothing.
+        /// The address of page and streams. Port 0 takes a free one. `off` serves nothing. If the address is taken, `run`
+        /// prints a warning and films without a page.
         #[key("\"off\", or an address and a port, such as \"127.0.0.1:8080\"", "127.0.0.1:8080")]
         http: String,
         /// The address for Foxglove viewers. Pages of any site that is open in a browser of this computer can reach it

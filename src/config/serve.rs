@@ -26,13 +26,10 @@ pub struct Serve {
     /// blanks. Required for an address that other computers reach. The token has a file of its own because the rig file is
     /// attached to every recording.
     pub token_file: Option<PathBuf>,
-    /// Whether the file has the table. `run` then serves the page too.
-    pub is_given: bool,
 }
 
 /// Checks the addresses. A page that other computers reach needs a token, and Foxglove viewers only a local address.
 pub(super) fn check_serve(table: &Table<'_>, raw: Option<RawServe>) -> Result<Serve, ConfigError> {
-    let is_given = raw.is_some();
     let raw = raw.unwrap_or_default();
     let http = match raw.http.as_deref() {
         None => Some(SocketAddr::from((Ipv4Addr::LOCALHOST, HTTP_PORT))),
@@ -55,5 +52,5 @@ pub(super) fn check_serve(table: &Table<'_>, raw: Option<RawServe>) -> Result<Se
         let allowed = "the path of a file with a token, because other computers reach serve.http";
         return Err(table.refuse("token_file", allowed));
     }
-    Ok(Serve { http, foxglove, token_file, is_given })
+    Ok(Serve { http, foxglove, token_file })
 }

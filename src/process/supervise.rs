@@ -170,8 +170,6 @@ impl<'a> Supervisor<'a> {
         // order.
         let is_stepped = child.role == Role::Acquire && config.camera.stepped;
         let stdout = match &self.leader {
-            // The page prints its address.
-            _ if child.role == Role::Serve => Stdio::inherit(),
             _ if !is_stepped => Stdio::null(),
             Some(_) => Stdio::piped(),
             None => Stdio::inherit(),

@@ -1,6 +1,6 @@
 //! The recordings in the repository, and every rig file that needs no camera.
 
-use crate::support::{Rig, csv, ricochet, succeed};
+use crate::support::{NO_PAGE, Rig, csv, ricochet, succeed};
 use ricochet::config::{Config, Source};
 use ricochet::recording::Recording;
 use std::path::{Path, PathBuf};
@@ -107,11 +107,11 @@ fn every_rig_file_that_needs_no_camera_runs() {
             continue;
         }
         let rig = Rig::new();
-        // Unchanged except for the name, which another rig of this machine may have.
+        // Unchanged except for the name and the page, which another rig of this machine may have.
         let text = std::fs::read_to_string(&path).unwrap();
         let renamed = text.replacen(&format!("name = {:?}", config.rig.name), &format!("name = {:?}", rig.name), 1);
         assert_ne!(renamed, text);
-        let copy = rig.file("rig.toml", &renamed);
+        let copy = rig.file("rig.toml", &format!("{renamed}\n{NO_PAGE}"));
         let home = copy.parent().unwrap();
         if let Some(film) = &config.camera.id {
             let film = home.join(film);
@@ -121,10 +121,10 @@ fn every_rig_file_that_needs_no_camera_runs() {
         let output = ricochet(["run".as_ref(), copy.as_os_str()]).current_dir(home).output().unwrap();
         let stderr = String::from_utf8(output.stderr).unwrap();
         // A message on the free space of this machine is not about the file.
-        let (shots, other): (Vec<&str>, Vec<&str>) = stderr
-            .lines()
-            .filter(|line| !line.contains("bytes are free in"))
-            .partition(|line| ["filming: rig ", "ready: rig ", "shot "].iter().any(|start| line.starts_with(start)));
+        let (shots, other): (Vec<&str>, Vec<&str>) =
+            stderr.lines().filter(|line| !line.contains("bytes are free in")).partition(|line| {
+                ["filming: rig ", "ready: rig ", "shot ", "stopped: rig "].iter().any(|start| line.starts_with(start))
+            });
         assert_eq!((output.status.code(), other), (Some(0), vec![]), "{}", path.display());
         let printed = String::from_utf8(output.stdout).unwrap();
         let recordings: Vec<&str> = printed.lines().collect();

@@ -7,7 +7,7 @@ mod page;
 mod socket;
 mod streams;
 
-use crate::support::{Background, Rig, ricochet, wait_until};
+use crate::support::{Background, NO_PAGE, Rig, ricochet, wait_until};
 use serde_json::Value;
 use std::io::Read;
 use std::path::Path;
@@ -22,28 +22,30 @@ pub struct Server {
 impl Server {
     /// Starts a server with the rig file, whose `[serve] http` must have port 0.
     pub fn start(config: &Path) -> Self {
-        Self::start_by("serve", config)
-    }
-
-    /// Starts a command that prints the address of its server first.
-    pub fn start_by(command: &str, config: &Path) -> Self {
-        let process = Background::start(ricochet([command.as_ref(), config.as_os_str()]));
+        let process = Background::start(ricochet(["serve".as_ref(), config.as_os_str()]));
         let mut server = Self { process, address: String::new() };
         server.address = server.printed("page: http://");
         server
     }
 
+    /// Starts a rig with its page, which prints its address to standard error.
+    pub fn start_rig(config: &Path) -> Self {
+        let mut process = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
+        let stderr = process.0.stderr.as_mut().unwrap();
+        let address = loop {
+            let line = next_line(stderr);
+            assert!(!line.is_empty(), "the rig prints no address");
+            if let Some(address) = address_in(&line, "page: http://") {
+                break address;
+            }
+        };
+        Self { process, address }
+    }
+
     /// Reads the next line of the server, an address behind these words.
     pub fn printed(&mut self, words: &str) -> String {
-        // Byte by byte, so that the rest of the output stays in the pipe.
-        let output = self.process.0.stdout.as_mut().unwrap();
-        let (mut line, mut byte) = (Vec::new(), [0]);
-        while output.read(&mut byte).unwrap() == 1 && byte != *b"\n" {
-            line.push(byte[0]);
-        }
-        let line = String::from_utf8(line).unwrap();
-        let address = line.trim().strip_prefix(words).and_then(|rest| rest.strip_suffix('/'));
-        address.unwrap_or_else(|| panic!("not an address: {line:?}")).to_owned()
+        let line = next_line(self.process.0.stdout.as_mut().unwrap());
+        address_in(&line, words).unwrap_or_else(|| panic!("not an address: {line:?}"))
     }
 
     pub fn url(&self, path: &str) -> String {
@@ -73,6 +75,21 @@ impl Server {
     }
 }
 
+/// Returns the next line of a pipe, with its end; empty at the end of the pipe.
+pub fn next_line(pipe: &mut impl Read) -> String {
+    // Byte by byte, so that the rest of the output stays in the pipe.
+    let (mut line, mut byte) = (Vec::new(), [0]);
+    while !line.ends_with(b"\n") && pipe.read(&mut byte).unwrap() == 1 {
+        line.push(byte[0]);
+    }
+    String::from_utf8(line).unwrap()
+}
+
+/// Returns the address behind these words.
+fn address_in(line: &str, words: &str) -> Option<String> {
+    line.trim().strip_prefix(words)?.strip_suffix('/').map(str::to_owned)
+}
+
 /// A client that reads the answer of a refusal instead of failing.
 fn agent() -> ureq::Agent {
     ureq::Agent::config_builder().http_status_as_error(false).build().into()
@@ -92,7 +109,7 @@ pub fn drifting(rig: &Rig, frames: u64, rate_hz: f64, rest: &str) -> (std::path:
 
 /// Runs the rig of a file without the page that the file asks for.
 pub fn run_alone(rig: &Rig, config: &Path) -> Background {
-    let text = std::fs::read_to_string(config).unwrap().replace("[serve]\nhttp = \"127.0.0.1:0\"\n", "");
+    let text = std::fs::read_to_string(config).unwrap().replace("[serve]\nhttp = \"127.0.0.1:0\"\n", NO_PAGE);
     let alone = rig.file("run.toml", &text);
     Background::start(ricochet(["run".as_ref(), alone.as_os_str()]))
 }

@@ -11,6 +11,9 @@ use tempfile::TempDir;
 /// The longest wait of a failing test.
 const PATIENCE: Duration = Duration::from_secs(90);
 
+/// The table of a rig file that turns the page off.
+pub const NO_PAGE: &str = "[serve]\nhttp = \"off\"\n";
+
 static RIGS: AtomicU32 = AtomicU32::new(0);
 
 /// A rig with its own name and directory.
@@ -36,11 +39,13 @@ impl Rig {
         path
     }
 
-    /// Writes a rig file whose recordings go to the directory `shots`.
+    /// Writes a rig file whose recordings go to the directory `shots`. It has no page unless `rest` gives it one, since
+    /// many rigs run at a time.
     pub fn config(&self, camera: &str, rest: &str) -> PathBuf {
         let (name, shots) = (&self.name, self.path("shots"));
+        let page = if rest.contains("[serve]") { "" } else { NO_PAGE };
         let text = format!(
-            "[rig]\nname = \"{name}\"\n[camera]\n{camera}\n[record]\ndirectory = \"{}\"\n{rest}\n",
+            "[rig]\nname = \"{name}\"\n[camera]\n{camera}\n[record]\ndirectory = \"{}\"\n{rest}\n{page}",
             shots.display()
         );
         self.file("rig.toml", &text)
@@ -201,7 +206,7 @@ pub fn python(script: &str, arguments: &[&Path]) -> Option<String> {
 
 /// The lines of a rig's standard error but those about its state and its shots.
 pub fn complaints(stderr: &str) -> Vec<&str> {
-    const USUAL: [&str; 4] = ["filming: ", "ready: ", "disarmed: ", "shot "];
+    const USUAL: [&str; 6] = ["page: ", "filming: ", "ready: ", "disarmed: ", "shot ", "stopped: "];
     stderr.lines().filter(|line| !USUAL.iter().any(|usual| line.starts_with(usual))).collect()
 }
 

@@ -2,7 +2,7 @@
 
 mod rod;
 
-use crate::support::{Background, Rig, kill, process, ricochet, status, wait_until};
+use crate::support::{Background, NO_PAGE, Rig, kill, process, ricochet, status, wait_until};
 use ricochet::bus::Bus;
 use ricochet::camera::simulated::{meta, stream_format};
 use ricochet::config::Config;
@@ -214,7 +214,7 @@ fn without_a_recorder_the_deciding_process_triggers_and_keeps_the_quiet_time() {
         &format!(
             "[rig]\nname = \"{}\"\n[camera]\nsource = \"simulated\"\nscenario = \"{}\"\npaced = false\n[trigger]\n\
              mode = \"motion\"\nthreshold_dn = 9\nquiet_s = 0.3\ncommand = [\"/bin/sh\", \"-c\", \"echo x >> {}\"]\n\
-             [workers]\ncount = 1\n",
+             [workers]\ncount = 1\n{NO_PAGE}",
             rig.name,
             film.display(),
             answer.display()

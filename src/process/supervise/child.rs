@@ -56,7 +56,7 @@ impl Fatal for ChildFailure {
     }
 }
 
-/// Whether a supervisor also serves the page that the rig file asks for.
+/// Whether a supervisor also serves the page of the rig.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Page {
     /// It does not.

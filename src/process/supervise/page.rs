@@ -10,9 +10,9 @@ use std::process::ExitStatus;
 /// The exit code of a process whose settings are refused, such as an address that is taken.
 const REFUSED: i32 = ExitCode::Usage as i32;
 
-/// Returns the process of the page, if the rig file has a `[serve]` table that does not turn it off.
+/// Returns the process of the page, unless the rig file turns it off.
 pub(super) fn child(config: &Config, page: Page) -> Option<Child> {
-    let is_wanted = page == Page::Served && config.serve.is_given && config.serve.http.is_some();
+    let is_wanted = page == Page::Served && config.serve.http.is_some();
     is_wanted.then(|| Child::first(Role::Serve))
 }
 

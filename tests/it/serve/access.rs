@@ -261,18 +261,18 @@ fn head(address: &str, path: &str) -> (u16, String) {
 }
 
 #[test]
-fn a_rig_with_the_table_serves_its_page_and_the_page_ends_with_it() {
+fn a_rig_serves_its_page_and_the_page_ends_with_it() {
     let rig = Rig::new();
     let film = rig.file("drift.toml", &crate::pipeline::drift(100_000, 100.0));
     let camera = format!("source = \"simulated\"\nscenario = \"{}\"\npaced = true", film.display());
     let config = rig.config(&camera, &format!("{SERVED}[workers]\ncount = 1"));
-    let mut running = Server::start_by("run", &config);
+    let mut running = Server::start_rig(&config);
     running.wait_for("READY");
     for signal in [15, 9] {
         running.process.signal(signal);
         wait_until("the page is gone", || TcpStream::connect(&running.address).is_err().then_some(()));
         if signal == 15 {
-            running = Server::start_by("run", &config);
+            running = Server::start_rig(&config);
         }
     }
 }
