@@ -1,4 +1,4 @@
-/* The messages of a rig in shared memory, made by `ricochet bindings c`. */
+/* The messages of a rig in shared memory and its datagrams, made by `ricochet bindings c`. */
 #ifndef RICOCHET_H
 #define RICOCHET_H
 
@@ -177,6 +177,31 @@ typedef struct {
 static_assert(sizeof(ricochet_velocity_t) == 328, "layout");
 static_assert(offsetof(ricochet_velocity_t, visible_fraction) == 312, "layout");
 
+#define RICOCHET_VELOCITY_DATAGRAM_TYPE_NAME "ricochet.VelocityDatagram.v1"
+typedef struct {
+    uint32_t version;
+    uint32_t known;
+    uint64_t number;
+    uint64_t run_id;
+    uint64_t sequence;
+    uint64_t stamp_ns;
+    uint32_t body;
+    uint32_t status;
+    uint32_t phase;
+    uint32_t rotation_status;
+    double center_x_px;
+    double center_y_px;
+    double vx_m_s;
+    double vy_m_s;
+    double vn_m_s;
+    double vt_m_s;
+    double omega_rad_s;
+    double sigma_v_m_s;
+    double sigma_omega_rad_s;
+} ricochet_velocity_datagram_t;
+static_assert(sizeof(ricochet_velocity_datagram_t) == 128, "layout");
+static_assert(offsetof(ricochet_velocity_datagram_t, sigma_omega_rad_s) == 120, "layout");
+
 #define RICOCHET_IMPACT_TYPE_NAME "ricochet.Impact.v4"
 typedef struct {
     uint64_t run_id;
@@ -347,6 +372,18 @@ enum {
     RICOCHET_BODY_KIND_BALL = 0,
     RICOCHET_BODY_KIND_ROD = 1,
     RICOCHET_BODY_KIND_PATCH = 2,
+};
+
+enum {
+    RICOCHET_DATAGRAM_BIT_CENTER_X_PX = 0,
+    RICOCHET_DATAGRAM_BIT_CENTER_Y_PX = 1,
+    RICOCHET_DATAGRAM_BIT_VX_M_S = 2,
+    RICOCHET_DATAGRAM_BIT_VY_M_S = 3,
+    RICOCHET_DATAGRAM_BIT_VN_M_S = 4,
+    RICOCHET_DATAGRAM_BIT_VT_M_S = 5,
+    RICOCHET_DATAGRAM_BIT_OMEGA_RAD_S = 6,
+    RICOCHET_DATAGRAM_BIT_SIGMA_V_M_S = 7,
+    RICOCHET_DATAGRAM_BIT_SIGMA_OMEGA_RAD_S = 8,
 };
 
 #ifdef __cplusplus

@@ -2,7 +2,7 @@
 
 use crate::console::{Outcome, print_line};
 use crate::failure::Failure;
-use crate::message::{EventKind, FieldKind, MessageLayout, Role, layouts};
+use crate::message::{EventKind, FieldKind, MessageLayout, Role, VelocityDatagram, layouts};
 use crate::results::{BodyKind, ForceLaw, Phase, PointStatus};
 use std::fmt::Write;
 
@@ -43,6 +43,8 @@ fn enumerations() -> Vec<(&'static str, Vec<(u32, &'static str)>)> {
         words!("FORCE_LAW", ForceLaw),
         words!("ROLE", Role),
         words!("BODY_KIND", BodyKind),
+        // The bits of the numbers in `known`.
+        ("DATAGRAM_BIT", (0..).zip(VelocityDatagram::NUMBERS).collect()),
     ]
 }
 
@@ -54,7 +56,7 @@ fn name_without_suffix(name: &str) -> &str {
 /// Returns the module with a ctypes structure for each message and a dictionary for each enumeration.
 fn python_module() -> String {
     let mut text = String::from(
-        "\"\"\"The messages of a rig in shared memory, made by `ricochet bindings python`.\"\"\"\n\nimport ctypes\n",
+        "\"\"\"The messages of a rig in shared memory and its datagrams, made by `ricochet bindings python`.\"\"\"\n\nimport ctypes\n",
     );
     for layout in layouts() {
         let MessageLayout { name, type_name, size_bytes, alignment_bytes, fields } = layout;
@@ -94,7 +96,7 @@ fn python_type(kind: &FieldKind) -> String {
 /// Returns the header with a struct for each message, an enum for each enumeration, and assertions of their layout.
 fn c_header() -> String {
     let mut text = String::from(
-        "/* The messages of a rig in shared memory, made by `ricochet bindings c`. */\n#ifndef RICOCHET_H\n#define \
+        "/* The messages of a rig in shared memory and its datagrams, made by `ricochet bindings c`. */\n#ifndef RICOCHET_H\n#define \
          RICOCHET_H\n\n#include <assert.h>\n#include <stddef.h>\n#include <stdint.h>\n\n#ifdef __cplusplus\nextern \"C\" \
          {\n#endif\n",
     );

@@ -49,7 +49,7 @@ pub use error::{ConfigError, Problem};
 pub use geometry::{Surface, Velocity};
 pub use key::{Key, NumberRange, Section};
 pub use reference::{Entry, find, reference, schema, to_markdown};
-pub use serve::Serve;
+pub use serve::{Broker, Serve};
 pub use trigger::{Trigger, TriggerMode};
 pub use view::View;
 

@@ -475,6 +475,14 @@ tables! {
         /// too, so leave it off where that matters. Other computers reach it through an SSH tunnel.
         #[key("\"off\", or an address of this computer and a port, such as \"127.0.0.1:8765\"", "off")]
         foxglove: String,
+        /// The MQTT broker that `ricochet/RIG/velocity`, `impact`, `events` and `status` are published at, without a
+        /// password and unencrypted.
+        #[key("\"off\", or the host and the port of a broker, such as \"broker.local:1883\"", "off")]
+        mqtt: String,
+        /// The address that each velocity is sent to as a UDP datagram, for controllers. It may be a broadcast address or a
+        /// multicast group.
+        #[key("\"off\", or an address and a port, such as \"192.168.1.20:5005\"", "off")]
+        udp: String,
         /// The file whose first line is the token that every request must carry, 16 to 256 printable characters without
         /// blanks. The token has a file of its own because the rig file is attached to every recording.
         #[key("a text of one line that is not empty", "required if other computers reach http")]

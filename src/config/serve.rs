@@ -3,7 +3,8 @@
 use super::check::Table;
 use super::error::ConfigError;
 use super::raw::RawServe;
-use std::net::{Ipv4Addr, SocketAddr};
+use std::fmt;
+use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::path::PathBuf;
 
 /// The port of the page without a `[serve]` table.
@@ -11,8 +12,44 @@ const HTTP_PORT: u16 = 8080;
 /// The word that serves nothing.
 const OFF: &str = "off";
 
+/// The allowed values of the address of an MQTT broker.
+const MQTT_ALLOWED: &str = "\"off\", or the host and the port of a broker, such as \"broker.local:1883\"";
+/// The allowed values of the address for datagrams.
+const UDP_ALLOWED: &str = "\"off\", or an address and a port, such as \"192.168.1.20:5005\"";
+/// The maximum length of the name of a host, characters (RFC 1035).
+const MAX_HOST_LENGTH: usize = 253;
 /// The allowed values of the address for Foxglove viewers.
 const FOXGLOVE_ALLOWED: &str = "\"off\", or an address of this computer and a port, such as \"127.0.0.1:8765\"";
+
+/// The address of an MQTT broker.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Broker {
+    /// The name or address of its host. An IPv6 address is in brackets.
+    pub host: String,
+    /// The port.
+    pub port: u16,
+}
+
+impl Broker {
+    /// Reads `HOST:PORT`; `None` if it is something else.
+    fn parse(text: &str) -> Option<Self> {
+        let (host, port) = text.rsplit_once(':')?;
+        let bare = host.strip_prefix('[').and_then(|host| host.strip_suffix(']'));
+        let is_host = match bare {
+            Some(address) => address.parse::<Ipv6Addr>().is_ok(),
+            None => host.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"-._".contains(&byte)),
+        };
+        let port = port.parse().ok().filter(|port| *port > 0)?;
+        let is_sized = (1..=MAX_HOST_LENGTH).contains(&host.len());
+        (is_host && is_sized).then(|| Self { host: host.to_owned(), port })
+    }
+}
+
+impl fmt::Display for Broker {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "{}:{}", self.host, self.port)
+    }
+}
 
 /// `[serve]`: the operator's page and the streams of topics.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -22,6 +59,10 @@ pub struct Serve {
     pub http: Option<SocketAddr>,
     /// The address for Foxglove viewers, of this computer; `None` serves none.
     pub foxglove: Option<SocketAddr>,
+    /// The MQTT broker that the topics are published at; `None` without one.
+    pub mqtt: Option<Broker>,
+    /// The address that velocities are sent to as datagrams; `None` without one.
+    pub udp: Option<SocketAddr>,
     /// The file whose first line is the token that every request must carry, 16 to 256 printable characters without
     /// blanks. Required for an address that other computers reach. The token has a file of its own because the rig file is
     /// attached to every recording.
@@ -47,10 +88,27 @@ pub(super) fn check_serve(table: &Table<'_>, raw: Option<RawServe>) -> Result<Se
             Some(address.ok_or_else(|| table.refuse("foxglove", FOXGLOVE_ALLOWED))?)
         }
     };
+    let mqtt = match raw.mqtt.as_deref() {
+        None | Some(OFF) => None,
+        Some(text) => Some(Broker::parse(text).ok_or_else(|| table.refuse("mqtt", MQTT_ALLOWED))?),
+    };
+    let udp = match raw.udp.as_deref() {
+        None | Some(OFF) => None,
+        Some(text) => {
+            let address = text.parse().ok().filter(|address: &SocketAddr| address.port() > 0);
+            Some(address.ok_or_else(|| table.refuse("udp", UDP_ALLOWED))?)
+        }
+    };
+    // The process of the page sends all of them.
+    for (key, is_used) in [("foxglove", foxglove.is_some()), ("mqtt", mqtt.is_some()), ("udp", udp.is_some())] {
+        if is_used && http.is_none() {
+            return Err(table.refuse(key, "\"off\" or left out, because serve.http is \"off\""));
+        }
+    }
     let token_file = table.single_line("token_file", raw.token_file)?.map(PathBuf::from);
     if token_file.is_none() && http.is_some_and(|address| !address.ip().is_loopback()) {
         let allowed = "the path of a file with a token, because other computers reach serve.http";
         return Err(table.refuse("token_file", allowed));
     }
-    Ok(Serve { http, foxglove, token_file })
+    Ok(Serve { http, foxglove, mqtt, udp, token_file })
 }

@@ -7,6 +7,7 @@
 //! A number that was not measured has `known = 0` in its [`Number`].
 
 mod control;
+mod datagram;
 mod event;
 mod field;
 mod frame;
@@ -18,6 +19,7 @@ mod sample;
 mod status;
 
 pub use control::{Command, Reply, ReplyCode, Request};
+pub use datagram::VelocityDatagram;
 pub use event::{EVENT_TEXT_BYTES, Event, EventKind};
 pub use field::{FieldHeader, FieldPointMessage};
 pub use frame::FrameHeader;
@@ -39,6 +41,7 @@ pub fn layouts() -> Vec<MessageLayout> {
         FieldPointMessage::layout(),
         TrackMessage::layout(),
         VelocityMessage::layout(),
+        VelocityDatagram::layout(),
         ImpactMessage::layout(),
         Event::layout(),
         StatusMessage::layout(),

@@ -3,6 +3,7 @@
 use super::access::Token;
 use super::control::Control;
 use super::feed::Feed;
+use super::outlets::Outlets;
 use super::picture_feed::Pictures;
 use super::shots::Shots;
 use crate::config::Config;
@@ -23,6 +24,7 @@ pub(super) struct App {
     pub(super) events: Feed,
     /// The state of the rig as JSON.
     pub(super) state: watch::Sender<Arc<str>>,
+    pub(super) outlets: Arc<Outlets>,
     pub(super) pictures: Pictures,
     pub(super) shots: Arc<Shots>,
     /// Reports are made one at a time, because each takes a processor and the memory of its curves.
@@ -40,6 +42,7 @@ impl App {
             impact: Feed::default(),
             events: Feed::default(),
             state: watch::channel("{}".into()).0,
+            outlets: Arc::default(),
             pictures: watch::channel(None).0,
             shots: Arc::new(Shots::new(&config)),
             reports: Semaphore::new(JOBS),

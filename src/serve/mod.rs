@@ -9,11 +9,14 @@ mod api;
 mod app;
 mod clock;
 mod control;
+mod datagrams;
 mod feed;
 mod files;
 mod foxglove;
 mod guard;
+mod mqtt;
 mod numbers;
+mod outlets;
 mod page;
 mod picture;
 mod picture_feed;
@@ -39,6 +42,7 @@ use crate::process::{Launch, Stop};
 use access::Token;
 use app::App;
 use clock::now;
+use datagrams::Datagrams;
 use pulse::Pulse;
 use rows::RowContext;
 use shots::Shots;
@@ -47,7 +51,7 @@ use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::{Duration, Instant, SystemTime};
-use topics::Link;
+use topics::{Link, VelocityOutputs};
 use watcher::{Outputs, Watcher};
 
 /// The nice value of the server, so that it yields to the processes that film and measure.
@@ -167,21 +171,25 @@ pub fn run(service: &Service<'_>, stop: &Stop, announce: impl Fn(Offer)) -> Resu
     let app = Arc::new(App::new(Arc::new(config.clone()), token));
     let link = Link::new(stop);
     let pulse = service.launch.domain.as_ref().map(|_| Pulse::default());
+    let open = |address| Datagrams::open(address, Arc::clone(&app.outlets));
+    let datagrams = config.serve.udp.map(open).transpose()?;
     let (recorded, wake) = sync_channel(1);
     let outputs = Outputs {
         impact: app.impact.clone(),
         events: app.events.clone(),
         state: app.state.clone(),
+        outlets: Arc::clone(&app.outlets),
         recorded,
         pulse: pulse.clone(),
     };
     std::thread::scope(|scope| {
         let (app, link) = (&app, &link);
         scope.spawn(move || read_shots(&app.shots, &wake, stop));
-        scope.spawn(|| {
+        scope.spawn(move || {
             let bodies = app.config.bodies.iter().map(|body| body.name.clone()).collect();
             let context = RowContext { bodies, origin_ns: None };
-            topics::send_velocities(&app.config.rig.name, context, &app.velocity, link);
+            let outputs = VelocityOutputs { feed: &app.velocity, datagrams };
+            topics::send_velocities(&app.config.rig.name, context, outputs, link);
         });
         scope.spawn(|| picture_feed::run(&app.config, &app.pictures, link));
         scope.spawn(|| Watcher::new(&app.config, link, &app.shots, &app.control, outputs).run());
@@ -212,6 +220,9 @@ fn run_server(
     runtime.block_on(async {
         let listener = tokio::net::TcpListener::from_std(listener)?;
         tokio::spawn(server.pulse.clone().count_turns());
+        if let Some(broker) = &app.config.serve.mqtt {
+            mqtt::start(app, broker);
+        }
         if let Some(address) = app.config.serve.foxglove {
             announce(Offer::Foxglove(server.service.start_foxglove(app, address, server.stop).await?));
         }

@@ -2,6 +2,7 @@
 //!
 //! They are plain threads, because a wait on shared memory would stop every client of the server.
 
+use super::datagrams::Datagrams;
 use super::feed::{BATCH_ROWS, Feed};
 use super::rows::{self, RowContext};
 use crate::bus::{Bus, BusError};
@@ -86,9 +87,18 @@ pub(super) fn follow_rig(rig: &str, link: &Link, mut follow: impl FnMut(&Run<'_>
     }
 }
 
-/// Sends the rows of `velocity` to the clients that follow them, until a stop is requested. Without a client, they are
-/// read and dropped.
-pub(super) fn send_velocities(rig: &str, mut context: RowContext, feed: &Feed, link: &Link) {
+/// The receivers of velocities.
+pub(super) struct VelocityOutputs<'a> {
+    /// The clients of the server.
+    pub(super) feed: &'a Feed,
+    /// The controller that gets datagrams, if there is one.
+    pub(super) datagrams: Option<Datagrams>,
+}
+
+/// Sends the rows of `velocity` to those that receive them, until a stop is requested. Without a receiver, they are read
+/// and dropped.
+pub(super) fn send_velocities(rig: &str, mut context: RowContext, outputs: VelocityOutputs<'_>, link: &Link) {
+    let VelocityOutputs { feed, mut datagrams } = outputs;
     follow_rig(rig, link, |run| {
         let topic = run.bus.listen::<VelocityMessage>()?;
         let listener = run.bus.listener("velocity")?;
@@ -96,6 +106,9 @@ pub(super) fn send_velocities(rig: &str, mut context: RowContext, feed: &Feed, l
             context.origin_ns = link.origin_ns();
             let mut batch = Vec::new();
             while let Some(message) = topic.take()? {
+                if let Some(datagrams) = &mut datagrams {
+                    datagrams.send(&message);
+                }
                 if feed.is_followed() {
                     batch.extend(rows::velocity_row(&message, &context));
                 }

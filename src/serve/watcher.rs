@@ -3,6 +3,7 @@
 use super::clock::now;
 use super::control::Control;
 use super::feed::{BATCH_ROWS, Feed};
+use super::outlets::Outlets;
 use super::pulse::{Heartbeat, Pulse};
 use super::rig_state::PageState;
 use super::rows::{self, RowContext};
@@ -32,6 +33,7 @@ pub(super) struct Outputs {
     pub(super) events: Feed,
     /// The state as JSON.
     pub(super) state: watch::Sender<Arc<str>>,
+    pub(super) outlets: Arc<Outlets>,
     /// Wakes the reader of the recordings.
     pub(super) recorded: std::sync::mpsc::SyncSender<()>,
     /// The turns of the server, for the supervisor of this process.
@@ -179,7 +181,11 @@ impl<'a> Watcher<'a> {
 
     /// Returns the present state of the rig as JSON text.
     fn snapshot_text(&self) -> String {
-        snapshot(self.config, &self.rig, self.shots, self.control, self.now_s()).to_string()
+        let now_s = self.now_s();
+        let mut snapshot = snapshot(self.config, &self.rig, self.shots, self.control, now_s);
+        snapshot["udp"] = self.outputs.outlets.udp_json(&self.config.serve);
+        snapshot["mqtt"] = self.outputs.outlets.mqtt_json(&self.config.serve);
+        snapshot.to_string()
     }
 }
 

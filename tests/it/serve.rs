@@ -3,9 +3,11 @@
 mod access;
 mod chromium;
 mod foxglove;
+mod mqtt;
 mod page;
 mod socket;
 mod streams;
+mod udp;
 
 use crate::support::{Background, NO_PAGE, Rig, ricochet, wait_until};
 use serde_json::Value;
@@ -112,4 +114,17 @@ pub fn run_alone(rig: &Rig, config: &Path) -> Background {
     let text = std::fs::read_to_string(config).unwrap().replace("[serve]\nhttp = \"127.0.0.1:0\"\n", NO_PAGE);
     let alone = rig.file("run.toml", &text);
     Background::start(ricochet(["run".as_ref(), alone.as_os_str()]))
+}
+
+/// The frame rate of [`small_drift`], Hz.
+pub const FAST_HZ: f64 = 1000.0;
+
+/// The film of a drifting disc, so small that any computer measures each frame in time.
+pub fn small_drift(frames: u64) -> String {
+    let mut scenario: ricochet::synth::Scenario = toml::from_str(&crate::pipeline::drift(frames, FAST_HZ)).unwrap();
+    (scenario.camera.width_px, scenario.camera.height_px, scenario.scale.mm_per_px) = (80, 72, 1.0);
+    if let ricochet::synth::MotionSetup::Constant { start_px, .. } = &mut scenario.motion {
+        *start_px = [30.0, 32.0];
+    }
+    toml::to_string(&scenario).unwrap()
 }

@@ -1,4 +1,4 @@
-"""The messages of a rig in shared memory, made by `ricochet bindings python`."""
+"""The messages of a rig in shared memory and its datagrams, made by `ricochet bindings python`."""
 
 import ctypes
 
@@ -210,6 +210,36 @@ class Velocity(ctypes.Structure):
         return "ricochet.Velocity.v2"
 
 
+class VelocityDatagram(ctypes.Structure):
+    _fields_ = [
+        ("version", ctypes.c_uint32),
+        ("known", ctypes.c_uint32),
+        ("number", ctypes.c_uint64),
+        ("run_id", ctypes.c_uint64),
+        ("sequence", ctypes.c_uint64),
+        ("stamp_ns", ctypes.c_uint64),
+        ("body", ctypes.c_uint32),
+        ("status", ctypes.c_uint32),
+        ("phase", ctypes.c_uint32),
+        ("rotation_status", ctypes.c_uint32),
+        ("center_x_px", ctypes.c_double),
+        ("center_y_px", ctypes.c_double),
+        ("vx_m_s", ctypes.c_double),
+        ("vy_m_s", ctypes.c_double),
+        ("vn_m_s", ctypes.c_double),
+        ("vt_m_s", ctypes.c_double),
+        ("omega_rad_s", ctypes.c_double),
+        ("sigma_v_m_s", ctypes.c_double),
+        ("sigma_omega_rad_s", ctypes.c_double),
+    ]
+    SIZE_BYTES = 128
+    ALIGNMENT_BYTES = 8
+
+    @staticmethod
+    def type_name():
+        return "ricochet.VelocityDatagram.v1"
+
+
 class Impact(ctypes.Structure):
     _fields_ = [
         ("run_id", ctypes.c_uint64),
@@ -415,4 +445,17 @@ BODY_KIND = {
     0: "ball",
     1: "rod",
     2: "patch",
+}
+
+
+DATAGRAM_BIT = {
+    0: "center_x_px",
+    1: "center_y_px",
+    2: "vx_m_s",
+    3: "vy_m_s",
+    4: "vn_m_s",
+    5: "vt_m_s",
+    6: "omega_rad_s",
+    7: "sigma_v_m_s",
+    8: "sigma_omega_rad_s",
 }

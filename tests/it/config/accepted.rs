@@ -129,6 +129,19 @@ fn the_page_is_served_on_loopback_unless_the_file_turns_it_off() {
 }
 
 #[test]
+fn broker_and_controller_are_off_unless_the_file_names_them() {
+    let served = |rest: &str| {
+        let serve = parse(&format!("{SIMULATED}[serve]\n{rest}")).serve;
+        (serve.mqtt.map(|broker| broker.to_string()), serve.udp.map(|address| address.to_string()))
+    };
+    assert_eq!(served(""), (None, None));
+    assert_eq!(served("mqtt = \"off\"\nudp = \"off\"\nhttp = \"off\"\n"), (None, None));
+    let named = served("mqtt = \"[::1]:1883\"\nudp = \"239.1.2.3:5005\"\n");
+    assert_eq!((named.0.as_deref(), named.1.as_deref()), (Some("[::1]:1883"), Some("239.1.2.3:5005")));
+    assert_eq!(served("mqtt = \"broker.local:1883\"\n").0.as_deref(), Some("broker.local:1883"));
+}
+
+#[test]
 fn an_edge_gives_the_angle_and_the_trigger_modes_on_it_differ() {
     let config = parse(&format!(
         "{SIMULATED}[scale]\nmm_per_px = 0.5\n[surface]\nedge = [[0, 100], [100, 0]]\n[trigger]\n\

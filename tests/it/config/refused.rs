@@ -276,6 +276,24 @@ fn tables_that_this_version_does_not_offer_are_refused_by_name() {
             ", line 4: serve.foxglove = \"0.0.0.0:8765\": must be \"off\", or an address of this computer and a port, such as \
              \"127.0.0.1:8765\"",
         ),
+        (
+            "[serve]\nmqtt = \"1883\"",
+            ", line 4: serve.mqtt = \"1883\": must be \"off\", or the host and the port of a broker, such as \
+             \"broker.local:1883\"",
+        ),
+        (
+            "[serve]\nmqtt = \"::1:1883\"",
+            ", line 4: serve.mqtt = \"::1:1883\": must be \"off\", or the host and the port of a broker, such as \
+             \"broker.local:1883\"",
+        ),
+        (
+            "[serve]\nudp = \"plc:5005\"",
+            ", line 4: serve.udp = \"plc:5005\": must be \"off\", or an address and a port, such as \"192.168.1.20:5005\"",
+        ),
+        (
+            "[serve]\nhttp = \"off\"\nudp = \"127.0.0.1:5005\"",
+            ", line 5: serve.udp = \"127.0.0.1:5005\": must be \"off\" or left out, because serve.http is \"off\"",
+        ),
         ("[bridge]\nzenoh = {}", ", line 3: the table [bridge] is not supported by this version; leave it out"),
     ]);
 }
