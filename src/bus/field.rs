@@ -65,6 +65,19 @@ impl FieldSubscriber {
         Ok(sample.map(|sample| (*sample.user_header(), sample.user_header().field(sample.payload()))))
     }
 
+    /// Returns the oldest unread step, with its field only if it is a step of this frame, since reading a field takes time.
+    ///
+    /// # Errors
+    ///
+    /// [`BusError::Service`] when shared memory cannot be used.
+    pub fn take_of(&self, frame: u64) -> Result<Option<(FieldHeader, Option<PairField>)>, BusError> {
+        let sample = self.port.receive().map_err(failure("read", TOPIC))?;
+        Ok(sample.map(|sample| {
+            let header = *sample.user_header();
+            (header, (header.sequence == frame).then(|| header.field(sample.payload())).flatten())
+        }))
+    }
+
     /// Connects to writers that joined since the last call; consumes nothing.
     pub fn update_connections(&self) {
         let _ = self.port.update_connections();

@@ -1,6 +1,8 @@
 //! Recordings and their reports as answers.
 
 use super::app::App;
+use super::picture::PictureEncoder;
+use crate::image::Frame;
 use crate::recording::{Recording, RecordingError};
 use crate::report;
 use axum::body::{Body, Bytes};
@@ -17,6 +19,8 @@ const PIECE_BYTES: usize = 256 << 10;
 /// The number of pieces that are read ahead.
 const PIECES: usize = 2;
 
+/// The maximum side of the picture of a shot, px: twice its size on the page.
+const THUMBNAIL_PX: usize = 128;
 /// A report carries its own style and its pictures, and nothing that runs.
 const REPORT_POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'";
 
@@ -81,6 +85,29 @@ pub(super) async fn report(State(app): State<Arc<App>>, Path(name): Path<String>
         Ok(Err(error)) => (StatusCode::INTERNAL_SERVER_ERROR, format!("{error}\n")).into_response(),
         Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, format!("{error}\n")).into_response(),
     }
+}
+
+/// Answers with a frame in the middle of a recording as a JPEG file, one recording at a time.
+pub(super) async fn thumbnail(State(app): State<Arc<App>>, Path(name): Path<String>) -> Response {
+    let Ok(path) = app.shots.path(&name) else { return not_found() };
+    let Ok(_turn) = app.reports.acquire().await else { return not_found() };
+    match tokio::task::spawn_blocking(move || read_picture(&path)).await {
+        Ok(Some(jpeg)) => {
+            ([(header::CONTENT_TYPE, "image/jpeg"), (header::CACHE_CONTROL, "private, max-age=60")], jpeg)
+                .into_response()
+        }
+        Ok(None) | Err(_) => (StatusCode::NOT_FOUND, "this recording has no frame to show\n").into_response(),
+    }
+}
+
+/// Reads a frame in the middle of a recording's main camera; `None` if it has none that can be read.
+fn read_picture(path: &std::path::Path) -> Option<Vec<u8>> {
+    let recording = Recording::open(path).ok()?.select_view(None).ok()?;
+    let mut frames = recording.frames().ok()?;
+    frames.skip_frames(recording.frame_count() / 2);
+    let (meta, bytes) = frames.next()?.ok()?;
+    let encoder = &mut PictureEncoder::new(THUMBNAIL_PX);
+    encoder.encode(&Frame { meta, bytes: &bytes }).map(|encoded| encoded.jpeg)
 }
 
 /// Reads the main camera of a recording and returns its report as a page of HTML.

@@ -2,15 +2,21 @@
 //!
 //! It has no access by token, so it is bound to this computer alone.
 
+mod log;
+mod parameters;
+
 use super::app::App;
 use super::control;
 use super::feed::Feed;
 use super::picture::Picture;
+use super::picture_feed::field_example;
 use super::rows::{self, RowContext};
 use crate::message::{Command, Event, ImpactMessage, ReplyCode, VelocityMessage};
 use foxglove::messages::{CircleAnnotation, Color, CompressedImage, ImageAnnotations, Point2, Timestamp};
+use foxglove::websocket::Capability;
 use foxglove::websocket::service::{Service, ServiceSchema};
 use foxglove::{Channel, ChannelBuilder, Context, FoxgloveError, PartialMetadata, RawChannel, Schema, WebSocketServer};
+use parameters::{Parameters, publish_armed};
 use serde_json::{Map, Value, json};
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -50,10 +56,15 @@ pub(super) async fn start(app: &Arc<App>, address: SocketAddr) -> Result<SocketA
         let channel = json_channel(&context, topic, &example.unwrap_or_default())?;
         tokio::spawn(send_rows(channel, feed));
     }
-    let image = ChannelBuilder::new("/camera/image").context(&context).build::<CompressedImage>();
-    let annotations = ChannelBuilder::new("/camera/annotations").context(&context).build::<ImageAnnotations>();
+    let log = ChannelBuilder::new("/log").context(&context).build();
+    tokio::spawn(log::send_log(log, app.events.clone()));
+    let channels = PictureChannels {
+        image: ChannelBuilder::new("/camera/image").context(&context).build(),
+        annotations: ChannelBuilder::new("/camera/annotations").context(&context).build(),
+        field: json_channel(&context, "/field", &field_example())?,
+    };
     // The channels end with their context.
-    let pictures = send_pictures(Arc::clone(app), image, annotations);
+    let pictures = send_pictures(Arc::clone(app), channels);
     let kept = Arc::clone(&context);
     tokio::spawn(async move {
         pictures.await;
@@ -66,24 +77,39 @@ pub(super) async fn start(app: &Arc<App>, address: SocketAddr) -> Result<SocketA
         .message_backlog_size(BACKLOG)
         .supported_encodings(["json"])
         .services(COMMANDS.map(|command| command_service(app, command)))
+        .capabilities([Capability::Parameters])
+        .parameter_handler(Arc::new(Parameters::new(Arc::clone(app))))
         .start()
         .await?;
-    Ok(SocketAddr::new(address.ip(), server.port()))
+    let port = server.port();
+    tokio::spawn(publish_armed(server, Arc::clone(app)));
+    Ok(SocketAddr::new(address.ip(), port))
 }
 
-/// Opens a channel of JSON rows, whose schema has the columns of `example`: texts as strings, everything else as
-/// numbers.
+/// Opens a channel of JSON rows, whose schema has the columns of `example`: texts as strings, lists as lists of objects,
+/// everything else as numbers.
 fn json_channel(
     context: &Arc<Context>,
     topic: &str,
     example: &Map<String, Value>,
 ) -> Result<Arc<RawChannel>, FoxgloveError> {
-    let kind = |value: &Value| if value.is_string() { "string" } else { "number" };
-    let properties: Map<String, Value> =
-        example.iter().map(|(name, value)| (name.clone(), json!({ "type": kind(value) }))).collect();
-    let schema = json!({ "type": "object", "properties": properties }).to_string();
+    let schema = object_schema(example).to_string();
     let schema = Schema::new(format!("ricochet{}", topic.replace('/', ".")), "jsonschema", schema.into_bytes());
     ChannelBuilder::new(topic).context(context).message_encoding("json").schema(schema).build_raw()
+}
+
+/// Returns the JSON schema of an object with the names and types of this one.
+fn object_schema(example: &Map<String, Value>) -> Value {
+    let kind = |value: &Value| match value {
+        Value::Array(list) => {
+            let items = list.first().and_then(Value::as_object).map(object_schema);
+            json!({ "type": "array", "items": items.unwrap_or_else(|| json!({})) })
+        }
+        Value::String(_) => json!({ "type": "string" }),
+        _ => json!({ "type": "number" }),
+    };
+    let properties: Map<String, Value> = example.iter().map(|(name, value)| (name.clone(), kind(value))).collect();
+    json!({ "type": "object", "properties": properties })
 }
 
 /// Sends the rows of a topic to its channel while anybody watches it, until the topic ends.
@@ -115,23 +141,46 @@ fn stamp_of(row: &str) -> Option<u64> {
     ["stamp_ns", "origin_ns"].iter().find_map(|key| row.get(*key)?.as_u64())
 }
 
-/// Sends each new picture with its annotations while anybody watches either, until the pictures end.
-async fn send_pictures(app: Arc<App>, image: Channel<CompressedImage>, annotations: Channel<ImageAnnotations>) {
+/// The channels of the picture and of what is measured in it.
+struct PictureChannels {
+    image: Channel<CompressedImage>,
+    annotations: Channel<ImageAnnotations>,
+    field: Arc<RawChannel>,
+}
+
+impl PictureChannels {
+    /// Whether anybody watches one of them.
+    fn are_watched(&self) -> bool {
+        self.image.has_sinks() || self.annotations.has_sinks() || self.field.has_sinks()
+    }
+
+    /// Sends a picture with its annotations, and the field of each body in it.
+    fn send(&self, picture: &Picture) {
+        self.annotations.log(&annotations_of(picture));
+        self.image.log(&image_of(picture));
+        let log_time = picture.header["stamp_ns"].as_u64();
+        for field in &picture.fields {
+            self.field.log_with_meta(field.to_string().as_bytes(), PartialMetadata { log_time });
+        }
+    }
+}
+
+/// Sends each new picture while anybody watches it, until the pictures end.
+async fn send_pictures(app: Arc<App>, channels: PictureChannels) {
     loop {
-        if !image.has_sinks() && !annotations.has_sinks() {
+        if !channels.are_watched() {
             sleep(IDLE).await;
             continue;
         }
         let mut receiver = app.pictures.subscribe();
-        while image.has_sinks() || annotations.has_sinks() {
+        while channels.are_watched() {
             match timeout(IDLE, receiver.changed()).await {
                 Err(_) => {}
                 Ok(Err(_)) => return,
                 Ok(Ok(())) => {
                     let picture = receiver.borrow_and_update().clone();
                     if let Some(picture) = picture {
-                        annotations.log(&annotations_of(&picture));
-                        image.log(&image_of(&picture));
+                        channels.send(&picture);
                     }
                 }
             }

@@ -149,13 +149,25 @@ function link(text, address, file) {
   return made;
 }
 
+/** Returns the picture of a shot; a recording without frames has none. */
+function thumbnail(address) {
+  const image = make("img", null, "thumb");
+  image.alt = "";
+  image.loading = "lazy";
+  image.onerror = () => image.remove();
+  image.src = `${address}/picture`;
+  return image;
+}
+
 function shotRow(shot) {
   const row = make("tr", null, shot.rejected === null ? "" : "rejected");
   row.dataset.name = shot.name;
   const time = shot.stamp_ns ? new Date(shot.stamp_ns / 1e6).toLocaleTimeString() : "";
-  row.append(make("td", String(shot.number)), make("td", time, "minor"), ...shot.numbers.map(numberCell));
-  const last = make("td");
   const address = `shots/${encodeURIComponent(shot.name)}`;
+  const first = make("td", String(shot.number));
+  first.append(thumbnail(address));
+  row.append(first, make("td", time, "minor"), ...shot.numbers.map(numberCell));
+  const last = make("td");
   last.append(link("Report", `${address}/report`), link("Download", address, shot.name));
   if (shot.rejected === null) last.append(action("Reject", () => askReason(shot)));
   else last.append(action("Accept", () => send(`api/shots/${encodeURIComponent(shot.name)}/accept`)));

@@ -49,6 +49,7 @@ fn live_picture() -> Markup {
         section id="live" aria-label="Live picture" {
             canvas id="picture" width="512" height="512" {}
             p id="picture-note" {}
+            label id="focus-label" { "Sharpness" meter id="focus" min="0" max="1" value="0" {} }
         }
     }
 }

@@ -1,4 +1,4 @@
-// The live picture: a frame with outline, centre, scale bar and a zebra over saturated pixels.
+// The live picture: a frame with outline, centre, displacements, axes, scale bar and a zebra over saturated pixels.
 "use strict";
 
 const livePicture = (() => {
@@ -8,7 +8,9 @@ const livePicture = (() => {
   const note = document.getElementById("picture-note");
   const context = canvas.getContext("2d");
   const frame = document.createElement("canvas");
+  const focus = document.getElementById("focus");
   let shown = 0;
+  let sharpest = 0;
   let arrivals = [];
 
   /** Splits a message into its header and its JPEG file. */
@@ -63,6 +65,62 @@ const livePicture = (() => {
     stroke(path, body.status === "valid" ? "#35e06f" : "#ffb000", 2 * thin);
   }
 
+  /** Draws the displacements of subsets, all enlarged by the same 1, 2 or 5 times a power of ten; returns that factor. */
+  function drawVectors(vectors, perPx, thin) {
+    const longest = Math.max(0, ...vectors.map(([, , u, v]) => Math.hypot(u, v))) * perPx;
+    if (longest === 0) return 0;
+    const wanted = (28 * thin) / longest;
+    const power = 10 ** Math.floor(Math.log10(wanted));
+    const factor = [5, 2, 1].map((step) => step * power).find((step) => step <= wanted) || power;
+    const at = (px) => (px + 0.5) * perPx;
+    const path = new Path2D();
+    for (const [x, y, u, v] of vectors) {
+      const [fromX, fromY] = [at(x), at(y)];
+      const [toX, toY] = [fromX + u * factor * perPx, fromY + v * factor * perPx];
+      path.moveTo(fromX, fromY);
+      path.lineTo(toX, toY);
+      addHead(path, [fromX, fromY], [toX, toY], 5 * thin);
+    }
+    stroke(path, "#5cc8ff", 1.5 * thin);
+    return factor;
+  }
+
+  /** Adds the head of an arrow to a path. */
+  function addHead(path, [fromX, fromY], [toX, toY], length) {
+    const angle = Math.atan2(toY - fromY, toX - fromX);
+    for (const turn of [-0.5, 0.5]) {
+      path.moveTo(toX, toY);
+      path.lineTo(toX - length * Math.cos(angle + turn), toY - length * Math.sin(angle + turn));
+    }
+  }
+
+  /** Draws the axes of the velocities at the lower right: n away from the surface and t along it. */
+  function drawAxes(header, thin) {
+    const origin = [canvas.width - 62 * thin, canvas.height - 62 * thin];
+    const tangent = (header.surface_deg * Math.PI) / 180;
+    context.font = `600 ${15 * thin}px sans-serif`;
+    context.textAlign = "center";
+    for (const [name, angle] of [["t", tangent], ["n", tangent + Math.PI / 2]]) {
+      const end = [origin[0] + 34 * thin * Math.cos(angle), origin[1] - 34 * thin * Math.sin(angle)];
+      const path = new Path2D();
+      path.moveTo(...origin);
+      path.lineTo(...end);
+      addHead(path, origin, end, 8 * thin);
+      stroke(path, "#ffffff", 2 * thin);
+      const [x, y] = [end[0] + 13 * thin * Math.cos(angle), end[1] - 13 * thin * Math.sin(angle) + 5 * thin];
+      drawText(name, x, y, thin);
+    }
+    context.textAlign = "left";
+  }
+
+  function drawText(text, x, y, thin) {
+    context.lineWidth = 4 * thin;
+    context.strokeStyle = "#000a";
+    context.strokeText(text, x, y);
+    context.fillStyle = "#ffffff";
+    context.fillText(text, x, y);
+  }
+
   /** Draws a bar of 1, 2 or 5 times a power of ten, about a quarter of the picture long. */
   function drawScale(header, perPx, thin) {
     const perUnit = header.mm_per_px ? 1 / header.mm_per_px : 1;
@@ -77,11 +135,7 @@ const livePicture = (() => {
     stroke(path, "#ffffff", 4 * thin);
     const text = `${length} ${header.mm_per_px ? "mm" : "px"}`;
     context.font = `600 ${15 * thin}px sans-serif`;
-    context.lineWidth = 4 * thin;
-    context.strokeStyle = "#000a";
-    context.strokeText(text, left, bottom - 9 * thin);
-    context.fillStyle = "#ffffff";
-    context.fillText(text, left, bottom - 9 * thin);
+    drawText(text, left, bottom - 9 * thin, thin);
   }
 
   async function show(buffer) {
@@ -98,12 +152,19 @@ const livePicture = (() => {
     const perPx = canvas.width / (bitmap.width * header.scale);
     const thin = Math.max(1, canvas.width / Math.max(1, size.width));
     header.bodies.forEach((body) => drawBody(body, perPx, thin));
+    const factor = drawVectors(header.vectors, perPx, thin);
     drawScale(header, perPx, thin);
+    drawAxes(header, thin);
+    // The sharpest picture falls slowly, so that the bar is about the present scene.
+    sharpest = Math.max(header.sharpness, 0.995 * sharpest);
+    focus.value = sharpest > 0 ? header.sharpness / sharpest : 0;
     shown = performance.now();
     arrivals = [...arrivals.filter((time) => shown - time < 2000), shown];
     const brightest = header.saturated_fraction;
     const share = brightest >= 0.001 ? ` – ${(100 * brightest).toFixed(1)} % saturated` : "";
-    note.textContent = `frame ${header.frame}${share}`;
+    const vectors = factor > 0 ? ` – displacements x ${Number(factor.toPrecision(1))}` : "";
+    note.textContent = `frame ${header.frame}${share}${vectors}`;
+    canvas.dataset.vectors = header.vectors.length;
     canvas.dataset.rate = (arrivals.length / 2).toFixed(1);
   }
 

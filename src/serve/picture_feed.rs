@@ -1,14 +1,15 @@
 //! The thread that takes pictures of the live frames while somebody watches.
 
 use super::clock::now;
-use super::picture::{Picture, PictureEncoder};
+use super::picture::{LIVE_SIDE_PX, Picture, PictureEncoder};
+use super::rows::json_cells;
 use super::topics::{Link, Run, follow_rig};
-use crate::bus::{Bus, BusError, FrameSubscriber, Subscriber};
+use crate::bus::{Bus, BusError, FieldSubscriber, FrameSubscriber, Subscriber};
 use crate::config::{Config, Scale};
 use crate::image::Frame;
 use crate::message::TrackMessage;
-use crate::results::{TrackSample, segments};
-use serde_json::{Value, json};
+use crate::results::{FieldPoint, PairField, PointStatus, TrackSample, segments};
+use serde_json::{Map, Value, json};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
@@ -24,6 +25,8 @@ const MAX_WAIT: Duration = Duration::from_millis(250);
 const PAUSE: Duration = Duration::from_millis(5);
 /// Interval of asking whether somebody watches.
 const IDLE: Duration = Duration::from_millis(100);
+/// The maximum number of displacements of a body in the drawing.
+const MAX_VECTORS: usize = 64;
 /// The maximum number of positions that are kept, those of the newest frames.
 const MAX_ROWS: usize = 8192;
 
@@ -32,7 +35,7 @@ pub(super) type Pictures = Sender<Option<Arc<Picture>>>;
 
 /// Publishes pictures of each run of the rig while somebody watches, until a stop is requested.
 pub(super) fn run(config: &Config, pictures: &Pictures, link: &Link) {
-    let mut encoder = PictureEncoder::default();
+    let mut encoder = PictureEncoder::new(LIVE_SIDE_PX);
     follow_rig(&config.rig.name, link, |run| {
         while run.is_up() {
             if pictures.receiver_count() == 0 {
@@ -50,12 +53,13 @@ struct View<'a> {
     config: &'a Config,
     frames: FrameSubscriber,
     tracks: Subscriber<TrackMessage>,
+    fields: FieldSubscriber,
 }
 
 impl<'a> View<'a> {
     /// Opens the topics of a running rig.
     fn open(bus: &Bus, config: &'a Config) -> Result<Self, BusError> {
-        Ok(Self { config, frames: bus.listen_newest_frame()?, tracks: bus.listen()? })
+        Ok(Self { config, frames: bus.listen_newest_frame()?, tracks: bus.listen()?, fields: bus.listen_field()? })
     }
 }
 
@@ -105,8 +109,12 @@ fn take_picture(
     let in_frame = |rows: &VecDeque<TrackSample>| -> Vec<TrackSample> {
         rows.iter().filter(|row| row.frame == meta.sequence).copied().collect()
     };
-    let mut found = Vec::new();
+    let (mut found, mut fields) = (Vec::new(), Vec::new());
     while found.len() < count && begin.elapsed() < MAX_WAIT {
+        // The field of a body comes before its position.
+        while let Some((_, field)) = view.fields.take_of(meta.sequence)? {
+            fields.extend(field);
+        }
         while let Some(message) = view.tracks.take()? {
             rows.extend(message.sample());
             rows.drain(..rows.len().saturating_sub(MAX_ROWS));
@@ -120,11 +128,55 @@ fn take_picture(
     }
     let header = json!({
         "frame": meta.sequence, "stamp_ns": meta.stamp_ns, "width_px": meta.width_px, "height_px": meta.height_px,
-        "scale": encoded.scale, "saturated_fraction": encoded.saturated_fraction,
-        "mm_per_px": mm_per_px(view.config, &found),
+        "scale": encoded.scale, "saturated_fraction": encoded.saturated_fraction, "sharpness": encoded.sharpness,
+        "mm_per_px": mm_per_px(view.config, &found), "surface_deg": view.config.surface.angle_deg,
         "bodies": found.iter().map(|row| body_json(view.config, row)).collect::<Vec<_>>(),
+        "vectors": fields.iter().flat_map(vectors).collect::<Vec<_>>(),
     });
-    Ok(Some(Taken { picture: Picture { header, jpeg: encoded.jpeg.into() }, spent }))
+    let fields = fields.iter().map(|field| Value::Object(field_json(view.config, field))).collect();
+    Ok(Some(Taken { picture: Picture { header, jpeg: encoded.jpeg.into(), fields }, spent }))
+}
+
+/// Returns some of the valid displacements of a field for the drawing, each as the position and the displacement, px.
+fn vectors(field: &PairField) -> impl Iterator<Item = [f32; 4]> {
+    let valid = field.points.iter().filter(|point| point.status == PointStatus::Valid);
+    let step = valid.clone().count().div_ceil(MAX_VECTORS).max(1);
+    let vector = |point: &FieldPoint| {
+        let displacement = point.displacement?;
+        Some([point.x_px, point.y_px, displacement.u_px, displacement.v_px])
+    };
+    valid.step_by(step).filter_map(vector)
+}
+
+/// Describes a field: its frames, its body, and a row for each subset.
+fn field_json(config: &Config, field: &PairField) -> Map<String, Value> {
+    let name = config.bodies.get(field.body as usize).map_or("", |body| body.name.as_str());
+    let point = |point| json_cells(point, FieldPoint::COLUMNS).map(|(name, cell)| (name.to_owned(), cell));
+    let points = field.points.iter().map(|row| point(row).collect::<Map<_, _>>());
+    let cells = [
+        ("frame", json!(field.frame)),
+        ("target_frame", json!(field.target_frame)),
+        ("stamp_ns", json!(field.stamp_ns)),
+        ("body", json!(name)),
+        ("points", points.collect()),
+    ];
+    cells.into_iter().map(|(name, cell)| (name.to_owned(), cell)).collect()
+}
+
+/// Returns a field of one subset, which shows the names and types of its columns.
+pub(super) fn field_example() -> Map<String, Value> {
+    let point = FieldPoint {
+        x_px: 0.0,
+        y_px: 0.0,
+        displacement: None,
+        zncc: None,
+        peak_ratio: None,
+        status: PointStatus::Valid,
+    };
+    let cells = json_cells(&point, FieldPoint::COLUMNS).map(|(name, cell)| (name.to_owned(), cell));
+    let counts = ["frame", "target_frame", "stamp_ns"].map(|name| (name.to_owned(), json!(0)));
+    let texts = [("body".to_owned(), json!("")), ("points".to_owned(), json!([cells.collect::<Map<_, _>>()]))];
+    counts.into_iter().chain(texts).collect()
 }
 
 /// Returns the scale of the frame, mm/px: as configured, or from the diameter of a ball and its measured radius. `None`

@@ -89,6 +89,9 @@ const TABLE: &[Route] = &[
     reading("/shots/{name}", "Download a recording.", Answer::File("application/octet-stream"), || {
         get(files::download)
     }),
+    reading("/shots/{name}/picture", "A frame in the middle of a recording.", Answer::File("image/jpeg"), || {
+        get(files::thumbnail)
+    }),
     reading("/shots/{name}/report", "The report of a recording.", Answer::File("text/html"), || get(files::report)),
 ];
 

@@ -12,11 +12,16 @@ const PROTOCOL: &str = "Sec-WebSocket-Protocol: foxglove.sdk.v1\r\n";
 
 /// A rig with a drifting disc in real time, and its server with an address for viewers.
 fn served(rig: &Rig, frames: u64, rate_hz: f64) -> (Background, Server, String) {
+    served_with(rig, frames, rate_hz, "")
+}
+
+/// The same with further tables in the rig file.
+fn served_with(rig: &Rig, frames: u64, rate_hz: f64, tables: &str) -> (Background, Server, String) {
     let film = rig.file("drift.toml", &crate::pipeline::drift(frames, rate_hz));
     let camera = format!("source = \"simulated\"\nscenario = \"{}\"\npaced = true", film.display());
     let rest = "[serve]\nhttp = \"127.0.0.1:0\"\nfoxglove = \"127.0.0.1:0\"\n[trigger]\nmode = \"software\"\n\
                 [scale]\nmm_per_px = 0.5\n[workers]\ncount = 1";
-    let config = rig.config(&camera, rest);
+    let config = rig.config(&camera, &format!("{rest}\n{tables}"));
     // The page is served by hand.
     let alone = std::fs::read_to_string(&config).unwrap().replace("foxglove = \"127.0.0.1:0\"\n", "");
     let run = run_alone(rig, &rig.file("alone.toml", &alone));
@@ -37,7 +42,7 @@ impl Viewer {
     fn open(address: &str) -> Self {
         let socket = Socket::open(address, "/", PROTOCOL).unwrap();
         let mut viewer = Self { socket, channels: BTreeMap::new(), services: BTreeMap::new() };
-        while viewer.channels.len() < 5 || viewer.services.len() < 3 {
+        while viewer.channels.len() < 7 || viewer.services.len() < 3 {
             let message = viewer.socket.json();
             let named = |list: &Value, key: &str| -> Vec<(String, Value)> {
                 let list = list.as_array().unwrap().iter();
@@ -67,6 +72,21 @@ impl Viewer {
             let bytes = self.socket.receive();
             if bytes[0] == 1 {
                 return (u32::from_le_bytes(bytes[1..5].try_into().unwrap()), bytes[13..].to_vec());
+            }
+        }
+    }
+
+    /// Sends a request about parameters and returns the next values of parameters, by name.
+    fn parameters(&mut self, request: &Value) -> BTreeMap<String, Value> {
+        self.socket.send(&request.to_string());
+        loop {
+            let bytes = self.socket.receive();
+            let Ok(message) = serde_json::from_slice::<Value>(&bytes) else { continue };
+            if message["op"] == "parameterValues" {
+                let list = message["parameters"].as_array().unwrap().iter();
+                return list
+                    .map(|entry| (entry["name"].as_str().unwrap().to_owned(), entry["value"].clone()))
+                    .collect();
             }
         }
     }
@@ -113,10 +133,93 @@ fn a_viewer_receives_picture_annotations_and_velocity_and_arms_the_rig() {
     server.wait_for("READY");
 }
 
-/// The resident memory of a process, bytes.
+#[test]
+fn a_viewer_receives_the_fields_and_the_log_and_reads_the_settings() {
+    let rig = Rig::new();
+    let (_run, server, address) = served_with(&rig, 8000, 200.0, "[rotation]\nmethod = \"field\"");
+    let mut viewer = Viewer::open(&address);
+    let all = viewer.parameters(&json!({ "op": "getParameters", "parameterNames": [], "id": "1" }));
+    assert_eq!((&all["rig.name"], &all["armed"]), (&rig.name.as_str().into(), &true.into()), "{all:?}");
+    assert_eq!((&all["scale.mm_per_px"], &all["camera.paced"]), (&0.5.into(), &true.into()));
+    let wanted = json!({ "name": "scale.mm_per_px", "value": 3.0 });
+    let set = viewer.parameters(&json!({ "op": "setParameters", "parameters": [wanted], "id": "2" }));
+    assert_eq!(set["scale.mm_per_px"], 0.5, "a setting cannot be changed: {set:?}");
+    viewer.subscribe(&["/field", "/log"]);
+    let mut field = Value::Null;
+    while field.is_null() {
+        let (id, payload) = viewer.message();
+        if id == 0 {
+            field = serde_json::from_slice(&payload).unwrap();
+        }
+    }
+    let points = field["points"].as_array().unwrap();
+    let valid: Vec<&Value> = points.iter().filter(|point| point["status"] == "valid").collect();
+    assert!(valid.len() >= 5 && field["body"] == "ball", "{field}");
+    // 16 px in 8000 frames.
+    let frames = field["target_frame"].as_f64().unwrap() - field["frame"].as_f64().unwrap();
+    let mean = valid.iter().map(|point| point["u_px"].as_f64().unwrap()).sum::<f64>() / valid.len() as f64;
+    assert!((mean - frames * 16.0 / 8000.0).abs() < 0.05, "{mean} px in {frames} frames");
+    let mut other = Viewer::open(&address);
+    assert_eq!(other.call("/disarm")["accepted"], true);
+    server.wait_for("DISARMED");
+    let is_entry = |payload: &[u8]| payload.windows(8).any(|bytes| bytes == b"disarmed");
+    let mut log = std::iter::repeat_with(|| viewer.message()).filter(|(id, _)| *id == 1);
+    assert!(log.by_ref().take(20).any(|(_, payload)| is_entry(&payload)), "the log has the event");
+    let armed = wait_until("the parameter follows", || {
+        let armed = other.parameters(&json!({ "op": "getParameters", "parameterNames": ["armed"], "id": "3" }));
+        (armed["armed"] == false).then_some(armed)
+    });
+    assert_eq!(armed.len(), 1, "{armed:?}");
+}
+
+#[test]
+fn the_layout_shows_topics_and_services_that_the_server_has() {
+    let layout: Value = serde_json::from_str(include_str!("../../../config/foxglove.json")).unwrap();
+    let rig = Rig::new();
+    let (_run, _server, address) = served(&rig, 2000, 200.0);
+    let viewer = Viewer::open(&address);
+    let mut named = Vec::new();
+    collect_names(&layout["configById"], &mut named);
+    for name in &named {
+        let topic = name.split('.').next().unwrap();
+        assert!(viewer.channels.contains_key(topic) || viewer.services.contains_key(topic), "{name}");
+    }
+    assert!(named.len() >= 8, "{named:?}");
+    // Each panel of the layout has its settings, and the other way round.
+    let mut panels = Vec::new();
+    collect_panels(&layout["layout"], &mut panels);
+    let mut configured: Vec<&str> = layout["configById"].as_object().unwrap().keys().map(String::as_str).collect();
+    panels.sort_unstable();
+    configured.sort_unstable();
+    assert_eq!(panels, configured);
+}
+
+/// Collects every text that names a topic or a service: it begins with a slash.
+fn collect_names<'a>(value: &'a Value, names: &mut Vec<&'a str>) {
+    match value {
+        Value::String(text) if text.starts_with('/') => names.push(text),
+        Value::Array(list) => list.iter().for_each(|entry| collect_names(entry, names)),
+        Value::Object(map) => {
+            names.extend(map.keys().map(String::as_str).filter(|key| key.starts_with('/')));
+            map.values().for_each(|entry| collect_names(entry, names));
+        }
+        _ => {}
+    }
+}
+
+/// Collects the panels of a layout, which is a panel or a split into two.
+fn collect_panels<'a>(layout: &'a Value, panels: &mut Vec<&'a str>) {
+    match layout {
+        Value::String(panel) => panels.push(panel),
+        split => ["first", "second"].iter().for_each(|half| collect_panels(&split[*half], panels)),
+    }
+}
+
+/// The resident memory of a process without what it shares with others, such as the rig's, bytes.
 fn memory(pid: u32) -> u64 {
     let text = std::fs::read_to_string(format!("/proc/{pid}/statm")).unwrap();
-    text.split(' ').nth(1).unwrap().parse::<u64>().unwrap() * 4096
+    let pages: Vec<u64> = text.split(' ').skip(1).take(2).map(|number| number.parse().unwrap()).collect();
+    (pages[0] - pages[1]) * 4096
 }
 
 #[test]

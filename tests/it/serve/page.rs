@@ -1,7 +1,7 @@
 //! The page in a real browser, next to a rig that plays a recorded drop.
 
 use super::chromium::Chromium;
-use super::{SERVED, Server, run_alone};
+use super::{SERVED, Server, drifting, run_alone};
 use crate::support::{Rig, wait_until};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -93,6 +93,12 @@ fn an_operator_takes_a_shot_reads_its_numbers_and_rejects_it() {
     wait_until("the shot is in the strip", || {
         (!browser.text("tr[data-name] .outlier, tr[data-name] td:nth-child(3)").is_empty()).then_some(())
     });
+    wait_until("the shot has its picture", || {
+        browser
+            .evaluate("document.querySelector('tr[data-name] img.thumb')?.naturalWidth > 20")
+            .as_bool()
+            .filter(|is| *is)
+    });
     picture(&mut browser, "page-saved.png");
     let status = server.json("/api/status");
     while impact["revision"] != status["last"]["revision"] {
@@ -122,6 +128,27 @@ fn an_operator_takes_a_shot_reads_its_numbers_and_rejects_it() {
         }
     }
     notices_the_end(browser, server);
+}
+
+#[test]
+fn the_live_picture_shows_displacements_and_sharpness() {
+    let Some(mut browser) = Chromium::start() else { return };
+    let rig = Rig::new();
+    let (config, run) = drifting(&rig, 12_000, 200.0, "[rotation]\nmethod = \"field\"");
+    let server = Server::start(&config);
+    server.wait_for("READY");
+    browser.resize(WALL_PX, "light");
+    browser.open(&server.url("/"));
+    wait_until("the live picture has displacements", || {
+        let is_drawn = "Number(document.getElementById('picture').dataset.vectors) >= 5";
+        browser.evaluate(is_drawn).as_bool().filter(|is| *is)
+    });
+    assert!(browser.text("#picture-note").contains("displacements x "), "{}", browser.text("#picture-note"));
+    let sharpness = browser.evaluate("document.getElementById('focus').value").as_f64().unwrap();
+    assert!(sharpness > 0.5 && sharpness <= 1.0, "{sharpness}");
+    picture(&mut browser, "page-live.png");
+    run.signal(15);
+    run.end();
 }
 
 fn second_page_does_not_hold_control(server: &Server) {

@@ -135,7 +135,7 @@ fn ten_clients_of_which_one_is_stalled_cost_the_rig_no_frame() {
 fn the_picture_shows_the_newest_frame_with_the_outline_measured_in_it() {
     let rig = Rig::new();
     let frames = 12_000;
-    let (config, run) = drifting(&rig, frames, 200.0, "");
+    let (config, run) = drifting(&rig, frames, 200.0, "[rotation]\nmethod = \"field\"");
     let server = Server::start(&config);
     server.wait_for("READY");
     let mut socket = Socket::open(&server.address, "/ws/picture", "").unwrap();
@@ -151,6 +151,16 @@ fn the_picture_shows_the_newest_frame_with_the_outline_measured_in_it() {
     let (frame, x_px) = (header["frame"].as_f64().unwrap(), body["x_px"].as_f64().unwrap());
     assert!((x_px - (60.0 + frame * 16.0 / frames as f64)).abs() < 0.5, "{header}");
     assert!((body["radius_px"].as_f64().unwrap() - 36.0).abs() < 0.5, "{header}");
+    let vectors = header["vectors"].as_array().unwrap();
+    assert!((5..=64).contains(&vectors.len()), "{header}");
+    for vector in vectors {
+        let [x, y, u, v] = [0, 1, 2, 3].map(|k| vector[k].as_f64().unwrap());
+        let center = [body["x_px"].as_f64().unwrap(), body["y_px"].as_f64().unwrap()];
+        assert!((x - center[0]).hypot(y - center[1]) < 40.0, "on the disc: {vector}");
+        // 16 px in all frames, over an interval of frames.
+        assert!((0.0..1.0).contains(&(u + 0.2)) && v.abs() < 0.2, "{vector}");
+    }
+    assert!(header["sharpness"].as_f64().unwrap() > 0.0, "{header}");
     assert_eq!((&header["mm_per_px"], &header["scale"]), (&0.5.into(), &1.into()));
     let (status, _) = server.get("/api/picture");
     assert_eq!(status, 200);

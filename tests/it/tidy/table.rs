@@ -189,6 +189,7 @@ pub const ROOMS: &[Room] = &[
             "serde_json",
             "thiserror",
             "tokio",
+            "toml",
         ],
     ),
     open("console", &["failure", "interrupt", "process"], &["clap", "csv", "indicatif", "serde_json", "thiserror"]),
