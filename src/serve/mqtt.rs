@@ -159,7 +159,9 @@ mod tests {
         let received = runtime.block_on(async {
             tokio::spawn(publish_rows(client, "topic".into(), feed.clone(), Arc::clone(&outlets)));
             tokio::task::yield_now().await;
-            (0..5000).for_each(|frame| feed.send(&[row(frame)]));
+            feed.send(&[row(0)]);
+            tokio::task::yield_now().await;
+            (1..5000).for_each(|frame| feed.send(&[row(frame)]));
             let mut received = Vec::new();
             for _ in 0..20_000 {
                 tokio::task::yield_now().await;
