@@ -15,6 +15,7 @@ pub use slot::Slot;
 
 use crate::failure::{ExitCode, Fatal};
 use crate::image::{FrameMeta, PixelFormat};
+use crate::results::FrameCoding;
 use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
@@ -31,6 +32,8 @@ pub struct StreamFormat {
     pub frame_rate_hz: f64,
     /// Exposure time, us; 0 if unknown.
     pub exposure_us: f64,
+    /// The coding of the film that the frames come from.
+    pub coding: FrameCoding,
 }
 
 impl StreamFormat {

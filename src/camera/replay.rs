@@ -120,6 +120,7 @@ impl ReplayCamera {
             format: first.format,
             frame_rate_hz,
             exposure_us: recording.exposure_us(),
+            coding: recording.coding(),
         };
         let frames = recording.frames()?;
         Ok(Self {

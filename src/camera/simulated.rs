@@ -4,6 +4,7 @@ use super::delivery_latency::DeliveryLatency;
 use super::{Camera, CameraError, CameraIdentity, Next, Pace, Slot, StreamFormat};
 use crate::config::Pulse;
 use crate::image::FrameMeta;
+use crate::results::FrameCoding;
 use crate::results::{Impact, VelocitySample};
 use crate::synth::{Scenario, ScenarioError, SimulatedFilm};
 use std::collections::VecDeque;
@@ -41,6 +42,7 @@ pub fn stream_format(world: &SimulatedFilm) -> StreamFormat {
         format: world.format(),
         frame_rate_hz: world.frame_rate_hz(),
         exposure_us: world.scenario().camera.exposure_us,
+        coding: FrameCoding::default(),
     }
 }
 

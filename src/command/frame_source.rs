@@ -10,6 +10,7 @@ use crate::image::{Frame, FrameMeta, Image};
 use crate::import::{self, Order};
 use crate::process::reference_picture;
 use crate::recording::{self, Recording, RecordingError};
+use crate::results::FrameCoding;
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::iter::Peekable;
@@ -137,6 +138,7 @@ impl Film {
                 format: meta.format,
                 frame_rate_hz,
                 exposure_us: recording.exposure_us(),
+                coding: recording.coding(),
             },
             count: parts.iter().map(|part| part.recording.frame_count()).sum(),
             metadata: recording.metadata().clone(),
@@ -175,6 +177,7 @@ impl Film {
             format: footage.format,
             frame_rate_hz: footage.frame_rate_hz,
             exposure_us: 0.0,
+            coding: FrameCoding::of_metadata(&footage.description),
         };
         let (count, metadata, config) = (footage.count, footage.description.clone(), Config::load(config)?);
         let mut frames = ReportedFrames { findings: footage.findings.clone(), frames: footage }.peekable();

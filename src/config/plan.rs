@@ -6,6 +6,7 @@ use super::{Body, BodyKind, Config, TriggerMode};
 use crate::ball::BallParams;
 use crate::dic::{CorrelationParams, STALE_DEG};
 use crate::motion::{Form, Intervals, MotionParams, RandomWalk, Rectifier, Renewal, Scale, Shutter, View};
+use crate::results::FrameCoding;
 use crate::rod::{MIN_WIDTH_PX, RodParams};
 use crate::trigger::{BodyWatch, Condition, MeasuredTrigger};
 
@@ -125,6 +126,7 @@ impl Config {
             walk: RandomWalk::new(&self.intervals_frames, renewal),
             spans: Intervals::new(&self.intervals_frames, renewal),
             exposure_ns: 1.0e3 * self.camera.exposure_us.unwrap_or(exposure_us),
+            coding: FrameCoding::default(),
             shutter: Shutter {
                 row_time_frames: 1.0e-6 * self.camera.row_time_us.unwrap_or(0.0) * frame_rate_hz,
                 ..Shutter::default()

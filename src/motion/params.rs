@@ -2,6 +2,7 @@
 
 use super::{Center, Form, Intervals, RandomWalk, Rectifier, Shutter};
 use crate::results::BodyStep;
+use crate::results::FrameCoding;
 
 /// Uncertainty of the principal point as a share of the image: lenses are slightly decentred, and a sensor's readout
 /// window need not be centred.
@@ -107,6 +108,8 @@ pub struct MotionParams {
     pub spans: Intervals,
     /// Exposure time, ns; a frame shows the moment half of it after its stamp. 0 when unknown.
     pub exposure_ns: f64,
+    /// The coding of the film.
+    pub coding: FrameCoding,
     /// The timing of a frame's rows.
     pub shutter: Shutter,
     /// Nominal frame period, ns. It is used for gaps alone; times come from the stamps.

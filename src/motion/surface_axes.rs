@@ -140,6 +140,7 @@ mod tests {
             walk: RandomWalk::default(),
             spans: Intervals::default(),
             exposure_ns: 0.0,
+            coding: crate::results::FrameCoding::default(),
             shutter: Shutter::default(),
             frame_period_ns: 100_000.0,
         }

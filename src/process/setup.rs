@@ -11,6 +11,7 @@ use crate::image::{PixelFormat, Tone};
 use crate::measure::{BodyParams, MeasureParams};
 use crate::motion::{MotionParams, View};
 use crate::recording::{Recording, RecordingError};
+use crate::results::FrameCoding;
 use crate::synth::{Scenario, SimulatedFilm};
 use crate::track::TrackerParams;
 use std::path::PathBuf;
@@ -249,7 +250,14 @@ pub(super) fn expected_format(config: &Config) -> Result<StreamFormat, CameraErr
     {
         let format = camera.pixel_format.unwrap_or_default();
         let exposure_us = camera.exposure_us.unwrap_or(0.0);
-        return Ok(StreamFormat { width_px, height_px, format, frame_rate_hz, exposure_us });
+        return Ok(StreamFormat {
+            width_px,
+            height_px,
+            format,
+            frame_rate_hz,
+            exposure_us,
+            coding: FrameCoding::default(),
+        });
     }
     if camera.source == Some(config::Source::Simulated) {
         // An open camera may render its whole film first.
@@ -291,6 +299,7 @@ pub fn analysis_params(config: &Config, format: &StreamFormat) -> (MeasureParams
         let params = config.motion(body, format.frame_rate_hz, format.exposure_us);
         MotionParams {
             view: View::new([format.width_px, format.height_px], params.rectifier.as_ref()),
+            coding: format.coding,
             shutter: params.shutter.over([format.width_px, format.height_px]),
             ..params
         }

@@ -284,9 +284,10 @@ pub fn recording_info(config: &Config, format: &StreamFormat, camera: &CameraIde
         ("host", host.trim().to_owned()),
         ("trigger", trigger.to_owned()),
     ];
+    let entries = metadata.into_iter().map(|(key, value)| (key.to_owned(), value));
     RecordingInfo {
         config_toml: config.text.clone(),
-        metadata: metadata.into_iter().map(|(key, value)| (key.to_owned(), value)).collect::<BTreeMap<_, _>>(),
+        metadata: entries.chain(format.coding.metadata()).collect::<BTreeMap<_, _>>(),
         bodies: config.bodies.iter().map(|body| body.name.clone()).collect(),
         attachments: Vec::new(),
         views: Vec::new(),

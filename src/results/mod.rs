@@ -5,6 +5,7 @@
 
 mod alarm;
 mod body_kind;
+mod coding;
 mod columns;
 mod estimate;
 mod field;
@@ -21,6 +22,7 @@ mod velocity;
 
 pub use alarm::{Alarm, AlarmKind};
 pub use body_kind::BodyKind;
+pub use coding::FrameCoding;
 pub(crate) use columns::Part;
 pub use columns::{Cell, Column, Heading, Kind, Sample};
 pub use estimate::Estimate;

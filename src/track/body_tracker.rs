@@ -457,7 +457,7 @@ impl BodyTracker {
             status: step.status,
         };
         let known = KnownMotion { nodes: &self.nodes, to_frame: self.newest_frame, gravity: self.gravity() };
-        let scatter = Scatter::near(known, step.frame, regime);
+        let scatter = Scatter::near(known, step.frame, regime, self.params.coding);
         let rates = here.and_then(|(n, here)| {
             let rates = scatter.apply_to_rates(smooth(known, n.frame, regime, &self.params)?, &n);
             Some(self.rolling.widen_rates(self.correct_out_of_plane(rates, regime, &n, &here)))

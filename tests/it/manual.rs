@@ -97,7 +97,11 @@ impl Session {
         }
         let recording = root().join("recordings/lacrosse.mcap");
         std::fs::copy(&recording, session.path("recordings/lacrosse.mcap")).unwrap();
-        std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_ricochet"), session.path("bin/ricochet")).unwrap();
+        // The scripts of the examples start the program that was built beside them.
+        std::fs::create_dir_all(session.path("target/release")).unwrap();
+        for place in ["bin/ricochet", "target/release/ricochet"] {
+            std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_ricochet"), session.path(place)).unwrap();
+        }
         for example in ["lucas_kanade.py", "hough_circle.py", "gallery.sh"] {
             std::fs::copy(root().join("examples").join(example), session.path("examples").join(example)).unwrap();
         }

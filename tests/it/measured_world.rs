@@ -1,9 +1,11 @@
 //! Measures simulated films with a rig file, without processes.
 
+use ricochet::camera::StreamFormat;
 use ricochet::config::Config;
 use ricochet::image::Frame;
 use ricochet::measure::{Measurer, Share};
 use ricochet::motion::Rectifier;
+use ricochet::results::FrameCoding;
 use ricochet::synth::SimulatedFilm;
 use ricochet::track::{Tracker, TrackerRows};
 
@@ -19,8 +21,18 @@ pub fn rows_of(world: &SimulatedFilm, rig: &str) -> TrackerRows {
 
 /// Measures other images with the format and times of a world's camera.
 pub fn rows_of_pictures(pictures: impl Iterator<Item = Vec<u8>>, world: &SimulatedFilm, rig: &str) -> TrackerRows {
+    rows_of_film(pictures, world, rig, FrameCoding::Independent)
+}
+
+/// Measures the frames of a film of this coding with the format and times of a world's camera.
+pub fn rows_of_film(
+    pictures: impl Iterator<Item = Vec<u8>>,
+    world: &SimulatedFilm,
+    rig: &str,
+    coding: FrameCoding,
+) -> TrackerRows {
     let config = Config::parse(rig, "film.toml").unwrap();
-    let format = ricochet::camera::simulated::stream_format(world);
+    let format = StreamFormat { coding, ..ricochet::camera::simulated::stream_format(world) };
     let (measure, track) = ricochet::process::analysis_params(&config, &format);
     let (width, height) = (world.width_px() as usize, world.height_px() as usize);
     let mut measurer = Measurer::new(&measure, Share::ALL, width, height).unwrap();

@@ -141,6 +141,37 @@ fn a_phone_film_becomes_a_number_and_a_page_in_three_commands() {
     println!("three commands and no question, {:.1} s", began.elapsed().as_secs_f64());
 }
 
+/// The least step that an encoder hides, px.
+const HIDDEN_PX: f64 = 0.1;
+
+#[test]
+fn steps_of_a_compressed_film_are_no_more_certain_than_its_encoder_leaves_them() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let rig = Rig::new();
+    film(&rig);
+    let [film, config, imported] = ["phone.mp4", "rig.toml", "imported.mcap"].map(|name| rig.path(name));
+    succeed(["setup", word(&film), "--fps", "240", "--diameter-mm", "63.25", "-o", word(&config)]);
+    succeed(["import", word(&film), "--fps", "240", "-o", word(&imported)]);
+    let measure = |film: &Path, name: &str, more: &[&str]| {
+        let results = rig.path(name);
+        succeed([&["analyze", word(film), "--config", word(&config), "-o", word(&results)], more].concat());
+        crate::support::csv(&results, "velocity")
+    };
+    let table = measure(&film, "of-film.mcap", &["--fps", "240"]);
+    assert_eq!(table, measure(&imported, "of-recording.mcap", &[]), "the recording keeps the codec");
+    let raw = measure(&rig.path("drawn.mcap"), "of-drawn.mcap", &[]);
+    let sigmas = |table: &str| -> Vec<f64> {
+        let mut reader = csv::Reader::from_reader(table.as_bytes());
+        let column = reader.headers().unwrap().iter().position(|name| name == "sigma_dx_px").unwrap();
+        reader.records().filter_map(|row| row.unwrap()[column].parse().ok()).collect()
+    };
+    let (film, raw) = (sigmas(&table), sigmas(&raw));
+    assert!(film.len() > 40 && film.iter().all(|sigma| *sigma >= HIDDEN_PX), "{film:?}");
+    assert!(raw.len() > 40 && raw.iter().any(|sigma| *sigma < 0.2 * HIDDEN_PX), "{raw:?}");
+}
+
 #[test]
 fn a_film_that_plays_slower_than_it_was_taken_is_warned_of_by_its_gravity() {
     if !has_ffmpeg() {

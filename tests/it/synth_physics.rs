@@ -321,6 +321,7 @@ impl Experiment {
             walk: RandomWalk::default(),
             spans: Intervals::default(),
             exposure_ns: 0.0,
+            coding: ricochet::results::FrameCoding::default(),
             shutter: Shutter::default(),
             frame_period_ns: 1e9 / self.frame_rate_hz,
         }

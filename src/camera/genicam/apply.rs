@@ -9,6 +9,7 @@ use crate::camera::feature_setting::{FloatRange, is_linear, set_in_dependency_or
 use crate::camera::{CameraError, StreamFormat};
 use crate::config::{self, FeatureValue};
 use crate::image::PixelFormat;
+use crate::results::FrameCoding;
 
 /// Maximum image side: no sensor has more, so a larger value is an error of the camera.
 const MAX_SIDE_PX: u32 = 65_535;
@@ -62,8 +63,8 @@ pub fn apply(device: &Device, settings: &config::Camera) -> Result<StreamFormat,
         Some(exposure_us) => exposure_us,
         None => fixed_exposure_us(device),
     };
-    let stream =
-        StreamFormat { width_px: size("Width")?, height_px: size("Height")?, format, frame_rate_hz, exposure_us };
+    let (width_px, height_px, coding) = (size("Width")?, size("Height")?, FrameCoding::default());
+    let stream = StreamFormat { width_px, height_px, format, frame_rate_hz, exposure_us, coding };
     check_size(settings, &stream)?;
     if let Some(gamma) = device.gamma().filter(|_| is_linear(settings)) {
         log::warn!(

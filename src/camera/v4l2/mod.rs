@@ -106,6 +106,7 @@ impl V4l2Camera {
             format: buffer.layout.format,
             frame_rate_hz,
             exposure_us,
+            coding: crate::results::FrameCoding::default(),
         };
         Ok(Self {
             identity: device.identity(),

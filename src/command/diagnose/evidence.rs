@@ -103,6 +103,7 @@ impl<'s> Examiner<'s> {
             format: crate::image::PixelFormat::default(),
             frame_rate_hz: surveyed.frame_rate_hz.max(1.0),
             exposure_us: 0.0,
+            coding: crate::results::FrameCoding::default(),
         };
         let (params, _) = analysis_params(config, &format);
         let widest = MAX_RADIUS_SHARE * width.min(height) as f64;

@@ -5,6 +5,7 @@ use super::{RecordedFile, Recording, compressed, ros2};
 use crate::image::{FrameMeta, PixelFormat};
 use crate::recording::schema::proto;
 use crate::recording::{RecordingError, Topic};
+use crate::results::FrameCoding;
 use bytes::Bytes;
 use foxglove::messages::RawImage;
 use prost::Message as _;
@@ -142,6 +143,11 @@ impl Recording {
     pub fn exposure_us(&self) -> f64 {
         let recorded = self.metadata().get("exposure_us").and_then(|text| text.parse().ok());
         recorded.filter(|exposure_us: &f64| exposure_us.is_finite() && *exposure_us >= 0.0).unwrap_or(0.0)
+    }
+
+    /// Returns the coding of the film that the frames come from.
+    pub fn coding(&self) -> FrameCoding {
+        FrameCoding::of_metadata(self.metadata())
     }
 }
 

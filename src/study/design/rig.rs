@@ -6,6 +6,7 @@ use crate::console::UsageError;
 use crate::failure::Failure;
 use crate::image::PixelFormat;
 use crate::process;
+use crate::results::FrameCoding;
 use crate::synth::{MotionSetup, PartSetup, Scenario, SimulatedFilm};
 
 /// Maximum motion during the exposure, as a fraction of the radius.
@@ -90,6 +91,7 @@ impl Rig {
             format,
             frame_rate_hz: camera.frame_rate_hz,
             exposure_us: camera.exposure_us,
+            coding: FrameCoding::default(),
         }
     }
 

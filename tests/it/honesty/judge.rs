@@ -2,9 +2,10 @@
 
 use super::draw::Scene;
 use super::film;
-use crate::measured_world::rows_of_pictures;
+use crate::measured_world::rows_of_film;
 use ricochet::config::BodyKind;
 use ricochet::image::Image;
+use ricochet::results::FrameCoding;
 use ricochet::results::{PointStatus, TrackSample, VelocitySample};
 use ricochet::synth::{Layout, SimulatedFilm};
 use std::collections::BTreeMap;
@@ -88,7 +89,9 @@ struct Number {
 pub fn judged(scene: &Scene) -> Option<Verdict> {
     let world = SimulatedFilm::new(&scene.scenario).unwrap();
     let frames = film::frames(scene, &world)?;
-    let rows = rows_of_pictures(frames.into_iter(), &world, &scene.rig);
+    // As the import of a film states it.
+    let coding = if scene.crf.is_some() { FrameCoding::Predicted } else { FrameCoding::Independent };
+    let rows = rows_of_film(frames.into_iter(), &world, &scene.rig, coding);
     let mut verdict = Verdict {
         seed: scene.seed,
         tags: scene.tags.clone(),
