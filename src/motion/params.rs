@@ -1,8 +1,7 @@
 //! Parameters of the motion of a body.
 
 use super::{Center, Form, Intervals, RandomWalk, Rectifier, Shutter};
-use crate::results::BodyStep;
-use crate::results::FrameCoding;
+use crate::results::{BodyStep, FrameCoding};
 
 /// Uncertainty of the principal point as a share of the image: lenses are slightly decentred, and a sensor's readout
 /// window need not be centred.

@@ -7,8 +7,7 @@
 use super::velocity_fit::{Regime, fit_window, nodes_between};
 use super::{KnownMotion, PixelRates, Pose};
 use crate::numeric::nth_smallest;
-use crate::results::FrameCoding;
-use crate::results::{Estimate, RigidStep};
+use crate::results::{Estimate, FrameCoding, RigidStep};
 
 /// The number of frames that the size of the scatter is measured over.
 const WINDOW_FRAMES: u64 = 17;

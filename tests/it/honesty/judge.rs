@@ -5,8 +5,7 @@ use super::film;
 use crate::measured_world::rows_of_film;
 use ricochet::config::BodyKind;
 use ricochet::image::Image;
-use ricochet::results::FrameCoding;
-use ricochet::results::{PointStatus, TrackSample, VelocitySample};
+use ricochet::results::{FrameCoding, PointStatus, TrackSample, VelocitySample};
 use ricochet::synth::{Layout, SimulatedFilm};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -89,7 +88,7 @@ struct Number {
 pub fn judged(scene: &Scene) -> Option<Verdict> {
     let world = SimulatedFilm::new(&scene.scenario).unwrap();
     let frames = film::frames(scene, &world)?;
-    // As the import of a film states it.
+    // The import of a film states its codec, which these frames do not carry.
     let coding = if scene.crf.is_some() { FrameCoding::Predicted } else { FrameCoding::Independent };
     let rows = rows_of_film(frames.into_iter(), &world, &scene.rig, coding);
     let mut verdict = Verdict {

@@ -77,7 +77,7 @@ impl Subscriber {
         let id = format!("subscriber-{}", SUBSCRIBERS.fetch_add(1, Ordering::Relaxed));
         let mut options = MqttOptions::new(id, "127.0.0.1", broker.port);
         options.set_keep_alive(Duration::from_secs(5)).set_max_packet_size(1 << 20, 1 << 20);
-        // What the broker gets while this subscriber is not yet back must not count as a loss of the server.
+        // Rows that the broker gets before this subscriber is back must not count as a loss of the server.
         options.set_clean_session(false);
         let (client, mut connection) = Client::new(options, 10);
         let is_over = Arc::new(AtomicBool::new(false));
