@@ -3,8 +3,8 @@
 use std::collections::VecDeque;
 
 use super::contact_onset::{fit_onset, time_reversed};
-use super::departure::{Departure, plausible_curves, residual, test_departure};
-use super::trajectory::{NORMAL, SurfaceNode, nodes_between, samples};
+use super::departure::{Departure, drift, plausible_curves, residual, test_departure};
+use super::trajectory::{NORMAL, SurfaceNode, nodes_between, samples, turning_sigma};
 use crate::motion::{AUTO_AHEAD_FRAMES, Regime};
 use crate::numeric::Polynomial;
 use crate::results::{Estimate, Phase};
@@ -183,9 +183,15 @@ impl Detector {
             None => self.nodes.len() - 1,
         };
         let end = end.saturating_sub(GUARD_NODES).max(first);
+        let compared = &self.nodes[first.max(end.saturating_sub(FLIGHT_NODES))..];
+        let turning_sigma = turning_sigma(compared);
         let flight = samples(&self.nodes[first.max(end.saturating_sub(FLIGHT_NODES))..end], NORMAL);
         let since = samples(&self.nodes[end..], NORMAL);
-        let tested = if flight.len() < FLIGHT_MIN_NODES { None } else { test_departure(&flight, &since, gravity) };
+        let tested = if flight.len() < FLIGHT_MIN_NODES {
+            None
+        } else {
+            test_departure(&flight, &since, gravity, turning_sigma)
+        };
         let time = self.nodes[self.nodes.len() - 1].time_frames;
         let Some(Departure { sigmas, rate }) = tested else { return Event::None };
         if sigmas.abs() <= OFF_SIGMAS {
@@ -310,12 +316,15 @@ impl Detector {
         let count = count + 1;
         self.quiet = (count < END_AGAIN_FRAMES[3] && self.off.is_none()).then_some((from, count));
         let Some(contact) = self.contact.filter(|_| END_AGAIN_FRAMES.contains(&count)) else { return };
-        let after = samples(nodes_between(&self.nodes, from + QUIET_EARLY_FRAMES, f64::INFINITY), NORMAL);
+        let flight = nodes_between(&self.nodes, from + QUIET_EARLY_FRAMES, f64::INFINITY);
+        let (after, turning_sigma) = (samples(flight, NORMAL), turning_sigma(flight));
         let all = time_reversed(&samples(nodes_between(&self.nodes, contact.start_frames, f64::INFINITY), NORMAL));
         let curve = plausible_curves(&time_reversed(&after), gravity).into_iter().next();
         let Some(curve) = curve.filter(|_| after.len() >= FLIGHT_MIN_NODES) else { return };
-        let is_off =
-            |s: &&crate::numeric::Sample| residual(&curve, &[], s).is_some_and(|r| r.value > OFF_SIGMAS * r.sigma);
+        let is_off = |s: &&crate::numeric::Sample| {
+            let drift = drift(turning_sigma, (from + QUIET_EARLY_FRAMES + s.time_frames).max(0.0));
+            residual(&curve, &[], s).is_some_and(|r| r.value > OFF_SIGMAS * r.sigma.hypot(drift))
+        };
         let Some(departed) = all.iter().find(is_off).map(|s| s.time_frames) else { return };
         let near = &all[..all.partition_point(|s| s.time_frames <= departed + 2.0)];
         if let Some(o) = fit_onset(&curve, near, departed) {
@@ -445,6 +454,7 @@ mod tests {
                 value,
                 sigma: [sigma; 3],
                 walk_share: [0.0; 3],
+                turning_sigma: 0.0,
             };
             match detector.add_node(node, Some(0.0)) {
                 Event::None => (),

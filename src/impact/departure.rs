@@ -54,18 +54,31 @@ pub fn residual(curve: &Polynomial, since: &[Sample], sample: &Sample) -> Option
     Some(Estimate { value: sample.value - first.value - advance.value, sigma: excess * advance.sigma.hypot(noise) })
 }
 
+/// Returns the standard uncertainty of a distance, px, if the velocities on both sides of some frames have independent
+/// errors of `turning_sigma`, px/frame.
+pub fn drift(turning_sigma: f64, frames: f64) -> f64 {
+    std::f64::consts::SQRT_2 * turning_sigma * frames.abs()
+}
+
 /// Compares the last of `since` with the `flight` before it; `None` where they have no component in common.
 ///
-/// `gravity` is along the normal, px/frame^2. If the plausible curves lie on both sides of the sample, its distance
-/// is 0.
-pub fn test_departure(flight: &[Sample], since: &[Sample], gravity: Option<f64>) -> Option<Departure> {
+/// `gravity` is along the normal, px/frame^2. `turning_sigma` is the uncertainty of the velocity from the centre of a
+/// body that turns, px/frame, which may differ between the flight and the sample. If the plausible curves lie on both
+/// sides of the sample, its distance is 0.
+pub fn test_departure(
+    flight: &[Sample],
+    since: &[Sample],
+    gravity: Option<f64>,
+    turning_sigma: f64,
+) -> Option<Departure> {
     let (end, sample) = (flight.last()?, since.last()?);
+    let drift = drift(turning_sigma, sample.time_frames - end.time_frames);
     let mut nearest: Option<Departure> = None;
     for curve in plausible_curves(flight, gravity) {
         let distance = residual(&curve, since, sample)?;
         let rate = curve.rate(end.time_frames);
         let rate = Estimate { value: rate.value, sigma: rate.sigma * curve.excess() };
-        let (sigmas, certainty) = (distance.value / distance.sigma, rate.value / rate.sigma);
+        let (sigmas, certainty) = (distance.value / distance.sigma.hypot(drift), rate.value / rate.sigma);
         nearest = Some(match nearest {
             None => Departure { sigmas, rate },
             Some(o) => Departure {

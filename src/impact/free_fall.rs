@@ -1,13 +1,15 @@
 //! The acceleration in free flight, which checks the scale.
 
-use super::trajectory::{NORMAL, SurfaceNode, TANGENTIAL, samples};
+use super::trajectory::{NORMAL, SurfaceNode, TANGENTIAL, samples, turning_sigma};
 use crate::numeric::Polynomial;
 use crate::results::Estimate;
 
 /// Estimates the acceleration along gravity in several flights, px/frame^2, as the weighted mean of their fits.
 ///
 /// `None` where gravity is switched off or no flight is long enough to curve. A relative error of the scale appears
-/// as the same relative error of gravity.
+/// as the same relative error of gravity. While the body turns, an error of its centre adds to the velocity. How that
+/// error changes during a flight is unknown: the acceleration is as uncertain as if it were random along the flight,
+/// whose root mean square distance from its middle is its length / sqrt(12).
 pub fn free_fall_acceleration(flights: &[&[SurfaceNode]], gravity_px: [f64; 2]) -> Option<Estimate> {
     let strength = gravity_px[NORMAL].hypot(gravity_px[TANGENTIAL]);
     if strength <= 0.0 {
@@ -34,5 +36,7 @@ fn acceleration_along(flight: &[SurfaceNode], direction: [f64; 2]) -> Option<Est
         value += part * acceleration.value;
         variance += (part * acceleration.sigma * fit.excess()).powi(2);
     }
-    (variance > 0.0).then(|| Estimate { value, sigma: variance.sqrt() })
+    let length_frames = flight.last()?.time_frames - flight.first()?.time_frames;
+    let drift = f64::sqrt(12.0) * turning_sigma(flight) / length_frames;
+    (variance > 0.0).then(|| Estimate { value, sigma: variance.sqrt().hypot(drift) })
 }

@@ -309,6 +309,7 @@ mod tests {
             value,
             sigma: [1e-3; 3],
             walk_share: [0.0; 3],
+            turning_sigma: 0.0,
         };
         let nodes: Vec<_> = (0..60)
             .map(|k| {
@@ -347,6 +348,7 @@ mod tests {
             value: pattern.map(|rate| rate * frame as f64),
             sigma: [1e-3; 3],
             walk_share: [0.0; 3],
+            turning_sigma: 0.0,
         };
         let corrected = approach.at_constant_distance(&[node(5), node(30), node(55)]);
         for (from, to) in [(0, 1), (1, 2)] {

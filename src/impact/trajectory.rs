@@ -2,6 +2,7 @@
 
 use crate::motion::{Axes, Pose};
 use crate::numeric::Sample;
+use crate::results::{BodyStep, RigidStep};
 
 /// One pose along the surface's normal and tangent.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,6 +21,9 @@ pub struct SurfaceNode {
     pub sigma: [f64; 3],
     /// The random-walk part of the step to this node, as a share of `sigma`.
     pub walk_share: [f64; 3],
+    /// The standard uncertainty that an error of the centre adds to the velocity while the body turns, px/frame. It is
+    /// about the same in neighbouring frames, and may change from one block to the next.
+    pub turning_sigma: f64,
 }
 
 /// Index of the normal coordinate.
@@ -30,8 +34,8 @@ pub const TANGENTIAL: usize = 1;
 pub const ANGLE: usize = 2;
 
 impl SurfaceNode {
-    /// Rotates a pose into the surface's axes.
-    pub fn new(node: &Pose, axes: Axes) -> Self {
+    /// Rotates a pose into the surface's axes. `step` is that of its frame.
+    pub fn new(node: &Pose, axes: Axes, step: &BodyStep) -> Self {
         let position = axes.surface(node.pose[0], node.pose[1]);
         let sigma = axes.surface_sigma(node.sigma[0], node.sigma[1]);
         Self {
@@ -42,6 +46,7 @@ impl SurfaceNode {
             value: [position.normal, position.tangential, node.pose[2].to_radians()],
             sigma: [sigma.normal, sigma.tangential, node.sigma[2].to_radians()],
             walk_share: node.walk_share,
+            turning_sigma: turning_sigma_of(step),
         }
     }
 
@@ -55,6 +60,20 @@ impl SurfaceNode {
             walk: self.walk_share[coordinate] * self.sigma[coordinate],
         }
     }
+}
+
+/// Returns the uncertainty that an error of the centre of a ball adds to the velocity of a step, px/frame.
+///
+/// 0 for a patch, whose centre is a point of its pattern, and for a rod.
+fn turning_sigma_of(step: &BodyStep) -> f64 {
+    let turn_deg = step.motion.filter(RigidStep::has_rotation).map_or(0.0, |motion| motion.dtheta_deg);
+    let center = step.circle().filter(|_| step.angle_deg.is_none());
+    center.map_or(0.0, |center| center.sigma_center_px * turn_deg.to_radians().abs())
+}
+
+/// Returns the largest uncertainty of a velocity from the centre, px/frame; 0 without nodes.
+pub fn turning_sigma(nodes: &[SurfaceNode]) -> f64 {
+    nodes.iter().map(|node| node.turning_sigma).fold(0.0, f64::max)
 }
 
 /// Returns one coordinate of every node, px or rad.

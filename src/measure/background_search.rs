@@ -216,8 +216,8 @@ impl Measurer {
     /// Classifies the surface of a ball that was detected, and stores its outline if it is the newest of its block.
     fn note_detection(&mut self, body: usize, frame: &PendingFrame, circle: Circle) {
         let state = self.states.state_mut(BodyKey { body, block: frame.block });
-        if state.surface != Some(Surface::Textured) {
-            state.surface = Some(Surface::classify(&frame.prepared, &circle));
+        if Surface::is_open(state.surface) {
+            state.surface = Some(Surface::classify(&frame.prepared, &circle, &mut self.ring_rotation));
         }
         if state.outline.is_none_or(|(sequence, _)| sequence <= frame.meta.sequence) {
             state.outline = Some((frame.meta.sequence, Outline::Ball(circle)));

@@ -4,6 +4,7 @@ use super::bounding_box::BoundingBox;
 use super::outline::Outline;
 use super::pending_frame::BodyKey;
 use super::rigid_match::{MAX_PREDICTION_ERROR_PX, RigidMatcher};
+use super::rotation_support::Neighbour;
 use super::surface::Surface;
 use crate::dic::CorrelationParams;
 use crate::results::RigidStep;
@@ -22,6 +23,8 @@ pub(super) struct BlockState {
     pub(super) center_motion: Option<RigidStep>,
     /// The surface of a ball, classified again in each frame of the block until it shows marks.
     pub(super) surface: Option<Surface>,
+    /// The step before the next one to be published, as it was published.
+    pub(super) last_turn: Neighbour,
     /// The number of contradictions between its motion and its outlines since the last confirmed motion.
     pub(super) doubts: u32,
     /// Whether results contradicted each other, since another object may be taken for the body.
@@ -48,6 +51,7 @@ impl BlockStates {
                 motion: None,
                 center_motion: None,
                 surface: None,
+                last_turn: Neighbour::Absent,
                 doubts: 0,
                 is_ambiguous: false,
                 was_searched: false,
@@ -55,6 +59,12 @@ impl BlockStates {
             self.states.len() - 1
         });
         &mut self.states[index]
+    }
+
+    /// Returns the last published step of one body within one block.
+    pub(super) fn last_turn(&self, key: BodyKey) -> Neighbour {
+        let state = self.states.iter().find(|state| state.key == key);
+        state.map_or(Neighbour::Absent, |state| state.last_turn)
     }
 
     /// Returns the box that holds the bodies of a block in a frame, with the search range around them.

@@ -234,8 +234,8 @@ impl Measurer {
             let Ok(Outline::Ball(circle)) = outline else { continue };
             let state = self.states.state_mut(BodyKey { body, block });
             // A turning ball may show its marks only later.
-            if state.surface != Some(Surface::Textured) {
-                state.surface = Some(Surface::classify(&prepared, circle));
+            if Surface::is_open(state.surface) {
+                state.surface = Some(Surface::classify(&prepared, circle, &mut self.ring_rotation));
             }
             if state.surface == Some(Surface::Textured)
                 && (self.params.rotation == Rotation::Rigid || is_occluded(circle))
@@ -297,8 +297,16 @@ impl Measurer {
         let awaited = self.background.first_kept().unwrap_or(u64::MAX);
         let is_finished =
             |reference: &PendingFrame| reference.meta.sequence < awaited && reference.done.iter().all(Option::is_some);
-        while self.pending.front().is_some_and(is_finished) {
-            let Some(reference) = self.pending.pop_front() else { return };
+        while let Some(front) = self.pending.front().filter(|front| is_finished(front)) {
+            if self.pending.get(1).is_some_and(|next| self.awaits_support(front, next)) {
+                return;
+            }
+            let Some(mut reference) = self.pending.pop_front() else { return };
+            let (block, next) = (reference.block, self.pending.pop_front());
+            self.withdraw_unsupported(&mut reference, next.as_ref().filter(|next| next.block == block));
+            if let Some(next) = next {
+                self.pending.push_front(next);
+            }
             measured.extend(reference.done.into_iter().flatten());
             self.spare.push(reference.prepared);
         }
@@ -317,7 +325,7 @@ impl Measurer {
         let outline = reference.outlines[body];
         let mut step = reference.outline_step(body, self.params.intervals_frames[interval_index]);
         let Ok(outline) = outline else { return Some(Measured { step, field: None, is_matched: false }) };
-        let Some(target) = target.filter(|_| !self.is_plain(key)) else {
+        let Some(target) = target.filter(|_| self.outlines_only(key).is_none()) else {
             return Some(Measured { step, field: None, is_matched: false });
         };
         let Target { sequence: target_frame, prepared, is_narrow } = target;

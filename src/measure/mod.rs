@@ -22,6 +22,7 @@ mod pending_frame;
 mod reconcile;
 mod rigid_match;
 mod ring_rotation;
+mod rotation_support;
 mod surface;
 
 pub use error::MeasureError;

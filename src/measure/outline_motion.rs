@@ -24,9 +24,10 @@ pub(super) struct FoundOutline {
 }
 
 impl Measurer {
-    /// Whether a ball has no texture, so that only its outlines are measured.
-    pub(super) fn is_plain(&mut self, key: BodyKey) -> bool {
-        self.states.state_mut(key).surface == Some(Surface::Plain)
+    /// Returns the reason why only the outlines of a ball are measured: it has no texture, or one that repeats. `None` if
+    /// its texture is measured.
+    pub(super) fn outlines_only(&mut self, key: BodyKey) -> Option<PointStatus> {
+        self.states.state_mut(key).surface.and_then(Surface::rotation_status)
     }
 
     /// Measures the motion of balls and patches to the current frame by their outlines, where no texture was matched.
@@ -64,7 +65,7 @@ impl Measurer {
     pub(super) fn move_by_outlines(&mut self, reference: &mut PendingFrame, body: usize, found: FoundOutline) {
         let FoundOutline { outline: target, origin } = found;
         let key = BodyKey { body, block: reference.block };
-        let (is_plain, slot) = (self.is_plain(key), body * self.params.intervals_frames.len());
+        let (outlines_only, slot) = (self.outlines_only(key), body * self.params.intervals_frames.len());
         let frames = f64::from(self.params.intervals_frames[0]);
         if let (Some(measured), Ok(Outline::Patch(from)), Ok(Outline::Patch(to))) =
             (&mut reference.done[slot], reference.outlines[body], target)
@@ -85,10 +86,8 @@ impl Measurer {
             && has_same_radius(&from, &to)
         {
             let motion = step_between(&from, &to, frames);
-            let rotation_status = match (&measured.field, is_plain) {
-                (Some(field), false) => consistency::failure_status(field),
-                _ => PointStatus::LowContrast,
-            };
+            let failure = || measured.field.as_ref().map_or(PointStatus::LowContrast, consistency::failure_status);
+            let rotation_status = outlines_only.unwrap_or_else(failure);
             measured.step = BodyStep {
                 motion: Some(motion),
                 method: MotionMethod::Outlines,

@@ -3,7 +3,7 @@
 use super::consistency;
 use super::outline::RIM_CLEARANCE;
 use super::pending_frame::FramePair;
-use crate::dic::{CenteredFrame, Point, PolarCorrelator, Radii};
+use crate::dic::{CenteredFrame, Point, PolarCorrelator, PreparedFrame, Radii};
 use crate::motion::RingLimits;
 use crate::results::{Circle, RigidStep};
 
@@ -11,6 +11,11 @@ use crate::results::{Circle, RigidStep};
 ///
 /// Pixels closer to the centre hardly constrain the angle.
 const INNER_FRACTION: f64 = 0.35;
+
+/// The period below which a pattern counts as repeating, deg.
+///
+/// Rotations up to 20 deg from the predicted one are searched, so two places of a pattern of this period are within reach.
+const MAX_PERIOD_DEG: f64 = 40.0;
 
 /// The ring correlator for balls.
 #[derive(Default)]
@@ -44,6 +49,12 @@ impl RingCorrelator {
         if consistency::agrees_with_subsets(&turned, step, None) {
             *step = turned;
         }
+    }
+
+    /// Whether the marks of a ball look the same after a rotation that a match may mistake for another.
+    pub(super) fn repeats(&mut self, frame: &PreparedFrame, circle: &Circle) -> bool {
+        let body = CenteredFrame { frame, center: Point::new(circle.x_px, circle.y_px) };
+        self.ring.repeats(body, ring_radii(circle, RingLimits::default()), MAX_PERIOD_DEG)
     }
 
     /// Returns the motion per frame between two detected positions of a ball, with any rotation.

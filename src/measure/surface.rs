@@ -1,24 +1,44 @@
 //! The surface of a ball: marks that turn with it, or light only.
 
+use super::ring_rotation::RingCorrelator;
 use crate::dic::{BallDisc, PreparedFrame, has_texture};
-use crate::results::Circle;
+use crate::results::{Circle, PointStatus};
 
 /// The surface of a ball.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Surface {
     /// Marks turn with the ball.
     Textured,
+    /// Marks turn with the ball, but look the same again after a rotation that may pass between two frames.
+    Repeating,
     /// Nothing but light: shading, highlights, reflections.
     Plain,
 }
 
 impl Surface {
     /// Classifies the surface of a ball in a prepared frame.
-    pub(super) fn classify(prepared: &PreparedFrame, circle: &Circle) -> Self {
+    pub(super) fn classify(prepared: &PreparedFrame, circle: &Circle, ring: &mut RingCorrelator) -> Self {
         let Circle { x_px, y_px, radius_px, .. } = *circle;
-        match has_texture(prepared, BallDisc { x_px, y_px, radius_px }) {
-            true => Self::Textured,
-            false => Self::Plain,
+        if !has_texture(prepared, BallDisc { x_px, y_px, radius_px }) {
+            Self::Plain
+        } else if ring.repeats(prepared, circle) {
+            Self::Repeating
+        } else {
+            Self::Textured
+        }
+    }
+
+    /// Whether a surface is not known yet. Marks may come into view later in its block.
+    pub(super) fn is_open(surface: Option<Self>) -> bool {
+        matches!(surface, None | Some(Self::Plain))
+    }
+
+    /// Returns the reason why the rotation of a ball is not measured; `None` if its marks show it.
+    pub(super) fn rotation_status(self) -> Option<PointStatus> {
+        match self {
+            Self::Textured => None,
+            Self::Repeating => Some(PointStatus::Ambiguous),
+            Self::Plain => Some(PointStatus::LowContrast),
         }
     }
 }

@@ -8,38 +8,16 @@ const CODEC: &str = "codec";
 const KEY: &str = "coding";
 const PREDICTED: &str = "predicted";
 
-/// The codecs, by their names in ffmpeg, that predict frames from others and drop small differences.
-const PREDICTING: [&str; 29] = [
-    "av1",
-    "flv1",
-    "h261",
-    "h263",
-    "h263i",
-    "h263p",
-    "h264",
-    "hevc",
-    "mpeg1video",
-    "mpeg2video",
-    "mpeg4",
-    "msmpeg4v1",
-    "msmpeg4v2",
-    "msmpeg4v3",
-    "rv10",
-    "rv20",
-    "rv30",
-    "rv40",
-    "svq1",
-    "svq3",
-    "theora",
-    "vc1",
-    "vp6",
-    "vp8",
-    "vp9",
-    "vvc",
-    "wmv1",
-    "wmv2",
-    "wmv3",
-];
+/// The codecs, by their names in ffmpeg, that store each frame by itself, or its exact difference from another.
+///
+/// Any other is taken to predict frames and to drop small differences, as most codecs of films do: a step that is called
+/// too uncertain misleads nobody.
+const INDEPENDENT: &str = "\
+    012v aic amv apng asv1 asv2 avrp avui ayuv bitpacked bmp cfhd cljr cllc dnxhd dpx dvvideo dxv exr ffv1 ffvhuff \
+    fits flic fraps gif hap hq_hqa hqx huffyuv hymt jpeg2000 jpegls jpegxl lagarith ljpeg loco magicyuv mjpeg \
+    mjpegb msrle mszh notchlc pam pbm pgm pgmyuv pixlet png ppm prores prores_raw qoi qtrle r10k r210 rawvideo sgi \
+    sheervideo speedhq sunrast targa tiff utvideo v210 v210x v308 v408 v410 vble webp wrapped_avframe y41p ylc \
+    yuv4 zlib zmbv";
 
 /// The form in which frames were stored before they came here.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -68,9 +46,9 @@ impl FrameCoding {
         (self == Self::Predicted).then(|| (KEY.to_owned(), PREDICTED.to_owned()))
     }
 
-    /// Returns the coding of a codec by its name in ffmpeg. Unknown ones store each frame by itself.
+    /// Returns the coding of a codec by its name in ffmpeg.
     pub fn of_codec(name: &str) -> Self {
-        if PREDICTING.contains(&name) { Self::Predicted } else { Self::Independent }
+        if INDEPENDENT.split(' ').any(|codec| codec == name) { Self::Independent } else { Self::Predicted }
     }
 }
 
@@ -80,15 +58,11 @@ mod tests {
 
     #[test]
     fn codecs_of_phones_predict_frames_and_those_of_cameras_do_not() {
-        assert!(
-            ["h264", "hevc", "vp9", "av1", "mpeg4"]
-                .iter()
-                .all(|name| FrameCoding::of_codec(name) == FrameCoding::Predicted)
-        );
-        assert!(
-            ["mjpeg", "ffv1", "rawvideo", "prores", ""]
-                .iter()
-                .all(|name| FrameCoding::of_codec(name) == FrameCoding::Independent)
-        );
+        for name in ["h264", "hevc", "vp9", "av1", "mpeg4", "cinepak", "unknown", ""] {
+            assert_eq!(FrameCoding::of_codec(name), FrameCoding::Predicted, "{name}");
+        }
+        for name in ["mjpeg", "ffv1", "rawvideo", "prores", "012v", "zmbv", "hap", "jpeg2000"] {
+            assert_eq!(FrameCoding::of_codec(name), FrameCoding::Independent, "{name}");
+        }
     }
 }

@@ -140,7 +140,7 @@ impl BodyTracker {
             self.rod_px = Some([rod.x_px.value - node.pose[0], rod.y_px.value - node.pose[1]]);
         }
         let gravity = self.gravity().map(|g| self.axes.surface(g[0], g[1]).normal);
-        let node_on_surface = SurfaceNode::new(&node, self.axes);
+        let node_on_surface = SurfaceNode::new(&node, self.axes, step);
         let event = self.detector.as_mut().map_or(Event::None, |detector| {
             let may_be_in_contact = detector.may_be_in_contact();
             if let Some(circle) = outline.filter(|_| !may_be_in_contact) {

@@ -262,7 +262,9 @@ fn the_guide_can_be_followed() {
 
 #[test]
 fn the_page_of_the_cameras_can_be_followed() {
-    follow("docs/cameras.md");
+    if crate::fake_gige::aravis_or_leave_out().is_some() {
+        follow("docs/cameras.md");
+    }
 }
 
 #[test]

@@ -166,8 +166,13 @@ impl Listener {
 
 /// Sends a signal to a process of a rig.
 pub fn kill(pid: u32, signal: i32) {
-    let sent = Command::new("kill").args([format!("-{signal}"), pid.to_string()]).status().unwrap();
-    assert!(sent.success(), "kill -{signal} {pid}");
+    send_signal(pid, signal).unwrap_or_else(|error| panic!("signal {signal} to {pid}: {error}"));
+}
+
+/// Sends a signal to a process, which may have ended.
+pub fn send_signal(pid: u32, signal: i32) -> rustix::io::Result<()> {
+    let pid = rustix::process::Pid::from_raw(pid.try_into().unwrap()).unwrap();
+    rustix::process::kill_process(pid, rustix::process::Signal::from_named_raw(signal).unwrap())
 }
 
 /// `ricochet status --json`, once the rig answers.

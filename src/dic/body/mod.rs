@@ -7,6 +7,7 @@ mod motion;
 mod occlusion;
 mod occlusion_map;
 mod polar;
+mod registration;
 mod rigid_body;
 mod rotation_search;
 mod texture;

@@ -3,7 +3,8 @@
 use super::light_field::{LightCorrection, LightField};
 use super::motion::{BodyMotion, motion, status_of};
 use super::occlusion_map::OcclusionMap;
-use super::visibility::{VisibilityMap, flatten_registration_errors, is_noise};
+use super::registration::RegistrationSample;
+use super::visibility::{VisibilityMap, is_noise};
 use crate::dic::geometry::{Point, SubsetMask, Warp};
 use crate::dic::refine::{Match, Refiner};
 use crate::dic::subset::ReferenceSubset;
@@ -41,6 +42,7 @@ const MIN_NOISE_DN: f32 = 0.45;
 #[derive(Debug, Clone, Default)]
 pub(in crate::dic) struct OcclusionSearch {
     visibility: VisibilityMap,
+    registration: RegistrationSample,
     /// The last samples of the target, minus the mean of the reference, and the last residual of the visible pixels.
     samples: Vec<Lanes>,
     residual: Vec<Lanes>,
@@ -84,7 +86,7 @@ impl OcclusionSearch {
             return true;
         }
         // The noise may only be uneven.
-        flatten_registration_errors(gradients(body), residual, &window.mask, MIN_NOISE_DN, &mut self.even);
+        self.registration.flatten(gradients(body), residual, &window.mask, MIN_NOISE_DN, &mut self.even);
         self.visibility.is_unoccluded(window, &self.even, MIN_NOISE_DN)
     }
 
@@ -139,6 +141,9 @@ impl OcclusionSearch {
             }
         }
         let found = self.refiner(body).refine(warp).map_err(status_of)?;
+        if !body.is_inside(&found.warp) {
+            return Err(PointStatus::OutOfFrame);
+        }
         let noise = self.update_visible(body, &found.warp, Mask::Residual);
         self.check_match(body, found, noise)
     }
@@ -161,14 +166,28 @@ impl OcclusionSearch {
 
     /// Computes the motion of the point at `offset`, px from the centre, its uncertainty and the visible fraction from
     /// the last match by [`Self::find`].
-    pub(in crate::dic) fn body_motion(&mut self, body: &Refiner<'_>, found: &Match, offset: Point) -> BodyMotion {
+    ///
+    /// # Errors
+    ///
+    /// [`PointStatus::LowContrast`] if the visible pixels have no contrast in the target, or that match has moved a part
+    /// of the body out of the frame.
+    pub(in crate::dic) fn body_motion(
+        &mut self,
+        body: &Refiner<'_>,
+        found: &Match,
+        offset: Point,
+    ) -> Result<BodyMotion, PointStatus> {
         let (mut pool, mut residual) = (std::mem::take(&mut self.pool), std::mem::take(&mut self.residual));
         pool.clear();
         pool.add_texture(&self.subset, &self.window);
         let refiner = self.refiner(body);
         // The residual before the last step, which hardly changes it.
         refiner.residual_from(body, &self.samples, &mut residual);
-        flatten_registration_errors(gradients(body), &residual, &self.kept, MIN_NOISE_DN, &mut self.even);
+        if residual.is_empty() {
+            (self.pool, self.residual) = (pool, residual);
+            return Err(PointStatus::LowContrast);
+        }
+        self.registration.flatten(gradients(body), &residual, &self.kept, MIN_NOISE_DN, &mut self.even);
         let noise = self.visibility.noise(&self.even, &self.kept).max(MIN_NOISE_DN);
         let pixels = self.visibility.mark_visible(body.window, &self.even, noise, &self.kept, &mut self.visible);
         residual.iter_mut().zip(&self.window.mask).for_each(|(residual, mask)| *residual = *residual * *mask);
@@ -178,7 +197,7 @@ impl OcclusionSearch {
         let motion = motion(&self.refiner(body), found, offset, &mut pool, &residual, light);
         (self.pool, self.residual) = (pool, residual);
         let visible_fraction = pixels as f64 / body.window.pixels as f64;
-        BodyMotion { motion, zncc: found.zncc, visible_fraction, light_deg }
+        Ok(BodyMotion { motion, zncc: found.zncc, visible_fraction, light_deg })
     }
 
     /// Clears the occlusion found in the last frame, so that [`Self::occlusion_map`] returns `None`.
@@ -231,7 +250,7 @@ impl OcclusionSearch {
     /// Updates the visible pixels from a residual, and returns the noise of the residual on the previously visible
     /// pixels, DN, at least [`MIN_NOISE_DN`].
     fn update_mask(&mut self, body: &Refiner<'_>, residual: &[Lanes], criterion: Mask) -> f32 {
-        flatten_registration_errors(gradients(body), residual, &self.kept, MIN_NOISE_DN, &mut self.even);
+        self.registration.flatten(gradients(body), residual, &self.kept, MIN_NOISE_DN, &mut self.even);
         let noise = self.visibility.noise(&self.even, &self.kept).max(MIN_NOISE_DN);
         match criterion {
             Mask::Residual => self.visibility.mask_by_residual(body.window, &self.even, noise, &mut self.kept),

@@ -43,6 +43,9 @@ const MIN_ZNCC: f64 = 0.5;
 /// The ratio of the second to the first correlation peak above which the rotation is ambiguous.
 const MAX_RIVAL: f64 = 0.9;
 
+/// The correlation of a ring with itself, rotated, above which its pattern repeats.
+const MIN_REPEAT: f32 = 0.7;
+
 /// The maximum number of times that the ring is shortened.
 const MAX_ROUNDS: usize = 4;
 
@@ -92,6 +95,16 @@ pub struct PolarCorrelator {
 struct PolarImage {
     levels: Vec<f32>,
     spectrum: Vec<Complex<f32>>,
+}
+
+/// The correlation of two rings.
+struct Correlation {
+    /// The cross spectrum.
+    cross: Vec<Complex<f64>>,
+    /// The geometric mean of the energies of both rings.
+    energy: f64,
+    /// The ZNCC at each rotation of a full turn.
+    values: Vec<f32>,
 }
 
 /// The radii and angles of a ring.
@@ -147,6 +160,21 @@ impl PolarCorrelator {
         Err(PointStatus::Occluded)
     }
 
+    /// Whether the pattern between two radii looks the same after a rotation by less than `max_deg`.
+    ///
+    /// False without contrast, or if too little of the ring lies in the image.
+    pub fn repeats(&mut self, body: CenteredFrame<'_>, radii: Radii, max_deg: f64) -> bool {
+        let outer_px = radii.outer_px.min(body.inscribed_radius());
+        let Some(grid) = Grid::new(radii.inner_px, outer_px) else { return false };
+        let (forward, backward) = self.plans(grid.columns);
+        self.from.sample(body, grid, forward.as_ref());
+        self.to.spectrum.clone_from(&self.from.spectrum);
+        let Ok(Correlation { values, .. }) = self.correlate(grid, backward.as_ref()) else { return false };
+        let last = (max_deg / 360.0 * grid.columns as f64) as usize;
+        let is_peak = |k: usize| values[k] > values[k - 1] && values[k] >= values[k + 1];
+        (1..last.min(grid.columns - 1)).any(|k| is_peak(k) && values[k] > MIN_REPEAT)
+    }
+
     /// Returns the plans of the forward and the inverse transform of one row.
     fn plans(&mut self, columns: usize) -> (Arc<dyn RealToComplex<f32>>, Arc<dyn ComplexToReal<f32>>) {
         let planner = self.planner.get_or_insert_with(RealFftPlanner::new);
@@ -164,6 +192,19 @@ impl PolarCorrelator {
         near: Option<f64>,
         backward: &dyn ComplexToReal<f32>,
     ) -> Result<(f64, f64), PointStatus> {
+        let Correlation { cross, energy, values } = self.correlate(grid, backward)?;
+        let start = highest_peak(&values, near).ok_or(PointStatus::LowCorrelation)??;
+        let angle = refine_peak(&cross, start).ok_or(PointStatus::LowCorrelation)?;
+        let product: f64 = cross.iter().enumerate().map(|(k, c)| 2.0 * (c * rotation_factor(k, angle)).re).sum();
+        Ok((angle, product / energy))
+    }
+
+    /// Correlates the rings of both images over all rotations.
+    ///
+    /// # Errors
+    ///
+    /// [`PointStatus::LowContrast`], or [`PointStatus::LowCorrelation`] if the spectrum has no correlation.
+    fn correlate(&self, grid: Grid, backward: &dyn ComplexToReal<f32>) -> Result<Correlation, PointStatus> {
         let harmonics = grid.harmonics();
         let mut cross = vec![Complex::<f64>::default(); harmonics];
         let mut energies = [0.0_f64; 2];
@@ -184,14 +225,11 @@ impl PolarCorrelator {
         }
         let mut input: Vec<_> =
             cross.iter().map(|c| Complex::new((c.re / energy) as f32, (c.im / energy) as f32)).collect();
-        let mut correlation = vec![0.0_f32; grid.columns];
-        if backward.process(&mut input, &mut correlation).is_err() {
+        let mut values = vec![0.0_f32; grid.columns];
+        if backward.process(&mut input, &mut values).is_err() {
             return Err(PointStatus::LowCorrelation);
         }
-        let start = highest_peak(&correlation, near).ok_or(PointStatus::LowCorrelation)??;
-        let angle = refine_peak(&cross, start).ok_or(PointStatus::LowCorrelation)?;
-        let product: f64 = cross.iter().enumerate().map(|(k, c)| 2.0 * (c * rotation_factor(k, angle)).re).sum();
-        Ok((angle, product / energy))
+        Ok(Correlation { cross, energy, values })
     }
 
     /// Rotates the target back by `angle`, rad, into `aligned`, with its derivative by the angle in `slope`.

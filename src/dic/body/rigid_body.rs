@@ -9,7 +9,7 @@ use super::occlusion::OcclusionSearch;
 use super::occlusion_map::OcclusionMap;
 use crate::dic::geometry::{GridPoint, PlanarMotion, Point, Region, Shape, SubsetMask, Warp};
 use crate::dic::image::PreparedFrame;
-use crate::dic::refine::{Match, Refiner};
+use crate::dic::refine::{Match, MatchError, Refiner};
 use crate::dic::subset::{ReferenceSubset, Unusable};
 use crate::dic::uncertainty::{GradientGain, NoisePool};
 use crate::numeric::Lanes;
@@ -133,7 +133,8 @@ impl RigidBody {
     ) -> Result<BodyMotion, PointStatus> {
         let (start, offset) = self.initial_warp(point, near);
         let mut residual = std::mem::take(&mut self.residual);
-        let found = self.refiner(target).refine_with_residual(start, &mut residual).map_err(status_of);
+        let found = self.refiner(target).refine_with_residual(start, &mut residual);
+        let found = with_contrast(found, &residual);
         let measured = found.map(|found| self.body_motion(target, &found, offset, &residual));
         self.residual = residual;
         measured
@@ -157,7 +158,8 @@ impl RigidBody {
         let (start, offset) = self.initial_warp(point, near);
         let (mut occlusion, mut residual) = (std::mem::take(&mut self.occlusion), std::mem::take(&mut self.residual));
         occlusion.clear_occlusion();
-        let plain = self.refiner(target).refine_near(start, self.gradient_gain, &mut residual).map_err(status_of);
+        let plain = self.refiner(target).refine_near(start, self.gradient_gain, &mut residual);
+        let plain = with_contrast(plain, &residual);
         let found = match plain {
             Ok(found) if occlusion.is_unoccluded(&self.refiner(target), &found, &residual) => {
                 Ok(self.body_motion(target, &found, offset, &residual))
@@ -172,10 +174,10 @@ impl RigidBody {
                     }
                     Err(_) => occlusion.find(&refiner, start, 0.0, &[]),
                 };
-                searched.map(|found| {
-                    let visible = occlusion.body_motion(&self.refiner(target), &found, offset);
+                searched.and_then(|found| {
+                    let visible = occlusion.body_motion(&self.refiner(target), &found, offset)?;
                     // The visible pixels are a part of the body's.
-                    BodyMotion { motion: visible.motion.with_scaled_sigmas(self.gradient_gain), ..visible }
+                    Ok(BodyMotion { motion: visible.motion.with_scaled_sigmas(self.gradient_gain), ..visible })
                 })
             }
         };
@@ -226,6 +228,16 @@ impl RigidBody {
             at: target.local(self.at),
         }
     }
+}
+
+/// Returns a match if the target has the contrast that a residual needs.
+///
+/// # Errors
+///
+/// The status of a failed match, or [`PointStatus::LowContrast`] without a residual.
+fn with_contrast(found: Result<Match, MatchError>, residual: &[Lanes]) -> Result<Match, PointStatus> {
+    let found = found.map_err(status_of)?;
+    if residual.is_empty() { Err(PointStatus::LowContrast) } else { Ok(found) }
 }
 
 #[cfg(test)]

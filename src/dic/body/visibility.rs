@@ -9,7 +9,7 @@ use multiversion::multiversion;
 use super::box_filter::{are_strips_within, are_within, box_sums, neighbourhood_sums, strip_minima};
 use super::median_residual::{median_absolute, nth_smallest};
 use crate::dic::geometry::{Size, SubsetMask};
-use crate::numeric::{LANES, Lanes, median};
+use crate::numeric::{LANES, Lanes};
 
 /// Half the side of the neighbourhood of the local ZNCC, px.
 const ZNCC_REACH: usize = 5;
@@ -26,16 +26,8 @@ const MAX_OWN_RESIDUAL: f32 = 3.0;
 /// The maximum ratio of the root mean square of a residual to the noise estimated from its median.
 const MAX_RMS_RATIO: f32 = 1.3;
 
-/// The maximum residual per gradient that counts as an error of registration or interpolation, px.
-///
-/// Sharp print is registered to a few hundredths of a pixel. A larger residual means that something else is there.
-const MAX_REGISTRATION_PX: f32 = 0.12;
-
-/// The fraction of pixels with the smallest, and with the largest gradients, that are compared.
-const GRADIENT_FRACTION: f64 = 0.3;
-
 /// The sample size of the noise estimate. Its median is known to 2 %.
-const NOISE_SAMPLE_PIXELS: usize = 2048;
+pub(super) const NOISE_SAMPLE_PIXELS: usize = 2048;
 
 /// The pixel count of neighbourhoods whose centre is not on the body. It exceeds any residual.
 const OFF_BODY: f32 = 1e30;
@@ -240,59 +232,6 @@ impl VisibilityMap {
         1.4826 * self.median
     }
 }
-
-/// Copies the residual of a body to `out` with its errors of registration and interpolation scaled down to the noise.
-///
-/// These errors are proportional to the gradient, so a residual is uneven where sharp print stands next to smooth
-/// paper. Their size is estimated from the pixels with the largest gradients among those where `kept` is 1, relative to
-/// those with the smallest. With fewer than [`MIN_COMPARED`] of each, `out` is a plain copy. `min_noise` is the lower
-/// limit of the noise, DN.
-pub(in crate::dic) fn flatten_registration_errors(
-    gradients: [&[Lanes]; 2],
-    residual: &[Lanes],
-    kept: &[Lanes],
-    min_noise: f32,
-    out: &mut Vec<Lanes>,
-) {
-    out.clear();
-    out.extend_from_slice(residual);
-    let mut pixels: Vec<(f32, f32)> = Vec::new();
-    let step = (residual.len() * LANES / NOISE_SAMPLE_PIXELS).max(1);
-    for (row, residual) in residual.iter().enumerate().step_by(step) {
-        for lane in (0..LANES).filter(|lane| kept[row].0[*lane] > 0.5) {
-            let [x, y] = gradients.map(|gradient| gradient[row].0[lane]);
-            pixels.push((x * x + y * y, residual.0[lane].abs()));
-        }
-    }
-    let count = (GRADIENT_FRACTION * pixels.len() as f64) as usize;
-    if count < MIN_COMPARED {
-        return;
-    }
-    let (first_sharp, by_gradient) = (pixels.len() - count, |a: &(f32, f32), b: &(f32, f32)| a.0.total_cmp(&b.0));
-    pixels.select_nth_unstable_by(first_sharp, by_gradient);
-    pixels[..first_sharp].select_nth_unstable_by(count, by_gradient);
-    let size = |pixels: &[(f32, f32)]| {
-        let mut sizes: Vec<f32> = pixels.iter().map(|(_, size)| *size).collect();
-        1.4826 * median(&mut sizes).unwrap_or(0.0)
-    };
-    let (smooth, sharp) = (&pixels[..count], &pixels[first_sharp..]);
-    let noise = size(smooth).max(min_noise);
-    let slope = sharp.iter().map(|(square, _)| *square).sum::<f32>() / count as f32;
-    let excess = (size(sharp).powi(2) - noise * noise).max(0.0) / slope.max(f32::MIN_POSITIVE);
-    let registration = excess.min(MAX_REGISTRATION_PX.powi(2)) / (noise * noise);
-    if registration > 0.0 {
-        let [along_x, along_y] = gradients;
-        for (out, (x, y)) in out.iter_mut().zip(along_x.iter().zip(along_y)) {
-            for lane in 0..LANES {
-                let square = x.0[lane] * x.0[lane] + y.0[lane] * y.0[lane];
-                out.0[lane] /= (1.0 + registration * square).sqrt();
-            }
-        }
-    }
-}
-
-/// The minimum number of pixels of each kind that are compared.
-const MIN_COMPARED: usize = 20;
 
 /// Whether the root mean square of the residual where `kept` is 1 is at most [`MAX_RMS_RATIO`] times `noise`, DN, as
 /// that of white noise is.

@@ -6,7 +6,7 @@ use super::{children, number, start};
 use crate::pipeline::drift;
 use crate::pipeline_faults::{analysis, tables};
 use crate::recording::recover::xorshift;
-use crate::support::{Listener, Rig, frames, process, run, status, wait_until};
+use crate::support::{Listener, Rig, frames, process, run, send_signal, status, wait_until};
 use ricochet::recording::Recording;
 use ricochet::results::{PointStatus, VelocitySample};
 use std::collections::BTreeMap;
@@ -48,12 +48,12 @@ impl Fault {
             Self::Death => {}
             Self::DeathAtCall(call, count) => kill_at_call(pid, call, *count),
             Self::DeathAfterHang(time) => {
-                signal_if_there(pid, 19);
+                let _ = send_signal(pid, 19);
                 std::thread::sleep(*time);
             }
             Self::DeathAfterStarvation(time) => starve(*time),
         }
-        signal_if_there(pid, 9);
+        let _ = send_signal(pid, 9);
     }
 }
 
@@ -79,7 +79,7 @@ fn kill_at_call(pid: u32, call: &str, count: usize) {
         std::thread::sleep(Duration::from_millis(5));
     }
     // It leaves the process as it is.
-    let _ = Command::new("kill").args(["-INT", &tracer.id().to_string()]).stderr(Stdio::null()).status();
+    let _ = send_signal(tracer.id(), 2);
     tracer.wait().unwrap();
 }
 
@@ -153,10 +153,6 @@ fn history(seed: u64) -> [u64; 3] {
     assert!(children(&rig).is_empty(), "seed {seed}");
     let live = live_rows(listener, seed);
     check(&rig, &live, &stderr, seed)
-}
-
-fn signal_if_there(pid: u32, signal: i32) {
-    let _ = Command::new("kill").args([format!("-{signal}"), pid.to_string()]).stderr(Stdio::null()).status();
 }
 
 /// The motion of the body in each frame as it was published, if it was measured.

@@ -9,6 +9,7 @@ use crate::recording::recover::xorshift;
 use crate::support::{Rig, frames, kill, process, run, status, wait_until};
 use ricochet::recording::Recording;
 use ricochet::results::PointStatus;
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 const ROLES: [(&str, u64); 5] = [("acquire", 0), ("correlate", 0), ("correlate", 1), ("track", 0), ("record", 0)];
@@ -19,7 +20,7 @@ struct Plan {
     between_drops: Duration,
     between_deaths: Duration,
     rate_hz: f64,
-    /// The growth of memory from the first to the second half that passes.
+    /// The growth of the settled processes' memory from the first to the second half that passes.
     growth_percent: u64,
 }
 
@@ -50,14 +51,58 @@ fn an_hour_of_drops_and_deaths_leaks_nothing() {
     });
 }
 
-/// Memory of the processes that is not shared, kB, and their open descriptors.
-fn usage(pids: &[u32]) -> [u64; 2] {
-    let anonymous = |pid: &u32| {
-        let text = std::fs::read_to_string(format!("/proc/{pid}/status")).ok()?;
-        text.lines().find_map(|line| line.strip_prefix("RssAnon:")?.trim().strip_suffix(" kB")?.parse::<u64>().ok())
-    };
-    let descriptors = |pid: &u32| Some(std::fs::read_dir(format!("/proc/{pid}/fd")).ok()?.count() as u64);
-    [pids.iter().filter_map(anonymous).sum(), pids.iter().filter_map(descriptors).sum()]
+/// The memory of a process that is not shared, kB, and its open descriptors.
+fn usage(pid: u32) -> Option<[u64; 2]> {
+    let text = std::fs::read_to_string(format!("/proc/{pid}/status")).ok()?;
+    let anonymous = text.lines().find_map(|line| line.strip_prefix("RssAnon:")?.trim().strip_suffix(" kB"))?;
+    Some([anonymous.parse().ok()?, std::fs::read_dir(format!("/proc/{pid}/fd")).ok()?.count() as u64])
+}
+
+/// The role of a process, with the index of a worker.
+fn role(pid: u32) -> Option<String> {
+    let line = std::fs::read_to_string(format!("/proc/{pid}/cmdline")).ok()?;
+    let words: Vec<&str> = line.split('\0').collect();
+    let index = words.iter().position(|word| *word == "--worker").map_or("", |at| words[at + 1]);
+    Some(format!("{}{index}", words.get(1)?))
+}
+
+/// The usage of the processes of each role. One that has just begun needs less, so each counts once it is settled.
+struct Usage {
+    settling: Duration,
+    seen: BTreeMap<u32, Instant>,
+    samples: BTreeMap<String, Vec<(Instant, [u64; 2])>>,
+}
+
+impl Usage {
+    fn sample(&mut self, pids: &[u32]) {
+        for pid in pids {
+            let first_seen = *self.seen.entry(*pid).or_insert_with(Instant::now);
+            if first_seen.elapsed() < self.settling {
+                continue;
+            }
+            if let (Some(role), Some(usage)) = (role(*pid), usage(*pid)) {
+                self.samples.entry(role).or_default().push((Instant::now(), usage));
+            }
+        }
+    }
+
+    /// The medians of each role before and after `middle`, where it has samples in both.
+    fn halves(&self, middle: Instant) -> BTreeMap<&str, [[u64; 2]; 2]> {
+        let median = |samples: &[(Instant, [u64; 2])], is_late: bool, k: usize| {
+            let half = samples.iter().filter(|(at, _)| (*at > middle) == is_late);
+            let mut values: Vec<u64> = half.map(|(_, usage)| usage[k]).collect();
+            values.sort_unstable();
+            values.get(values.len() / 2).copied()
+        };
+        let halves = self.samples.iter().filter_map(|(role, samples)| {
+            let mut medians = [[0; 2]; 2];
+            for (half, k) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+                medians[half][k] = median(samples, half == 1, k)?;
+            }
+            Some((role.as_str(), medians))
+        });
+        halves.collect()
+    }
 }
 
 fn soak(plan: &Plan) {
@@ -71,7 +116,7 @@ fn soak(plan: &Plan) {
     wait_until("it films", || (number(&status(&rig.name)?, "track", "given") > 500).then_some(()));
     let mut random = xorshift(0x9e37_79b9_7f4a_7c15);
     let (began, mut last_death, mut drops, mut deaths) = (Instant::now(), Instant::now(), 0, 0);
-    let mut samples: Vec<[u64; 2]> = Vec::new();
+    let mut usage = Usage { settling: plan.between_deaths, seen: BTreeMap::new(), samples: BTreeMap::new() };
     while began.elapsed() < plan.duration {
         std::thread::sleep(plan.between_drops);
         if last_death.elapsed() >= plan.between_deaths {
@@ -79,9 +124,8 @@ fn soak(plan: &Plan) {
             let pid = wait_until("the process reports", || process(&status(&rig.name)?, role, index)?["pid"].as_u64());
             kill(u32::try_from(pid).unwrap(), 9);
             (last_death, deaths) = (Instant::now(), deaths + 1);
-        } else if samples.is_empty() || last_death.elapsed() > plan.between_deaths / 2 {
-            samples.push(usage(&[children(&rig), vec![supervisor]].concat()));
         }
+        usage.sample(&[children(&rig), vec![supervisor]].concat());
         let before = rig.recordings();
         wait_until("a trigger is accepted", || {
             run(["trigger", "--rig", rig.name.as_str()]).status.success().then_some(())
@@ -107,16 +151,13 @@ fn soak(plan: &Plan) {
     let (code, _, stderr) = service.end();
     assert_eq!(code, Some(if deaths > 0 { 6 } else { 0 }), "{stderr}");
     assert!(children(&rig).is_empty());
-    println!("{drops} drops, {deaths} deaths; memory (kB) and descriptors: {samples:?}; {stderr}");
-    // A process that has just begun needs less, so single samples differ.
-    let (early, late) = samples.split_at(samples.len() / 2);
-    let middle = |half: &[[u64; 2]], k: usize| {
-        let mut values: Vec<u64> = half.iter().map(|sample| sample[k]).collect();
-        values.sort_unstable();
-        values[values.len() / 2]
-    };
-    let ([first, last], percent) = ([early, late].map(|half| middle(half, 0)), plan.growth_percent);
-    assert!(last * 100 <= first * (100 + percent), "memory grows from {first} to {last} kB");
-    let [first, last] = [early, late].map(|half| middle(half, 1));
-    assert!(last <= first + 8, "descriptors grow from {first} to {last}");
+    println!("{drops} drops, {deaths} deaths; {stderr}");
+    let halves = usage.halves(began + plan.duration / 2);
+    for (role, [early, late]) in &halves {
+        println!("{role}: memory {} to {} kB, descriptors {} to {}", early[0], late[0], early[1], late[1]);
+    }
+    let sum = |half: usize, k: usize| halves.values().map(|medians| medians[half][k]).sum::<u64>();
+    let (first, last, percent) = (sum(0, 0), sum(1, 0), plan.growth_percent);
+    assert!(first > 0 && last * 100 <= first * (100 + percent), "memory grows from {first} to {last} kB");
+    assert!(sum(1, 1) <= sum(0, 1) + 8, "descriptors grow from {} to {}", sum(0, 1), sum(1, 1));
 }
