@@ -257,7 +257,10 @@ impl BallFinder {
     /// If the size of `image` differs from the planned size.
     pub fn search_near(&mut self, image: ImageView<'_>, near: &Circle) -> Option<Circle> {
         let near = self.valid_prediction(image, near)?;
-        let circle = self.search_around(image, near)?;
+        let circle = self.search_around(image, near).or_else(|| {
+            let circle = self.textured.follow(image, near)?;
+            self.has_allowed_radius(&circle).then_some(circle)
+        })?;
         self.apply_method(image, circle)
     }
 

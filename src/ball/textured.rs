@@ -11,6 +11,8 @@ use crate::results::Circle;
 const REACH_OF_DISC: f64 = 0.25;
 /// The minimum reach of a search, px.
 const REACH_PX: f64 = 5.0;
+/// The maximum error of a known radius, px.
+const RADIUS_REACH_PX: f64 = 5.0;
 /// The maximum uncertainty of the centre, px.
 const MAX_SIGMA_PX: f64 = 0.6;
 /// The minimum lead of the best score over that of another boundary, which is as far from it as this, sigmas.
@@ -39,6 +41,25 @@ impl TexturedSearch {
         }
         log_levels(image, region, &mut self.scratch, &mut self.levels);
         ranges.find_map(|radii| self.find_sized(image, region, *radii))
+    }
+
+    /// Finds the ball near a prediction within a few pixels, with the known radius.
+    ///
+    /// The image need not hold more than 20 px around it.
+    pub fn follow(&mut self, image: ImageView<'_>, near: RoughCircle) -> Option<Circle> {
+        let radius_px = f64::from(near.radius);
+        let about = RadiusRange::about(radius_px);
+        let radii = RadiusRange {
+            low: about.low.max(radius_px - RADIUS_REACH_PX),
+            high: about.high.min(radius_px + RADIUS_REACH_PX),
+        };
+        if radii.low < MIN_RADIUS_PX {
+            return None;
+        }
+        let first = self.boundary.find(image, near, radii, REACH_PX)?;
+        let found = [Some(first), self.boundary.find(image, rough(&first.circle), radii, REACH_PX)];
+        let found: Vec<Found> = found.into_iter().flatten().collect();
+        certain(best(&found)?, &found)
     }
 
     fn find_sized(&mut self, image: ImageView<'_>, region: Region, radii: RadiusRange) -> Option<Circle> {

@@ -11,7 +11,7 @@ use crate::results::{BodyStep, MotionMethod, PointStatus, RigidStep};
 
 /// The number of standard uncertainties by which a rotation may exceed those beside it.
 const SAME_SIGMAS: f64 = 3.0;
-/// The fraction of the rotation beside it by which a rotation may exceed it.
+/// The fraction of the only rotation beside it by which a rotation may exceed it.
 const SAME_FRACTION: f64 = 0.5;
 /// The difference between two rotations that is always allowed, deg.
 const SAME_DEG: f64 = 1.5;
@@ -57,9 +57,11 @@ impl Turn {
             Neighbour::Measured(turn) => Some(turn),
             _ => None,
         });
+        // A change of the spin that goes on is seen on one side only.
+        let fraction = if turns.clone().count() == 1 { SAME_FRACTION } else { 0.0 };
         let range = turns.map(|turn| {
             let tolerance_deg =
-                SAME_SIGMAS * self.sigma_deg.hypot(turn.sigma_deg) + SAME_FRACTION * turn.deg.abs() + SAME_DEG;
+                SAME_SIGMAS * self.sigma_deg.hypot(turn.sigma_deg) + fraction * turn.deg.abs() + SAME_DEG;
             [turn.deg - tolerance_deg, turn.deg + tolerance_deg]
         });
         let range = range.reduce(|one, other| [one[0].min(other[0]), one[1].max(other[1])]);
