@@ -22,8 +22,8 @@ mod tests;
 
 pub use crate::numeric::instruction_set;
 pub use body::{
-    BallDisc, BodyMotion, CenteredFrame, OcclusionMap, PolarCorrelator, Radii, RigidBody, RingRotation, STALE_DEG,
-    find_at_any_angle, find_occluded_within_angle, has_texture,
+    BallDisc, BodyMotion, CenteredFrame, OcclusionMap, PolarCorrelator, Radii, RigidBody, RingPattern, RingRotation,
+    STALE_DEG, find_at_any_angle, find_occluded_within_angle, has_texture, min_ring_contrast_dn,
 };
 pub use correlate::{Correlator, KeptReference, KernelBenchmark, Series, Start, run_arithmetic};
 pub use error::CorrelationError;

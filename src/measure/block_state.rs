@@ -1,6 +1,7 @@
 //! The state of the bodies while their blocks are measured.
 
 use super::bounding_box::BoundingBox;
+use super::consistency::OutlineMotion;
 use super::outline::Outline;
 use super::pending_frame::BodyKey;
 use super::rigid_match::{MAX_PREDICTION_ERROR_PX, RigidMatcher};
@@ -27,6 +28,8 @@ pub(super) struct BlockState {
     pub(super) last_turn: Neighbour,
     /// The number of contradictions between its motion and its outlines since the last confirmed motion.
     pub(super) doubts: u32,
+    /// The motion of its outlines at the last contradiction.
+    pub(super) doubted_motion: Option<OutlineMotion>,
     /// Whether results contradicted each other, since another object may be taken for the body.
     pub(super) is_ambiguous: bool,
     /// Whether a patch was searched at every angle.
@@ -53,6 +56,7 @@ impl BlockStates {
                 surface: None,
                 last_turn: Neighbour::Absent,
                 doubts: 0,
+                doubted_motion: None,
                 is_ambiguous: false,
                 was_searched: false,
             });

@@ -35,6 +35,41 @@ pub(super) struct OutlinePair<'a> {
     pub(super) are_detected: bool,
 }
 
+/// The motion of the outline of a ball, px per frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct OutlineMotion {
+    dx_px: f64,
+    dy_px: f64,
+    sigma_px: f64,
+}
+
+impl OutlineMotion {
+    /// Whether a ball that moves goes on as before.
+    ///
+    /// A circle that stays in its place may belong to the scene.
+    pub(super) fn continues(&self, before: &Self) -> bool {
+        let sigma_px = self.sigma_px.hypot(before.sigma_px);
+        let change_px = (self.dx_px - before.dx_px).hypot(self.dy_px - before.dy_px);
+        let moves = self.dx_px.hypot(self.dy_px) > TOLERANCE_SIGMAS * self.sigma_px;
+        moves && change_px <= OUTLINE_TOLERANCE_PX.max(TOLERANCE_SIGMAS * sigma_px)
+    }
+}
+
+impl OutlinePair<'_> {
+    /// Returns the motion of a ball whose outline was detected in both frames, `frames` apart.
+    pub(super) fn detected_motion(&self, frames: f64) -> Option<OutlineMotion> {
+        let (Ok(Outline::Ball(from)), Ok(Outline::Ball(to)), true) = (self.reference, self.target, self.are_detected)
+        else {
+            return None;
+        };
+        Some(OutlineMotion {
+            dx_px: (to.x_px - from.x_px) / frames,
+            dy_px: (to.y_px - from.y_px) / frames,
+            sigma_px: from.sigma_center_px.hypot(to.sigma_center_px) / frames,
+        })
+    }
+}
+
 /// Whether the body found in both frames can have moved this way.
 ///
 /// Subsets follow whatever is in front of most of them. If both outlines of a ball were detected, they must have moved

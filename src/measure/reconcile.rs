@@ -1,9 +1,10 @@
 //! The reconciliation of motions with the outlines of their bodies, as soon as both frames are known.
 
-use super::consistency::{self, OutlinePair};
+use super::consistency::{self, OutlineMotion, OutlinePair};
 use super::measurer::Measurer;
 use super::outline::Outline;
 use super::pending_frame::{BodyKey, FramePair, Measured, PendingFrame, Target};
+use super::surface::Surface;
 use crate::results::{BodyStep, PointStatus};
 
 /// The number of contradictions in a row after which a body is no longer followed within its block.
@@ -45,7 +46,8 @@ impl Measurer {
                 }
                 measured.step = BodyStep { status: PointStatus::Ambiguous, ..measured.step.without_motion() };
                 if interval_index == 0 {
-                    self.record_contradiction(BodyKey { body, block: target.block });
+                    let moved = outlines.detected_motion(frames as f64);
+                    self.record_contradiction(BodyKey { body, block: target.block }, moved);
                 }
             }
         }
@@ -80,13 +82,23 @@ impl Measurer {
         }
     }
 
-    /// Discards the motion of a body; after the second contradiction it is no longer followed within the block.
+    /// Discards the motion of a body after a contradiction to its outlines, which `moved` by this many px per frame if they
+    /// were detected.
     ///
-    /// Another object may be taken for it, and one contradiction may be chance.
-    fn record_contradiction(&mut self, key: BodyKey) {
+    /// Another object may be taken for it, and one contradiction may be chance. After the second one, a ball whose
+    /// outlines move evenly is followed by these alone, and any other body no longer within the block.
+    fn record_contradiction(&mut self, key: BodyKey, moved: Option<OutlineMotion>) {
         self.rigid_matcher.forget(key);
         let state = self.states.state_mut(key);
         state.doubts += 1;
-        (state.motion, state.is_ambiguous) = (None, state.doubts >= MAX_DOUBTS);
+        state.motion = None;
+        if state.doubts >= MAX_DOUBTS {
+            let is_even = moved.zip(state.doubted_motion).is_some_and(|(moved, before)| moved.continues(&before));
+            match is_even {
+                true => (state.surface, state.doubts) = (Some(Surface::Misleading), 0),
+                false => state.is_ambiguous = true,
+            }
+        }
+        state.doubted_motion = moved;
     }
 }

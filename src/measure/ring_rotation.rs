@@ -3,7 +3,7 @@
 use super::consistency;
 use super::outline::RIM_CLEARANCE;
 use super::pending_frame::FramePair;
-use crate::dic::{CenteredFrame, Point, PolarCorrelator, PreparedFrame, Radii};
+use crate::dic::{CenteredFrame, Point, PolarCorrelator, PreparedFrame, Radii, RingPattern};
 use crate::motion::RingLimits;
 use crate::results::{Circle, RigidStep};
 
@@ -11,6 +11,9 @@ use crate::results::{Circle, RigidStep};
 ///
 /// Pixels closer to the centre hardly constrain the angle.
 const INNER_FRACTION: f64 = 0.35;
+
+/// The outer radius of the ring whose marks are examined, as a fraction of the ball's. Shading is steep beyond.
+const EXAMINED_FRACTION: f64 = 0.85;
 
 /// The period below which a pattern counts as repeating, deg.
 ///
@@ -51,10 +54,13 @@ impl RingCorrelator {
         }
     }
 
-    /// Whether the marks of a ball look the same after a rotation that a match may mistake for another.
-    pub(super) fn repeats(&mut self, frame: &PreparedFrame, circle: &Circle) -> bool {
+    /// Examines the marks of a ball, and whether they look the same after a rotation that a match may mistake for
+    /// another. `None` if too little of the ball lies in the image.
+    pub(super) fn examine(&mut self, frame: &PreparedFrame, circle: &Circle) -> Option<RingPattern> {
         let body = CenteredFrame { frame, center: Point::new(circle.x_px, circle.y_px) };
-        self.ring.repeats(body, ring_radii(circle, RingLimits::default()), MAX_PERIOD_DEG)
+        let Circle { radius_px, .. } = *circle;
+        let radii = Radii { inner_px: INNER_FRACTION * radius_px, outer_px: EXAMINED_FRACTION * radius_px };
+        self.ring.examine(body, radii, MAX_PERIOD_DEG)
     }
 
     /// Returns the motion per frame between two detected positions of a ball, with any rotation.

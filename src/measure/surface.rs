@@ -1,7 +1,7 @@
 //! The surface of a ball: marks that turn with it, or light only.
 
 use super::ring_rotation::RingCorrelator;
-use crate::dic::{BallDisc, PreparedFrame, has_texture};
+use crate::dic::{BallDisc, PreparedFrame, has_texture, min_ring_contrast_dn};
 use crate::results::{Circle, PointStatus};
 
 /// The surface of a ball.
@@ -11,6 +11,8 @@ pub(super) enum Surface {
     Textured,
     /// Marks turn with the ball, but look the same again after a rotation that may pass between two frames.
     Repeating,
+    /// Marks were matched where the outline is not.
+    Misleading,
     /// Nothing but light: shading, highlights, reflections.
     Plain,
 }
@@ -19,12 +21,15 @@ impl Surface {
     /// Classifies the surface of a ball in a prepared frame.
     pub(super) fn classify(prepared: &PreparedFrame, circle: &Circle, ring: &mut RingCorrelator) -> Self {
         let Circle { x_px, y_px, radius_px, .. } = *circle;
-        if !has_texture(prepared, BallDisc { x_px, y_px, radius_px }) {
-            Self::Plain
-        } else if ring.repeats(prepared, circle) {
-            Self::Repeating
-        } else {
-            Self::Textured
+        let disc = BallDisc { x_px, y_px, radius_px };
+        if !has_texture(prepared, disc) {
+            return Self::Plain;
+        }
+        let (pattern, min_dn) = (ring.examine(prepared, circle), min_ring_contrast_dn(prepared, disc));
+        match pattern.zip(min_dn) {
+            Some((pattern, min_dn)) if pattern.contrast_dn < min_dn => Self::Plain,
+            Some((pattern, _)) if pattern.is_repeating => Self::Repeating,
+            _ => Self::Textured,
         }
     }
 
@@ -37,7 +42,7 @@ impl Surface {
     pub(super) fn rotation_status(self) -> Option<PointStatus> {
         match self {
             Self::Textured => None,
-            Self::Repeating => Some(PointStatus::Ambiguous),
+            Self::Repeating | Self::Misleading => Some(PointStatus::Ambiguous),
             Self::Plain => Some(PointStatus::LowContrast),
         }
     }

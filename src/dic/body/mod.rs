@@ -15,7 +15,7 @@ mod visibility;
 
 pub use motion::{BodyMotion, STALE_DEG};
 pub use occlusion_map::OcclusionMap;
-pub use polar::{CenteredFrame, PolarCorrelator, Radii, RingRotation};
+pub use polar::{CenteredFrame, PolarCorrelator, Radii, RingPattern, RingRotation};
 pub use rigid_body::RigidBody;
 pub use rotation_search::{find_at_any_angle, find_occluded_within_angle};
-pub use texture::{BallDisc, has_texture};
+pub use texture::{BallDisc, has_texture, min_ring_contrast_dn};

@@ -43,6 +43,8 @@ const MIN_ZNCC: f64 = 0.5;
 /// The ratio of the second to the first correlation peak above which the rotation is ambiguous.
 const MAX_RIVAL: f64 = 0.9;
 
+/// The maximum number of rows that a pattern is examined on.
+const EXAMINED_ROWS: usize = 16;
 /// The correlation of a ring with itself, rotated, above which its pattern repeats.
 const MIN_REPEAT: f32 = 0.7;
 
@@ -97,6 +99,15 @@ struct PolarImage {
     spectrum: Vec<Complex<f32>>,
 }
 
+/// The pattern of a ring.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RingPattern {
+    /// The standard deviation of its grey levels along the angle, without the illumination, DN.
+    pub contrast_dn: f64,
+    /// Whether it looks the same after a small rotation.
+    pub is_repeating: bool,
+}
+
 /// The correlation of two rings.
 struct Correlation {
     /// The cross spectrum.
@@ -112,6 +123,8 @@ struct Correlation {
 struct Grid {
     inner_px: f64,
     rows: usize,
+    /// The distance of the rows, px.
+    spacing_px: f64,
     /// The samples per row; even.
     columns: usize,
 }
@@ -160,19 +173,24 @@ impl PolarCorrelator {
         Err(PointStatus::Occluded)
     }
 
-    /// Whether the pattern between two radii looks the same after a rotation by less than `max_deg`.
+    /// Examines the pattern between two radii: its contrast, and whether it looks the same after a rotation by less than
+    /// `max_deg`.
     ///
-    /// False without contrast, or if too little of the ring lies in the image.
-    pub fn repeats(&mut self, body: CenteredFrame<'_>, radii: Radii, max_deg: f64) -> bool {
+    /// `None` if too little of the ring lies in the image.
+    pub fn examine(&mut self, body: CenteredFrame<'_>, radii: Radii, max_deg: f64) -> Option<RingPattern> {
         let outer_px = radii.outer_px.min(body.inscribed_radius());
-        let Some(grid) = Grid::new(radii.inner_px, outer_px) else { return false };
+        let grid = Grid::new(radii.inner_px, outer_px)?.with_rows(EXAMINED_ROWS);
         let (forward, backward) = self.plans(grid.columns);
         self.from.sample(body, grid, forward.as_ref());
         self.to.spectrum.clone_from(&self.from.spectrum);
-        let Ok(Correlation { values, .. }) = self.correlate(grid, backward.as_ref()) else { return false };
+        let Ok(Correlation { energy, values, .. }) = self.correlate(grid, backward.as_ref()) else {
+            return Some(RingPattern { contrast_dn: 0.0, is_repeating: false });
+        };
+        let samples = grid.columns as f64 * (0..grid.rows).map(|row| grid.weight(row)).sum::<f64>();
         let last = (max_deg / 360.0 * grid.columns as f64) as usize;
         let is_peak = |k: usize| values[k] > values[k - 1] && values[k] >= values[k + 1];
-        (1..last.min(grid.columns - 1)).any(|k| is_peak(k) && values[k] > MIN_REPEAT)
+        let is_repeating = (1..last.min(grid.columns - 1)).any(|k| is_peak(k) && values[k] > MIN_REPEAT);
+        Some(RingPattern { contrast_dn: (energy / (samples * grid.columns as f64)).sqrt(), is_repeating })
     }
 
     /// Returns the plans of the forward and the inverse transform of one row.
@@ -363,8 +381,14 @@ impl Grid {
         let sound = inner_px >= 1.0 && outer_px <= 1e4 && outer_px - inner_px >= MIN_ROWS as f64;
         sound.then(|| {
             let samples = fast_size((0.5 * TAU * outer_px).ceil() as usize);
-            Self { inner_px, rows: (outer_px - inner_px) as usize, columns: 2 * samples }
+            Self { inner_px, rows: (outer_px - inner_px) as usize, spacing_px: 1.0, columns: 2 * samples }
         })
+    }
+
+    /// Returns the grid with at most this number of rows between the same radii.
+    fn with_rows(self, max: usize) -> Self {
+        let rows = self.rows.min(max);
+        Self { rows, spacing_px: self.spacing_px * self.rows as f64 / rows as f64, ..self }
     }
 
     /// Returns the number of harmonics of a row.
@@ -374,7 +398,7 @@ impl Grid {
 
     /// Returns the radius of a row, px.
     fn radius(&self, row: usize) -> f64 {
-        self.inner_px + row as f64 + 0.5
+        self.inner_px + (row as f64 + 0.5) * self.spacing_px
     }
 
     /// Returns the spacing of the samples of a row, px: the weight of each.

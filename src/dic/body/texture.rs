@@ -29,6 +29,8 @@ struct Limits {
     contrast_fraction: f64,
     /// The fraction of marked cells from which a ball is textured.
     marked_fraction: f64,
+    /// The minimum contrast of marks along the angle, as a fraction of the brightest parts.
+    ring_fraction: f64,
     /// The minimum noise, DN: that of rounding.
     min_noise_dn: f64,
 }
@@ -42,6 +44,7 @@ const LIMITS: Limits = Limits {
     contrast_sigmas: 3.0,
     contrast_fraction: 0.025,
     marked_fraction: 0.33,
+    ring_fraction: 0.06,
     min_noise_dn: 0.5,
 };
 
@@ -53,6 +56,9 @@ const NORMAL_QUANTILE: f64 = 0.318_64;
 const SECOND_DIFFERENCE_GAIN: f64 = 6.0;
 /// The quantile of the levels that represents the brighter parts.
 const BRIGHT_QUANTILE: f64 = 0.95;
+
+/// The quantile of the levels that represents the brightest parts, highlights among them.
+const BRIGHTEST_QUANTILE: f64 = 0.99;
 
 /// A disc in a frame, px.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -91,6 +97,17 @@ pub fn has_texture(frame: &PreparedFrame, disc: BallDisc) -> bool {
         }
     }
     cells >= LIMITS.min_cells && marked as f64 >= LIMITS.marked_fraction * cells as f64
+}
+
+/// Returns the minimum contrast of marks along the angle, DN, by which a rotation shows; `None` if the disc is not in the
+/// frame.
+///
+/// Lamps and reflections leave 2 to 5 % of the brightness of a ball, marks of a pen 8 % or more, speckle 20 %.
+pub fn min_ring_contrast_dn(frame: &PreparedFrame, disc: BallDisc) -> Option<f64> {
+    let noise_dn = noise_dn(frame, disc)?;
+    let mut levels: Vec<f32> = levels(frame, disc).collect();
+    let bright_dn = f64::from(quantile(&mut levels, BRIGHTEST_QUANTILE)? + frame.offset);
+    Some((LIMITS.contrast_sigmas * noise_dn).max(LIMITS.ring_fraction * bright_dn))
 }
 
 /// A square part of a frame, px.
