@@ -18,8 +18,11 @@ const MAX_SIGMA_PX: f64 = 0.6;
 /// The minimum lead of the best score over that of another boundary, which is as far from it as this, sigmas.
 const MIN_LEAD: f64 = 0.06;
 const DISTINCT_SIGMAS: f64 = 3.0;
-/// The minimum radius, px. The rays of a smaller ball are too few for a significant boundary.
+/// The minimum radius, px. The rays of a smaller ball are too few for a significant boundary, unless its radius is known.
 const MIN_RADIUS_PX: f64 = 20.0;
+const MIN_KNOWN_RADIUS_PX: f64 = 9.0;
+/// The maximum ratio of the largest to the smallest radius of a ball whose radius is known.
+const KNOWN_RATIO: f64 = 1.4;
 /// The minimum side of a searched region, px.
 const MIN_SIDE_PX: usize = 16;
 
@@ -35,7 +38,7 @@ pub(super) struct TexturedSearch {
 impl TexturedSearch {
     /// Finds the ball in a region: the most certain one of the first range of radii that has any.
     pub fn find(&mut self, image: ImageView<'_>, region: Region, ranges: &[RadiusRange]) -> Option<Circle> {
-        let mut ranges = ranges.iter().filter(|radii| radii.low >= MIN_RADIUS_PX).peekable();
+        let mut ranges = ranges.iter().filter(|radii| is_large_enough(radii)).peekable();
         if region[2].min(region[3]) < MIN_SIDE_PX || ranges.peek().is_none() {
             return None;
         }
@@ -53,7 +56,7 @@ impl TexturedSearch {
             low: about.low.max(radius_px - RADIUS_REACH_PX),
             high: about.high.min(radius_px + RADIUS_REACH_PX),
         };
-        if radii.low < MIN_RADIUS_PX {
+        if !is_large_enough(&radii) {
             return None;
         }
         let first = self.boundary.find(image, near, radii, REACH_PX)?;
@@ -74,6 +77,12 @@ impl TexturedSearch {
         found.extend(self.boundary.find(image, rough(&first.circle), radii, REACH_PX));
         certain(best(&found)?, &found)
     }
+}
+
+/// Whether the rays of the smallest ball in a range are enough.
+fn is_large_enough(radii: &RadiusRange) -> bool {
+    let is_known = radii.high <= KNOWN_RATIO * radii.low;
+    radii.low >= if is_known { MIN_KNOWN_RADIUS_PX } else { MIN_RADIUS_PX }
 }
 
 /// Returns the boundary with the highest score.

@@ -17,8 +17,6 @@ pub(super) const FLIGHT_FRAMES: f64 = 128.0;
 const FLIGHT_MIN_NODES: usize = 4;
 /// The maximum lead of the detected end over the real one, frames.
 const EARLY_FRAMES: f64 = 4.0;
-/// The minimum error of the compression, as a share of the way during the uncertainty of the start.
-const START_SHARE: f64 = 0.5;
 /// The error of the deepest moment under a free stiffness, as a share of the contact.
 ///
 /// Simulated ripples of 25 % cause 0.002. Forces that change abruptly as the velocity reverses caused up to 0.02 in films
@@ -451,9 +449,6 @@ fn assemble_impact(
     let mean_spin = 0.5 * (before[ANGLE].value + after[ANGLE].value);
     let brake = found(8).map_or((after[NORMAL].value - before[NORMAL].value) / duration.value, |a| a.value);
     let turning = mean_spin * context.center_sigma_px / brake;
-    // The depth counts from the start. A law that fits poses which drift explains only a part of that error.
-    let from_start = START_SHARE * (before[NORMAL].value * interval.start.sigma).abs();
-    let depth = found(7).map(|depth| Estimate { sigma: depth.sigma.max(from_start), ..depth });
     // The surface carries the weight as well.
     let push = found(8).map(|a| context.acceleration(Estimate { value: a.value - context.gravity_px[NORMAL], ..a }));
     let biases = [&before, &after].map(|rates| speed_bias(rates, context));
@@ -477,7 +472,7 @@ fn assemble_impact(
         restitution_tangential: tangential.map(differing),
         impulse_ratio: ratio(impulse(TANGENTIAL), impulse(NORMAL)).map(differing),
         contact_time_s: Some(seconds(duration)),
-        compression_max_mm: depth.map(|depth| scaled(depth, metres * 1e3, relative).short_by(whole[0])),
+        compression_max_mm: found(7).map(|depth| scaled(depth, metres * 1e3, relative).short_by(whole[0])),
         acceleration_max_m_s2: found(8).map(|a| context.acceleration(a).short_by(whole[0])),
         force_start_s: moment(3),
         force_end_s: moment(4),

@@ -26,6 +26,8 @@ pub(super) struct BlockState {
     pub(super) surface: Option<Surface>,
     /// The step before the next one to be published, as it was published.
     pub(super) last_turn: Neighbour,
+    /// Whether a first rotation in the block was compared with that of its ring.
+    pub(super) is_rotation_checked: bool,
     /// The number of contradictions between its motion and its outlines since the last confirmed motion.
     pub(super) doubts: u32,
     /// The motion of its outlines at the last contradiction.
@@ -55,6 +57,7 @@ impl BlockStates {
                 center_motion: None,
                 surface: None,
                 last_turn: Neighbour::Absent,
+                is_rotation_checked: false,
                 doubts: 0,
                 doubted_motion: None,
                 is_ambiguous: false,

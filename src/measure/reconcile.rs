@@ -5,10 +5,12 @@ use super::measurer::Measurer;
 use super::outline::Outline;
 use super::pending_frame::{BodyKey, FramePair, Measured, PendingFrame, Target};
 use super::surface::Surface;
-use crate::results::{BodyStep, PointStatus};
+use crate::results::{BodyStep, PointStatus, RigidStep};
 
 /// The number of contradictions in a row after which a body is no longer followed within its block.
 const MAX_DOUBTS: u32 = 2;
+/// The maximum difference between the rotation of a ball and that of its ring, deg.
+const MAX_RING_APART_DEG: f64 = 6.0;
 
 impl Measurer {
     /// Compares the motions to the newest frame with the outlines found there; withdraws inconsistent motions.
@@ -18,6 +20,7 @@ impl Measurer {
         let mut pending = std::mem::take(&mut self.pending);
         for reference in pending.iter_mut().filter(|reference| reference.block == target.block) {
             self.retry_with_ring(reference, &target);
+            self.check_first_rotation(reference, &target);
             let frames = target.meta.sequence - reference.meta.sequence;
             for slot in 0..reference.done.len() {
                 let (body, interval_index) = (slot / intervals, slot % intervals);
@@ -78,6 +81,52 @@ impl Measurer {
             let retried = self.measure_body(reference, slot, Some(target));
             if retried.as_ref().is_some_and(|retried| retried.step.motion.is_some()) {
                 reference.done[slot] = retried;
+            }
+        }
+    }
+
+    /// Compares the first rotation of each ball in a block with that of its ring, which is found from any start.
+    ///
+    /// A match that starts too far from the right rotation may settle where light that stays in the room fits best. If
+    /// the ring turned otherwise, the pair is measured again from there. If that fails, only the outlines move the ball.
+    fn check_first_rotation(&mut self, reference: &mut PendingFrame, target: &PendingFrame) {
+        let intervals = self.params.intervals_frames.len();
+        let frames = target.meta.sequence - reference.meta.sequence;
+        for body in 0..self.finders.len() {
+            let (slot, key) = (body * intervals, BodyKey { body, block: reference.block });
+            let motion = reference.done[slot].as_ref().and_then(|measured| measured.step.motion);
+            let (Some(motion), Ok(Outline::Ball(from)), Ok(Outline::Ball(to))) =
+                (motion.filter(RigidStep::has_rotation), &reference.outlines[body], &target.outlines[body])
+            else {
+                continue;
+            };
+            if !self.params.is_interval(0, frames) || self.states.state_mut(key).is_rotation_checked {
+                continue;
+            }
+            self.states.state_mut(key).is_rotation_checked = true;
+            let pair = FramePair { reference: &reference.prepared, target: &target.prepared };
+            let Some(turned_deg) = self.ring_rotation.coarse_rotation_deg(from, to, pair) else { continue };
+            let is_same = |dtheta_deg: f64| {
+                let apart_deg = turned_deg - frames as f64 * dtheta_deg;
+                (apart_deg - 360.0 * (apart_deg / 360.0).round()).abs() < MAX_RING_APART_DEG
+            };
+            if is_same(motion.dtheta_deg) {
+                continue;
+            }
+            let rate = RigidStep { dtheta_deg: turned_deg / frames as f64, ..motion };
+            self.rigid_matcher.forget_frame(key, target.meta.sequence);
+            let state = self.states.state_mut(key);
+            (state.motion, state.center_motion, state.is_rotation_checked) = (Some(rate), Some(rate), false);
+            let target = Target { sequence: target.meta.sequence, prepared: &target.prepared, is_narrow: false };
+            let retried = self.measure_body(reference, slot, Some(target));
+            let retried_motion = retried.as_ref().and_then(|retried| retried.step.motion);
+            if retried_motion.is_some_and(|motion| is_same(motion.dtheta_deg)) {
+                reference.done[slot] = retried;
+                self.states.state_mut(key).is_rotation_checked = true;
+            } else if let Some(measured) = &mut reference.done[slot] {
+                measured.step = BodyStep { status: PointStatus::LowCorrelation, ..measured.step.without_motion() };
+                self.states.state_mut(key).motion = None;
+                self.rigid_matcher.forget(key);
             }
         }
     }

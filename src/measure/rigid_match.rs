@@ -156,6 +156,13 @@ impl RigidMatcher {
         self.retain(|track| track.key != key);
     }
 
+    /// Discards the pose of one body in one frame.
+    pub(super) fn forget_frame(&mut self, key: BodyKey, frame: u64) {
+        if let Some(track) = self.tracks.iter_mut().find(|track| track.key == key) {
+            track.poses.retain(|pose| pose.frame != frame || pose.frame == track.origin.frame);
+        }
+    }
+
     /// Returns the matches of a body in a block.
     fn find_track(&self, key: BodyKey) -> Option<&RigidTrack> {
         self.tracks.iter().find(|track| track.key == key)

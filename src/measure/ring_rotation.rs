@@ -63,6 +63,14 @@ impl RingCorrelator {
         self.ring.examine(body, radii, MAX_PERIOD_DEG)
     }
 
+    /// Returns the rotation between two detected positions of a ball to about a degree, deg; `None` if the ring does not
+    /// match.
+    pub(super) fn coarse_rotation_deg(&mut self, from: &Circle, to: &Circle, frames: FramePair<'_>) -> Option<f64> {
+        let a = CenteredFrame { frame: frames.reference, center: Point::new(from.x_px, from.y_px) };
+        let b = CenteredFrame { frame: frames.target, center: Point::new(to.x_px, to.y_px) };
+        self.ring.coarse_rotation(a, b, ring_radii(from, RingLimits::default())).ok()
+    }
+
     /// Returns the motion per frame between two detected positions of a ball, with any rotation.
     ///
     /// `None` if the ring does not match.

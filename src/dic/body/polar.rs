@@ -173,13 +173,33 @@ impl PolarCorrelator {
         Err(PointStatus::Occluded)
     }
 
+    /// Returns the rotation from `reference` to `target` to about a degree, whatever its size, deg.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Self::rotation`], but for an occlusion.
+    pub fn coarse_rotation(
+        &mut self,
+        reference: CenteredFrame<'_>,
+        target: CenteredFrame<'_>,
+        radii: Radii,
+    ) -> Result<f64, PointStatus> {
+        let outer_px = radii.outer_px.min(reference.inscribed_radius()).min(target.inscribed_radius());
+        let grid = Grid::new(radii.inner_px, outer_px).ok_or(PointStatus::OutOfFrame)?.coarse();
+        let (forward, backward) = self.plans(grid.columns);
+        self.from.sample(reference, grid, forward.as_ref());
+        self.to.sample(target, grid, forward.as_ref());
+        let (angle, zncc) = self.peak(grid, None, backward.as_ref())?;
+        if zncc < MIN_ZNCC { Err(PointStatus::LowCorrelation) } else { Ok(angle.to_degrees()) }
+    }
+
     /// Examines the pattern between two radii: its contrast, and whether it looks the same after a rotation by less than
     /// `max_deg`.
     ///
     /// `None` if too little of the ring lies in the image.
     pub fn examine(&mut self, body: CenteredFrame<'_>, radii: Radii, max_deg: f64) -> Option<RingPattern> {
         let outer_px = radii.outer_px.min(body.inscribed_radius());
-        let grid = Grid::new(radii.inner_px, outer_px)?.with_rows(EXAMINED_ROWS);
+        let grid = Grid::new(radii.inner_px, outer_px)?.coarse();
         let (forward, backward) = self.plans(grid.columns);
         self.from.sample(body, grid, forward.as_ref());
         self.to.spectrum.clone_from(&self.from.spectrum);
@@ -385,10 +405,11 @@ impl Grid {
         })
     }
 
-    /// Returns the grid with at most this number of rows between the same radii.
-    fn with_rows(self, max: usize) -> Self {
-        let rows = self.rows.min(max);
-        Self { rows, spacing_px: self.spacing_px * self.rows as f64 / rows as f64, ..self }
+    /// Returns a grid with fewer rows between the same radii, and half as many samples per row.
+    fn coarse(self) -> Self {
+        let rows = self.rows.min(EXAMINED_ROWS);
+        let columns = 2 * fast_size((self.columns / 4).max(MIN_ROWS));
+        Self { rows, spacing_px: self.spacing_px * self.rows as f64 / rows as f64, columns, ..self }
     }
 
     /// Returns the number of harmonics of a row.
