@@ -15,6 +15,9 @@ const REACH_PX: f64 = 5.0;
 const RADIUS_REACH_PX: f64 = 5.0;
 /// The maximum uncertainty of the centre, px.
 const MAX_SIGMA_PX: f64 = 0.6;
+/// The same for a ball below [`MIN_RADIUS_PX`], and the visible fraction that it must exceed.
+const MAX_SMALL_SIGMA_PX: f64 = 0.4;
+const MIN_SMALL_FRACTION: f64 = 0.8;
 /// The minimum lead of the best score over that of another boundary, which is as far from it as this, sigmas.
 const MIN_LEAD: f64 = 0.06;
 const DISTINCT_SIGMAS: f64 = 3.0;
@@ -102,5 +105,8 @@ fn certain(best: Found, all: &[Found]) -> Option<Circle> {
         let apart_px = apart_px.max((other.circle.radius_px - circle.radius_px).abs());
         other.score > best.score - MIN_LEAD && apart_px > DISTINCT_SIGMAS * circle.sigma_center_px
     });
-    (!rivals && circle.sigma_center_px < MAX_SIGMA_PX).then_some(circle)
+    let is_small = circle.radius_px < MIN_RADIUS_PX;
+    let max_sigma_px = if is_small { MAX_SMALL_SIGMA_PX } else { MAX_SIGMA_PX };
+    let is_whole = !is_small || circle.visible_fraction > MIN_SMALL_FRACTION;
+    (!rivals && is_whole && circle.sigma_center_px < max_sigma_px).then_some(circle)
 }

@@ -6,6 +6,10 @@ use crate::results::Estimate;
 /// The maximum difference between a measured and a known acceleration that are taken as equal, sigmas.
 const SAME_ACCELERATION: f64 = 4.0;
 
+/// The number of standard uncertainties that an error of the centre may reach, relative to the number that a departure
+/// needs. It is one error, not one of many, as noise is.
+const DRIFT_SHARE: f64 = 2.5 / 6.0;
+
 /// A new position compared with the flight before it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Departure {
@@ -54,10 +58,10 @@ pub fn residual(curve: &Polynomial, since: &[Sample], sample: &Sample) -> Option
     Some(Estimate { value: sample.value - first.value - advance.value, sigma: excess * advance.sigma.hypot(noise) })
 }
 
-/// Returns the standard uncertainty of a distance, px, if the velocities on both sides of some frames have independent
-/// errors of `turning_sigma`, px/frame.
+/// Returns what the uncertainty of a distance contains, px, if the velocities on both sides of some frames have
+/// independent errors of `turning_sigma`, px/frame.
 pub fn drift(turning_sigma: f64, frames: f64) -> f64 {
-    std::f64::consts::SQRT_2 * turning_sigma * frames.abs()
+    DRIFT_SHARE * std::f64::consts::SQRT_2 * turning_sigma * frames.abs()
 }
 
 /// Compares the last of `since` with the `flight` before it; `None` where they have no component in common.

@@ -26,7 +26,7 @@ pub(super) struct BlockState {
     pub(super) surface: Option<Surface>,
     /// The step before the next one to be published, as it was published.
     pub(super) last_turn: Neighbour,
-    /// Whether a first rotation in the block was compared with that of its ring.
+    /// Whether a rotation in the block was confirmed by that of its ring.
     pub(super) is_rotation_checked: bool,
     /// The number of contradictions between its motion and its outlines since the last confirmed motion.
     pub(super) doubts: u32,

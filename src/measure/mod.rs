@@ -24,6 +24,7 @@ mod rigid_match;
 mod ring_rotation;
 mod rotation_support;
 mod surface;
+mod withdrawal;
 
 pub use error::MeasureError;
 pub use measurer::Measurer;

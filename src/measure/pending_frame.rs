@@ -67,6 +67,11 @@ impl PendingFrame {
             && target.origins[body] == OutlineOrigin::Detected
     }
 
+    /// Whether a body is a ball that has an outline in this frame.
+    pub(super) fn has_ball(&self, body: usize) -> bool {
+        matches!(self.outlines[body], Ok(Outline::Ball(_)))
+    }
+
     /// Returns the row of a body with its outline alone.
     pub(super) fn outline_step(&self, body: usize, interval_frames: u32) -> BodyStep {
         BodyStep {

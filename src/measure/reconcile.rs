@@ -20,7 +20,7 @@ impl Measurer {
         let mut pending = std::mem::take(&mut self.pending);
         for reference in pending.iter_mut().filter(|reference| reference.block == target.block) {
             self.retry_with_ring(reference, &target);
-            self.check_first_rotation(reference, &target);
+            self.check_rotation(reference, &target);
             let frames = target.meta.sequence - reference.meta.sequence;
             for slot in 0..reference.done.len() {
                 let (body, interval_index) = (slot / intervals, slot % intervals);
@@ -85,11 +85,12 @@ impl Measurer {
         }
     }
 
-    /// Compares the first rotation of each ball in a block with that of its ring, which is found from any start.
+    /// Compares the rotation of each ball with that of its ring, which is found from any start, until both agree in a
+    /// block.
     ///
     /// A match that starts too far from the right rotation may settle where light that stays in the room fits best. If
     /// the ring turned otherwise, the pair is measured again from there. If that fails, only the outlines move the ball.
-    fn check_first_rotation(&mut self, reference: &mut PendingFrame, target: &PendingFrame) {
+    fn check_rotation(&mut self, reference: &mut PendingFrame, target: &PendingFrame) {
         let intervals = self.params.intervals_frames.len();
         let frames = target.meta.sequence - reference.meta.sequence;
         for body in 0..self.finders.len() {
@@ -103,7 +104,6 @@ impl Measurer {
             if !self.params.is_interval(0, frames) || self.states.state_mut(key).is_rotation_checked {
                 continue;
             }
-            self.states.state_mut(key).is_rotation_checked = true;
             let pair = FramePair { reference: &reference.prepared, target: &target.prepared };
             let Some(turned_deg) = self.ring_rotation.coarse_rotation_deg(from, to, pair) else { continue };
             let is_same = |dtheta_deg: f64| {
@@ -111,12 +111,13 @@ impl Measurer {
                 (apart_deg - 360.0 * (apart_deg / 360.0).round()).abs() < MAX_RING_APART_DEG
             };
             if is_same(motion.dtheta_deg) {
+                self.states.state_mut(key).is_rotation_checked = true;
                 continue;
             }
             let rate = RigidStep { dtheta_deg: turned_deg / frames as f64, ..motion };
             self.rigid_matcher.forget_frame(key, target.meta.sequence);
             let state = self.states.state_mut(key);
-            (state.motion, state.center_motion, state.is_rotation_checked) = (Some(rate), Some(rate), false);
+            (state.motion, state.center_motion) = (Some(rate), Some(rate));
             let target = Target { sequence: target.meta.sequence, prepared: &target.prepared, is_narrow: false };
             let retried = self.measure_body(reference, slot, Some(target));
             let retried_motion = retried.as_ref().and_then(|retried| retried.step.motion);

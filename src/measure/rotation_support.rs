@@ -3,11 +3,7 @@
 //! A match may find a place at which marks and light happen to lie upon each other. Such a rotation has no neighbour that
 //! is like it, while a body keeps its spin from frame to frame, and changes it over several.
 
-use super::measurer::Measurer;
-use super::outline::Outline;
-use super::outline_motion::FoundOutline;
-use super::pending_frame::{BodyKey, PendingFrame};
-use crate::results::{BodyStep, MotionMethod, PointStatus, RigidStep};
+use crate::results::{BodyStep, MotionMethod, RigidStep};
 
 /// The number of standard uncertainties by which a rotation may exceed those beside it.
 const SAME_SIGMAS: f64 = 3.0;
@@ -34,9 +30,16 @@ pub(super) enum Neighbour {
     Measured(Turn),
 }
 
+/// Whether the spin may change by a part of itself from the only neighbour with a rotation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Changes {
+    Allowed,
+    Excluded,
+}
+
 impl Neighbour {
     /// Returns the neighbour that a step is.
-    fn of(step: &BodyStep) -> Self {
+    pub(super) fn of(step: &BodyStep) -> Self {
         match step.motion.filter(RigidStep::has_rotation) {
             Some(motion) if step.method != MotionMethod::Outlines => {
                 Self::Measured(Turn { deg: motion.dtheta_deg, sigma_deg: motion.sigma_dtheta_deg })
@@ -49,7 +52,7 @@ impl Neighbour {
 impl Turn {
     /// Whether a rotation lies between those beside it, or about as far as one of them. One without a neighbour stands
     /// for itself.
-    fn is_supported(&self, neighbours: [Neighbour; 2]) -> bool {
+    pub(super) fn is_supported(&self, neighbours: [Neighbour; 2], changes: Changes) -> bool {
         if neighbours == [Neighbour::Absent; 2] {
             return true;
         }
@@ -58,7 +61,8 @@ impl Turn {
             _ => None,
         });
         // A change of the spin that goes on is seen on one side only.
-        let fraction = if turns.clone().count() == 1 { SAME_FRACTION } else { 0.0 };
+        let is_open = changes == Changes::Allowed && turns.clone().count() == 1;
+        let fraction = if is_open { SAME_FRACTION } else { 0.0 };
         let range = turns.map(|turn| {
             let tolerance_deg =
                 SAME_SIGMAS * self.sigma_deg.hypot(turn.sigma_deg) + fraction * turn.deg.abs() + SAME_DEG;
@@ -66,66 +70,6 @@ impl Turn {
         });
         let range = range.reduce(|one, other| [one[0].min(other[0]), one[1].max(other[1])]);
         range.is_some_and(|[low, high]| (low..=high).contains(&self.deg))
-    }
-}
-
-impl Measurer {
-    /// Whether a finished frame has to wait for the motion of the next one in its block, which alone may support a
-    /// rotation.
-    pub(super) fn awaits_support(&self, frame: &PendingFrame, next: &PendingFrame) -> bool {
-        let is_open = next.block == frame.block && next.done.iter().any(Option::is_none);
-        is_open && (0..self.finders.len()).any(|body| self.unsupported(frame, body, Neighbour::Absent).is_some())
-    }
-
-    /// Replaces the motions of balls whose rotations no neighbour supports by those of their outlines.
-    ///
-    /// `next` is the next frame of the block, if it has one.
-    pub(super) fn withdraw_unsupported(&mut self, frame: &mut PendingFrame, next: Option<&PendingFrame>) {
-        let intervals = self.params.intervals_frames.len();
-        for body in 0..self.finders.len() {
-            let following = next.and_then(|next| next.done[body * intervals].as_ref());
-            let after = following.map_or(Neighbour::Absent, |following| Neighbour::of(&following.step));
-            if self.unsupported(frame, body, after).is_some() {
-                let found =
-                    next.map(|next| FoundOutline { outline: next.outlines[body].clone(), origin: next.origins[body] });
-                self.withdraw(frame, body, found);
-            }
-            let shortest = frame.done[body * intervals].as_ref();
-            let own = shortest.map_or(Neighbour::Absent, |measured| Neighbour::of(&measured.step));
-            self.states.state_mut(BodyKey { body, block: frame.block }).last_turn = own;
-        }
-    }
-
-    /// Returns the rotation of a ball in a frame if neither the step before nor the one after supports it.
-    fn unsupported(&self, frame: &PendingFrame, body: usize, after: Neighbour) -> Option<Turn> {
-        let (Ok(Outline::Ball(_)), Some(measured)) =
-            (&frame.outlines[body], &frame.done[body * self.params.intervals_frames.len()])
-        else {
-            return None;
-        };
-        let Neighbour::Measured(turn) = Neighbour::of(&measured.step) else { return None };
-        let before = self.states.last_turn(BodyKey { body, block: frame.block });
-        (!turn.is_supported([before, after])).then_some(turn)
-    }
-
-    /// Replaces the motions of a ball from a frame by that of its outlines, if the next one was found.
-    fn withdraw(&mut self, frame: &mut PendingFrame, body: usize, found: Option<FoundOutline>) {
-        let intervals = self.params.intervals_frames.len();
-        for measured in frame.done[body * intervals..(body + 1) * intervals].iter_mut().flatten() {
-            measured.step = measured.step.without_motion();
-        }
-        let Some(found) = found else { return };
-        let state = self.states.state_mut(BodyKey { body, block: frame.block });
-        // The motions of later frames are known already.
-        let newest = (state.motion, state.center_motion);
-        self.move_by_outlines(frame, body, found);
-        let state = self.states.state_mut(BodyKey { body, block: frame.block });
-        (state.motion, state.center_motion) = newest;
-        if let Some(measured) = &mut frame.done[body * intervals]
-            && measured.step.motion.is_some()
-        {
-            measured.step.rotation_status = PointStatus::Ambiguous;
-        }
     }
 }
 
@@ -140,7 +84,8 @@ mod tests {
     #[test]
     fn a_rotation_needs_a_neighbour_that_is_like_it() {
         use Neighbour::{Absent, Unmeasured};
-        let is_supported = |deg: f64, before, after| Turn { deg, sigma_deg: 0.1 }.is_supported([before, after]);
+        let is_supported =
+            |deg: f64, before, after| Turn { deg, sigma_deg: 0.1 }.is_supported([before, after], Changes::Allowed);
         assert!(is_supported(8.0, turned(7.9), turned(8.1)));
         assert!(is_supported(8.0, Unmeasured, turned(8.1)) && is_supported(8.0, turned(7.9), Absent));
         assert!(is_supported(8.0, Absent, Absent), "the only step of its block");

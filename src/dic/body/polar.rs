@@ -4,6 +4,8 @@
 //! any rotation without an initial guess. The ring ends where the body is occluded. (B. S. Reddy, B. N. Chatterji, IEEE
 //! Trans. Image Process. 5 (1996) 1266, <https://doi.org/10.1109/83.506761>.)
 
+mod grid;
+
 use std::f64::consts::{PI, TAU};
 
 use realfft::num_complex::Complex;
@@ -12,14 +14,12 @@ use std::sync::Arc;
 
 use crate::dic::geometry::{GridPoint, Pixel, Point, Size};
 use crate::dic::image::PreparedFrame;
-use crate::numeric::{fast_size, quantile};
+use crate::numeric::quantile;
 use crate::results::PointStatus;
+use grid::{Grid, MIN_ROWS};
 
 /// The lowest harmonic that is compared. Illumination, which does not rotate with the body, is in those below.
 const MIN_HARMONIC: usize = 3;
-
-/// The minimum number of radii of a ring.
-const MIN_ROWS: usize = 4;
 
 /// The number of rows of a cell that is tested for occlusion.
 const CELL_ROWS: usize = 3;
@@ -43,8 +43,6 @@ const MIN_ZNCC: f64 = 0.5;
 /// The ratio of the second to the first correlation peak above which the rotation is ambiguous.
 const MAX_RIVAL: f64 = 0.9;
 
-/// The maximum number of rows that a pattern is examined on.
-const EXAMINED_ROWS: usize = 16;
 /// The correlation of a ring with itself, rotated, above which its pattern repeats.
 const MIN_REPEAT: f32 = 0.7;
 
@@ -116,17 +114,6 @@ struct Correlation {
     energy: f64,
     /// The ZNCC at each rotation of a full turn.
     values: Vec<f32>,
-}
-
-/// The radii and angles of a ring.
-#[derive(Debug, Clone, Copy)]
-struct Grid {
-    inner_px: f64,
-    rows: usize,
-    /// The distance of the rows, px.
-    spacing_px: f64,
-    /// The samples per row; even.
-    columns: usize,
 }
 
 impl PolarCorrelator {
@@ -392,44 +379,6 @@ impl PolarImage {
         for (harmonics, row) in harmonics.zip(self.levels.chunks_exact_mut(grid.columns)) {
             let _ = backward.process(harmonics, row);
         }
-    }
-}
-
-impl Grid {
-    /// Plans rows 1 px apart between two radii, with samples 0.5 px apart on the outer one; `None` if there is no room.
-    fn new(inner_px: f64, outer_px: f64) -> Option<Self> {
-        let sound = inner_px >= 1.0 && outer_px <= 1e4 && outer_px - inner_px >= MIN_ROWS as f64;
-        sound.then(|| {
-            let samples = fast_size((0.5 * TAU * outer_px).ceil() as usize);
-            Self { inner_px, rows: (outer_px - inner_px) as usize, spacing_px: 1.0, columns: 2 * samples }
-        })
-    }
-
-    /// Returns a grid with fewer rows between the same radii, and half as many samples per row.
-    fn coarse(self) -> Self {
-        let rows = self.rows.min(EXAMINED_ROWS);
-        let columns = 2 * fast_size((self.columns / 4).max(MIN_ROWS));
-        Self { rows, spacing_px: self.spacing_px * self.rows as f64 / rows as f64, columns, ..self }
-    }
-
-    /// Returns the number of harmonics of a row.
-    fn harmonics(&self) -> usize {
-        self.columns / 2 + 1
-    }
-
-    /// Returns the radius of a row, px.
-    fn radius(&self, row: usize) -> f64 {
-        self.inner_px + (row as f64 + 0.5) * self.spacing_px
-    }
-
-    /// Returns the spacing of the samples of a row, px: the weight of each.
-    fn weight(&self, row: usize) -> f64 {
-        TAU * self.radius(row) / self.columns as f64
-    }
-
-    /// Returns the indices of the samples of a row.
-    fn span(&self, row: usize) -> std::ops::Range<usize> {
-        row * self.columns..(row + 1) * self.columns
     }
 }
 
