@@ -4,6 +4,7 @@ mod access;
 mod chromium;
 mod foxglove;
 mod mqtt;
+mod mqtt_login;
 mod page;
 mod socket;
 mod streams;
