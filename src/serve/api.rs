@@ -58,7 +58,7 @@ pub(super) async fn overlay_script() -> Response {
 
 /// Answers with the state of the rig.
 pub(super) async fn status(State(app): State<Arc<App>>) -> Response {
-    json_answer(StatusCode::OK, app.state.borrow().to_string())
+    json_answer(StatusCode::OK, app.state.borrow().json())
 }
 
 /// Answers with the shots, their mean and their spread.

@@ -6,6 +6,7 @@ use super::feed::Feed;
 use super::outlets::Outlets;
 use super::picture_feed::Pictures;
 use super::shots::Shots;
+use super::snapshot::{StateText, States};
 use crate::config::Config;
 use std::sync::Arc;
 use tokio::sync::{Semaphore, watch};
@@ -22,8 +23,8 @@ pub(super) struct App {
     pub(super) velocity: Feed,
     pub(super) impact: Feed,
     pub(super) events: Feed,
-    /// The state of the rig as JSON.
-    pub(super) state: watch::Sender<Arc<str>>,
+    /// The state of the rig.
+    pub(super) state: States,
     pub(super) outlets: Arc<Outlets>,
     pub(super) pictures: Pictures,
     pub(super) shots: Arc<Shots>,
@@ -41,7 +42,7 @@ impl App {
             velocity: Feed::default(),
             impact: Feed::default(),
             events: Feed::default(),
-            state: watch::channel("{}".into()).0,
+            state: watch::channel(StateText::new("{}")).0,
             outlets: Arc::default(),
             pictures: watch::channel(None).0,
             shots: Arc::new(Shots::new(&config)),

@@ -93,8 +93,8 @@ async fn publish_status(client: AsyncClient, topic: String, app: Arc<App>) -> Re
     let mut state = app.state.subscribe();
     state.mark_changed();
     while state.changed().await.is_ok() {
-        let text = state.borrow_and_update().to_string();
-        client.publish(&topic, QUALITY, true, text).await?;
+        let text = state.borrow_and_update().json();
+        client.publish_bytes(&topic, QUALITY, true, text).await?;
         sleep(STATUS_PERIOD).await;
     }
     Ok(())

@@ -134,7 +134,7 @@ fn take_picture(
         "vectors": fields.iter().flat_map(vectors).collect::<Vec<_>>(),
     });
     let fields = fields.iter().map(|field| Value::Object(field_json(view.config, field))).collect();
-    Ok(Some(Taken { picture: Picture { header, jpeg: encoded.jpeg.into(), fields }, spent }))
+    Ok(Some(Taken { picture: Picture::new(header, &encoded.jpeg, fields), spent }))
 }
 
 /// Returns some of the valid displacements of a field for the drawing, each as the position and the displacement, px.
