@@ -5,6 +5,7 @@ use super::control::Control;
 use super::feed::Feed;
 use super::outlets::Outlets;
 use super::picture_feed::Pictures;
+use super::rig_file::RigFile;
 use super::shots::Shots;
 use super::snapshot::{StateText, States};
 use crate::config::Config;
@@ -17,6 +18,8 @@ const JOBS: usize = 1;
 /// The state that all requests share.
 pub(super) struct App {
     pub(super) config: Arc<Config>,
+    /// The file of the rig; `None` if it has none that can be written.
+    pub(super) rig_file: Option<RigFile>,
     /// The token that requests must carry; `None` if none is configured.
     pub(super) token: Option<Token>,
     pub(super) control: Control,
@@ -38,6 +41,7 @@ impl App {
     pub(super) fn new(config: Arc<Config>, token: Option<Token>) -> Self {
         Self {
             token,
+            rig_file: RigFile::find(&config),
             control: Control::default(),
             velocity: Feed::default(),
             impact: Feed::default(),

@@ -10,6 +10,7 @@ mod app;
 mod clock;
 mod control;
 mod datagrams;
+mod drawing;
 mod feed;
 mod files;
 mod foxglove;
@@ -22,6 +23,8 @@ mod page;
 mod picture;
 mod picture_feed;
 mod pulse;
+mod replay;
+mod rig_file;
 mod rig_state;
 mod routes;
 mod rows;
@@ -197,7 +200,8 @@ pub fn run(service: &Service<'_>, stop: &Stop, announce: impl Fn(Offer)) -> Resu
         scope.spawn(|| picture_feed::run(&app.config, &app.pictures, link));
         scope.spawn(|| Watcher::new(&app.config, link, &app.shots, &app.control, outputs).run());
         announce(Offer::Page(bound));
-        let served = run_server(listener, app, &Server { service, stop, login, pulse: pulse.unwrap_or_default() }, &announce);
+        let served =
+            run_server(listener, app, &Server { service, stop, login, pulse: pulse.unwrap_or_default() }, &announce);
         // The threads end too.
         stop.request();
         served
