@@ -246,14 +246,14 @@ fn sides(corners: &[Point]) -> impl Iterator<Item = [Point; 2]> + Clone {
 /// Whether two sides of a polygon that are no neighbours cross or touch.
 fn crosses_itself(corners: &[Point]) -> bool {
     let count = corners.len();
-    let pairs = sides(corners).enumerate().flat_map(|(k, side)| {
+    let mut pairs = sides(corners).enumerate().flat_map(|(k, side)| {
         sides(corners)
             .enumerate()
             .skip(k + 2)
             .filter(move |(l, _)| (l + 1) % count != k)
             .map(move |(_, other)| [side, other])
     });
-    pairs.into_iter().any(|[one, other]| do_touch(one, other))
+    pairs.any(|[one, other]| do_touch(one, other))
 }
 
 /// Twice the area of the triangle of three points, px^2, negative in one direction of rotation.
@@ -379,7 +379,7 @@ mod tests {
         assert!(error(patch(), &[[1.0, 1.0], [9.0, 1.0], [9.0, 9.0]]).contains("at least 150 px^2 large"));
         assert_eq!(error(ShapeKey::Polygon("no".into()), &square), "no body of the rig is named \"no\"");
         let foreign = error(ShapeKey::Polygon("ball".into()), &square);
-        assert!(foreign.starts_with("rig.toml, line 18: body[0].polygon_px"), "{foreign}");
+        assert!(foreign.starts_with("rig.toml, line 17: body[0].polygon_px"), "{foreign}");
         assert_eq!(error(ShapeKey::Mask("target".into(), 0), &square), "the mask reaches beyond its patch");
         let steep = error(ShapeKey::Edge, &[[0.0, 0.0], [100.0, 100.0]]);
         assert!(steep.contains("within 2 deg of surface.angle_deg = 0, but is at -45.0 deg"), "{steep}");
