@@ -475,10 +475,19 @@ tables! {
         /// too, so leave it off where that matters. Other computers reach it through an SSH tunnel.
         #[key("\"off\", or an address of this computer and a port, such as \"127.0.0.1:8765\"", "off")]
         foxglove: String,
-        /// The MQTT broker that `ricochet/RIG/velocity`, `impact`, `events` and `status` are published at, without a
-        /// password and unencrypted.
+        /// The MQTT broker that `ricochet/RIG/velocity`, `impact`, `events` and `status` are published at.
         #[key("\"off\", or the host and the port of a broker, such as \"broker.local:1883\"", "off")]
         mqtt: String,
+        /// The name of the user at the MQTT broker.
+        #[key("a text of one line that is not empty", "none: the broker asks for no name")]
+        mqtt_user: String,
+        /// The file whose first line is the password of `mqtt_user`. The rig file itself is in every recording.
+        #[key("a text of one line that is not empty", "none: no password")]
+        mqtt_password_file: String,
+        /// The file with the certificates (PEM) of those that may sign the broker's certificate. With it, the connection
+        /// is encrypted by TLS, and the broker must have a certificate for its name in `mqtt`.
+        #[key("a text of one line that is not empty", "none: the connection is not encrypted")]
+        mqtt_ca_file: String,
         /// The address that each velocity is sent to as a UDP datagram, for controllers. It may be a broadcast address or a
         /// multicast group.
         #[key("\"off\", or an address and a port, such as \"192.168.1.20:5005\"", "off")]

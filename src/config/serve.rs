@@ -21,13 +21,19 @@ const MAX_HOST_LENGTH: usize = 253;
 /// The allowed values of the address for Foxglove viewers.
 const FOXGLOVE_ALLOWED: &str = "\"off\", or an address of this computer and a port, such as \"127.0.0.1:8765\"";
 
-/// The address of an MQTT broker.
+/// An MQTT broker, and the way in.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Broker {
     /// The name or address of its host. An IPv6 address is in brackets.
     pub host: String,
     /// The port.
     pub port: u16,
+    /// The name of the user; `None` if the broker asks for none.
+    pub user: Option<String>,
+    /// The file whose first line is the password of the user; only with a user.
+    pub password_file: Option<PathBuf>,
+    /// The file with the certificates that the broker's one is checked against. `None`: the connection is not encrypted.
+    pub ca_file: Option<PathBuf>,
 }
 
 impl Broker {
@@ -41,7 +47,8 @@ impl Broker {
         };
         let port = port.parse().ok().filter(|port| *port > 0)?;
         let is_sized = (1..=MAX_HOST_LENGTH).contains(&host.len());
-        (is_host && is_sized).then(|| Self { host: host.to_owned(), port })
+        let host = host.to_owned();
+        (is_host && is_sized).then(|| Self { host, port, user: None, password_file: None, ca_file: None })
     }
 }
 
@@ -71,7 +78,7 @@ pub struct Serve {
 
 /// Checks the addresses. A page that other computers reach needs a token, and Foxglove viewers only a local address.
 pub(super) fn check_serve(table: &Table<'_>, raw: Option<RawServe>) -> Result<Serve, ConfigError> {
-    let raw = raw.unwrap_or_default();
+    let mut raw = raw.unwrap_or_default();
     let http = match raw.http.as_deref() {
         None => Some(SocketAddr::from((Ipv4Addr::LOCALHOST, HTTP_PORT))),
         Some(OFF) => None,
@@ -88,10 +95,7 @@ pub(super) fn check_serve(table: &Table<'_>, raw: Option<RawServe>) -> Result<Se
             Some(address.ok_or_else(|| table.refuse("foxglove", FOXGLOVE_ALLOWED))?)
         }
     };
-    let mqtt = match raw.mqtt.as_deref() {
-        None | Some(OFF) => None,
-        Some(text) => Some(Broker::parse(text).ok_or_else(|| table.refuse("mqtt", MQTT_ALLOWED))?),
-    };
+    let mqtt = check_broker(table, &mut raw)?;
     let udp = match raw.udp.as_deref() {
         None | Some(OFF) => None,
         Some(text) => {
@@ -111,4 +115,27 @@ pub(super) fn check_serve(table: &Table<'_>, raw: Option<RawServe>) -> Result<Se
         return Err(table.refuse("token_file", allowed));
     }
     Ok(Serve { http, foxglove, mqtt, udp, token_file })
+}
+
+/// Checks the MQTT broker; without one, no key of it is accepted. A password needs a user.
+fn check_broker(table: &Table<'_>, raw: &mut RawServe) -> Result<Option<Broker>, ConfigError> {
+    let user = table.single_line("mqtt_user", raw.mqtt_user.take())?;
+    let password_file = table.single_line("mqtt_password_file", raw.mqtt_password_file.take())?.map(PathBuf::from);
+    let ca_file = table.single_line("mqtt_ca_file", raw.mqtt_ca_file.take())?.map(PathBuf::from);
+    let broker = match raw.mqtt.as_deref() {
+        None | Some(OFF) => {
+            let given = [
+                ("mqtt_user", user.is_some()),
+                ("mqtt_password_file", password_file.is_some()),
+                ("mqtt_ca_file", ca_file.is_some()),
+            ];
+            let first = given.iter().find(|(_, is_given)| *is_given);
+            return first.map_or(Ok(None), |(key, _)| Err(table.refuse(key, "left out without serve.mqtt")));
+        }
+        Some(text) => Broker::parse(text).ok_or_else(|| table.refuse("mqtt", MQTT_ALLOWED))?,
+    };
+    if password_file.is_some() && user.is_none() {
+        return Err(table.refuse("mqtt_password_file", "left out without serve.mqtt_user"));
+    }
+    Ok(Some(Broker { user, password_file, ca_file, ..broker }))
 }

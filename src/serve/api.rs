@@ -27,7 +27,7 @@ pub(super) fn json_answer(status: StatusCode, text: impl Into<Body>) -> Response
 }
 
 /// Returns the answer to a request that is not carried out, with the reason as a sentence.
-fn refuse(status: StatusCode, answer: &str) -> Response {
+pub(super) fn refuse(status: StatusCode, answer: &str) -> Response {
     json_answer(status, json!({ "accepted": false, "answer": answer }).to_string())
 }
 
@@ -56,9 +56,19 @@ pub(super) async fn overlay_script() -> Response {
     asset("text/javascript; charset=utf-8", include_str!("picture.js"))
 }
 
+/// Answers with the script that draws shapes on the live picture.
+pub(super) async fn drawing_script() -> Response {
+    asset("text/javascript; charset=utf-8", include_str!("drawing.js"))
+}
+
+/// Answers with the script that shows the frames of a shot along its curves.
+pub(super) async fn replay_script() -> Response {
+    asset("text/javascript; charset=utf-8", include_str!("replay.js"))
+}
+
 /// Answers with the state of the rig.
 pub(super) async fn status(State(app): State<Arc<App>>) -> Response {
-    json_answer(StatusCode::OK, app.state.borrow().to_string())
+    json_answer(StatusCode::OK, app.state.borrow().json())
 }
 
 /// Answers with the shots, their mean and their spread.
@@ -71,7 +81,7 @@ pub(super) async fn shots(State(app): State<Arc<App>>) -> Response {
 /// # Errors
 ///
 /// The answer to the client.
-async fn read_body(body: Body) -> Result<Bytes, Box<Response>> {
+pub(super) async fn read_body(body: Body) -> Result<Bytes, Box<Response>> {
     let refusal = |status, reason: &str| Box::new(refuse(status, reason));
     let announced = HttpBody::size_hint(&body).lower();
     if announced > MAX_BODY_BYTES as u64 {
@@ -90,7 +100,7 @@ async fn read_body(body: Body) -> Result<Bytes, Box<Response>> {
 /// # Errors
 ///
 /// The answer to the client, if another page holds control or the name is no page name.
-fn check_control(app: &App, headers: &HeaderMap) -> Result<(), Box<Response>> {
+pub(super) fn check_control(app: &App, headers: &HeaderMap) -> Result<(), Box<Response>> {
     let Some(page) = headers.get(PAGE) else { return Ok(()) };
     match page.to_str().ok().and_then(parse_page_name) {
         Some(page) if app.control.take_control_if_free(page) => Ok(()),

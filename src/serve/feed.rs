@@ -7,9 +7,8 @@ use axum::body::Bytes;
 use axum::extract::ws::Utf8Bytes;
 use serde_json::{Map, Value};
 use std::fmt::Write;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
-use tokio::sync::broadcast::error::RecvError;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use tokio::sync::broadcast::error::{RecvError, TryRecvError};
 use tokio::sync::broadcast::{self, Receiver, Sender};
 
 /// The number of batches that wait for a slow client: two seconds of a topic that comes every millisecond.
@@ -31,7 +30,8 @@ pub(super) struct Batch {
 impl Batch {
     /// Writes the rows in both formats; `first` is the number of the first one.
     fn new(first: u64, rows: &[Map<String, Value>]) -> Self {
-        let texts: Vec<String> = rows.iter().map(|row| Value::Object(row.clone()).to_string()).collect();
+        // The names and values of a row are valid JSON.
+        let texts: Vec<String> = rows.iter().map(|row| serde_json::to_string(row).unwrap_or_default()).collect();
         let mut events = String::new();
         for (number, text) in (first..).zip(&texts) {
             // Writing to a string cannot fail.
@@ -45,8 +45,9 @@ impl Batch {
 #[derive(Debug, Clone)]
 pub(super) struct Feed {
     sender: Sender<Arc<Batch>>,
-    /// The number of rows sent since the start of the server.
-    sent: Arc<AtomicU64>,
+    /// The number of rows sent since the start of the server. It is locked while a client begins to follow, so that each
+    /// client knows the number of its first row.
+    sent: Arc<Mutex<u64>>,
 }
 
 impl Default for Feed {
@@ -63,14 +64,22 @@ impl Feed {
 
     /// Counts rows and sends them to all clients as one batch. The caller passes at most [`BATCH_ROWS`].
     pub(super) fn send(&self, rows: &[Map<String, Value>]) {
-        let first = self.sent.fetch_add(rows.len() as u64, Ordering::Relaxed);
+        let mut sent = self.lock_sent();
+        let first = *sent;
+        *sent += rows.len() as u64;
         // Without a client there is nobody to send to.
         let _ = self.sender.send(Arc::new(Batch::new(first, rows)));
     }
 
     /// Returns the receiving side for a client that follows the topic from now on.
     pub(super) fn follow(&self) -> Follower {
-        Follower { receiver: self.sender.subscribe(), next: None }
+        let sent = self.lock_sent();
+        Follower { receiver: self.sender.subscribe(), next: *sent }
+    }
+
+    /// Locks the number of rows sent.
+    fn lock_sent(&self) -> MutexGuard<'_, u64> {
+        self.sent.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -78,8 +87,8 @@ impl Feed {
 #[derive(Debug)]
 pub(super) struct Follower {
     receiver: Receiver<Arc<Batch>>,
-    /// The number of the next row, once one was received.
-    next: Option<u64>,
+    /// The number of the next row.
+    next: u64,
 }
 
 /// The rows that a client receives next.
@@ -96,15 +105,29 @@ impl Follower {
     pub(super) async fn next(&mut self) -> Option<Delivery> {
         loop {
             match self.receiver.recv().await {
-                Ok(batch) => {
-                    let lost = self.next.map_or(0, |next| batch.first.saturating_sub(next));
-                    self.next = Some(batch.first + batch.rows.len() as u64);
-                    return Some(Delivery { lost, batch });
-                }
+                Ok(batch) => return Some(self.deliver(batch)),
                 Err(RecvError::Lagged(_)) => {}
                 Err(RecvError::Closed) => return None,
             }
         }
+    }
+
+    /// Returns the next rows if they are there already, as [`next`](Self::next) does.
+    pub(super) fn take(&mut self) -> Option<Delivery> {
+        loop {
+            match self.receiver.try_recv() {
+                Ok(batch) => return Some(self.deliver(batch)),
+                Err(TryRecvError::Lagged(_)) => {}
+                Err(TryRecvError::Empty | TryRecvError::Closed) => return None,
+            }
+        }
+    }
+
+    /// Counts the rows that were lost before a batch.
+    fn deliver(&mut self, batch: Arc<Batch>) -> Delivery {
+        let lost = batch.first.saturating_sub(self.next);
+        self.next = batch.first + batch.rows.len() as u64;
+        Delivery { lost, batch }
     }
 }
 
@@ -137,5 +160,16 @@ mod tests {
         assert_eq!((later.lost, later.batch.rows[0].as_str()), (5, "{\"frame\":8}"));
         assert_eq!(&later.batch.events[..], b"id: 8\ndata: {\"frame\":8}\n\n");
         assert_eq!(next(&mut follower).lost, 0);
+        assert_eq!(follower.take().unwrap().batch.rows[0].as_str(), "{\"frame\":10}");
+    }
+
+    #[test]
+    fn rows_that_a_client_loses_before_its_first_one_are_counted() {
+        let feed = Feed::default();
+        feed.send(&[row(0)]);
+        let mut follower = feed.follow();
+        (1..=WAITING_BATCHES + 3).for_each(|number| feed.send(&[row(number)]));
+        let first = next(&mut follower);
+        assert_eq!((first.lost, first.batch.rows[0].as_str()), (3, "{\"frame\":4}"));
     }
 }

@@ -25,7 +25,7 @@ const THUMBNAIL_PX: usize = 128;
 const REPORT_POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'";
 
 /// Returns the answer 404, for a name that no recording of the rig has.
-fn not_found() -> Response {
+pub(super) fn not_found() -> Response {
     (StatusCode::NOT_FOUND, "no recording of this name\n").into_response()
 }
 

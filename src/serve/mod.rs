@@ -10,10 +10,12 @@ mod app;
 mod clock;
 mod control;
 mod datagrams;
+mod drawing;
 mod feed;
 mod files;
 mod foxglove;
 mod guard;
+mod login;
 mod mqtt;
 mod numbers;
 mod outlets;
@@ -21,6 +23,8 @@ mod page;
 mod picture;
 mod picture_feed;
 mod pulse;
+mod replay;
+mod rig_file;
 mod rig_state;
 mod routes;
 mod rows;
@@ -43,6 +47,7 @@ use access::Token;
 use app::App;
 use clock::now;
 use datagrams::Datagrams;
+use login::Login;
 use pulse::Pulse;
 use rows::RowContext;
 use shots::Shots;
@@ -162,6 +167,7 @@ impl Service<'_> {
 pub fn run(service: &Service<'_>, stop: &Stop, announce: impl Fn(Offer)) -> Result<(), Failure> {
     let config = service.config;
     let token = config.serve.token_file.as_deref().map(Token::read).transpose()?;
+    let login = config.serve.mqtt.as_ref().map(Login::read).transpose()?;
     let listener = service.listen(stop)?;
     listener.set_nonblocking(true)?;
     let bound = listener.local_addr()?;
@@ -194,7 +200,8 @@ pub fn run(service: &Service<'_>, stop: &Stop, announce: impl Fn(Offer)) -> Resu
         scope.spawn(|| picture_feed::run(&app.config, &app.pictures, link));
         scope.spawn(|| Watcher::new(&app.config, link, &app.shots, &app.control, outputs).run());
         announce(Offer::Page(bound));
-        let served = run_server(listener, app, &Server { service, stop, pulse: pulse.unwrap_or_default() }, &announce);
+        let served =
+            run_server(listener, app, &Server { service, stop, login, pulse: pulse.unwrap_or_default() }, &announce);
         // The threads end too.
         stop.request();
         served
@@ -205,6 +212,8 @@ pub fn run(service: &Service<'_>, stop: &Stop, announce: impl Fn(Offer)) -> Resu
 struct Server<'a> {
     service: &'a Service<'a>,
     stop: &'a Stop,
+    /// The way into the MQTT broker, if there is one.
+    login: Option<Login>,
     pulse: Pulse,
 }
 
@@ -220,8 +229,8 @@ fn run_server(
     runtime.block_on(async {
         let listener = tokio::net::TcpListener::from_std(listener)?;
         tokio::spawn(server.pulse.clone().count_turns());
-        if let Some(broker) = &app.config.serve.mqtt {
-            mqtt::start(app, broker);
+        if let Some(login) = server.login.clone() {
+            mqtt::start(app, login);
         }
         if let Some(address) = app.config.serve.foxglove {
             announce(Offer::Foxglove(server.service.start_foxglove(app, address, server.stop).await?));

@@ -9,8 +9,8 @@
 
 use super::app::App;
 use super::feed::Feed;
+use super::login::{Login, is_refusal};
 use super::outlets::Outlets;
-use crate::config::Broker;
 use axum::body::Bytes;
 use rumqttc::{
     AsyncClient, ClientError, Event, EventLoop, LastWill, MqttOptions, NetworkOptions, Packet, QoS, Request,
@@ -33,6 +33,8 @@ const KEEP_ALIVE: Duration = Duration::from_secs(5);
 const CONNECT_TIMEOUT_S: u64 = 3;
 /// Interval of trying to connect.
 const RETRY: Duration = Duration::from_millis(200);
+/// Interval of trying again after the broker has refused the user. Brokers count such attempts.
+const REFUSED_RETRY: Duration = Duration::from_secs(5);
 /// Interval of the status: four times per second at most.
 const STATUS_PERIOD: Duration = Duration::from_millis(250);
 /// The maximum size of a message, bytes. A status is the largest.
@@ -40,13 +42,14 @@ const MAX_MESSAGE_BYTES: usize = 256 << 10;
 
 /// Starts the tasks that publish the topics, on the runtime that calls it. They go on until the runtime ends, whether the
 /// broker is there or not. The broker then publishes the last will, a status with the state OFFLINE.
-pub(super) fn start(app: &Arc<App>, broker: &Broker) {
+pub(super) fn start(app: &Arc<App>, login: Login) {
     let rig = &app.config.rig.name;
     let topic = |name: &str| format!("ricochet/{rig}/{name}");
     let offline = json!({ "rig": rig, "state": "OFFLINE" }).to_string();
     // Another server of the same rig is another client.
     let id = format!("ricochet-{rig}-{}", std::process::id());
-    let mut options = MqttOptions::new(id, &broker.host, broker.port);
+    let mut options = MqttOptions::new(id, &login.broker.host, login.broker.port);
+    login.apply(&mut options);
     options.set_keep_alive(KEEP_ALIVE).set_inflight(MAX_IN_FLIGHT);
     options.set_max_packet_size(MAX_MESSAGE_BYTES, MAX_MESSAGE_BYTES);
     options.set_last_will(LastWill::new(topic("status"), offline, QUALITY, true));
@@ -60,7 +63,7 @@ pub(super) fn start(app: &Arc<App>, broker: &Broker) {
         tokio::spawn(publish_rows(client.clone(), topic(name), feed.clone(), Arc::clone(&app.outlets)));
     }
     tokio::spawn(publish_status(client, topic("status"), Arc::clone(app)));
-    tokio::spawn(keep_connected(connection, Arc::clone(&app.outlets)));
+    tokio::spawn(keep_connected(connection, login, Arc::clone(&app.outlets)));
 }
 
 /// Publishes the rows of a feed, each as a message. `{"lost": N}` stands for rows that the broker was too slow for.
@@ -90,15 +93,15 @@ async fn publish_status(client: AsyncClient, topic: String, app: Arc<App>) -> Re
     let mut state = app.state.subscribe();
     state.mark_changed();
     while state.changed().await.is_ok() {
-        let text = state.borrow_and_update().to_string();
-        client.publish(&topic, QUALITY, true, text).await?;
+        let text = state.borrow_and_update().json();
+        client.publish_bytes(&topic, QUALITY, true, text).await?;
         sleep(STATUS_PERIOD).await;
     }
     Ok(())
 }
 
 /// Connects to the broker, and again whenever the connection breaks. Messages without an acknowledgement are sent again.
-async fn keep_connected(mut connection: EventLoop, outlets: Arc<Outlets>) {
+async fn keep_connected(mut connection: EventLoop, login: Login, outlets: Arc<Outlets>) {
     let mut unacknowledged = VecDeque::new();
     let mut was_reported = false;
     loop {
@@ -117,13 +120,10 @@ async fn keep_connected(mut connection: EventLoop, outlets: Arc<Outlets>) {
                 unacknowledged.extend(std::mem::take(&mut connection.pending));
                 outlets.disconnect();
                 if !was_reported {
-                    log::warn!(
-                        "cannot reach the MQTT broker {}: {error}; trying again",
-                        connection.mqtt_options.broker_address().0
-                    );
+                    log::warn!("{}; trying again", login.explain(&error));
                     was_reported = true;
                 }
-                sleep(RETRY).await;
+                sleep(if is_refusal(&error) { REFUSED_RETRY } else { RETRY }).await;
             }
         }
     }

@@ -72,6 +72,7 @@ function showControls() {
     button.hidden = !isMine || !state.actions.includes(button.dataset.command);
   }
   element("take").hidden = isMine;
+  document.dispatchEvent(new CustomEvent("control", { detail: isMine }));
   setText("holder", isMine ? "" : "Another page holds control.");
   const noTrigger = state.trigger === "off" ? "This rig has no trigger." : "No command is possible now.";
   setText("idle", state.actions.length === 0 ? noTrigger : "");
@@ -169,6 +170,7 @@ function shotRow(shot) {
   row.append(first, make("td", time, "minor"), ...shot.numbers.map(numberCell));
   const last = make("td");
   last.append(link("Report", `${address}/report`), link("Download", address, shot.name));
+  last.append(action("Replay", () => replay.open(shot, address)));
   if (shot.rejected === null) last.append(action("Reject", () => askReason(shot)));
   else last.append(action("Accept", () => send(`api/shots/${encodeURIComponent(shot.name)}/accept`)));
   const why = shot.rejected === null ? shot.reason : `rejected: ${shot.rejected}`;
@@ -235,7 +237,7 @@ document.querySelectorAll("[data-command]").forEach((button) => {
 });
 element("take").addEventListener("click", () => send("api/control"));
 document.addEventListener("keydown", (event) => {
-  const isTyping = event.target.matches("input, textarea") || element("reject").open;
+  const isTyping = event.target.matches("input, textarea, select") || document.querySelector("dialog[open]");
   if (isTyping || event.repeat || event.ctrlKey || event.metaKey || event.altKey) return;
   const command = { a: "arm", d: "disarm", t: "trigger" }[event.key.toLowerCase()];
   if (command && !element(command).hidden) send(`api/${command}`);

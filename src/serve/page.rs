@@ -1,4 +1,5 @@
-//! The operator's page: its frame. `page.js` fills it, `picture.js` draws the live picture.
+//! The operator's page: its frame. `page.js` fills it, `picture.js` draws the live picture, `drawing.js` the shapes on it,
+//! and `replay.js` shows the frames of a shot.
 
 use maud::{DOCTYPE, Markup, html};
 
@@ -17,8 +18,7 @@ pub(super) fn page_html(rig: &str) -> String {
                 title { (rig) " – ricochet" }
                 link rel="icon" href="data:,";
                 link rel="stylesheet" href="page.css";
-                script src="picture.js" defer {}
-                script src="page.js" defer {}
+                @for script in ["page.js", "picture.js", "drawing.js", "replay.js"] { script src=(script) defer {} }
             }
             body data-state="OFFLINE" {
                 header id="state" {
@@ -36,6 +36,7 @@ pub(super) fn page_html(rig: &str) -> String {
                 }
                 (shot_table())
                 (reject_dialog())
+                (replay_dialog())
                 noscript { "This page needs JavaScript. The state is also at /api/status." }
             }
         }
@@ -47,9 +48,50 @@ pub(super) fn page_html(rig: &str) -> String {
 fn live_picture() -> Markup {
     html! {
         section id="live" aria-label="Live picture" {
-            canvas id="picture" width="512" height="512" {}
+            div id="stage" {
+                canvas id="picture" width="512" height="512" {}
+                svg id="drawing-layer" role="group" aria-label="Shape on the picture" {
+                    path id="drawing-outline" {} path id="drawing-normal" {}
+                }
+            }
+            (drawing_tools())
             p id="picture-note" {}
             label id="focus-label" { "Sharpness" meter id="focus" min="0" max="1" value="0" {} }
+        }
+    }
+}
+
+/// Returns the line under the live picture: the uncertainty of a speed now, and the tools that draw shapes.
+fn drawing_tools() -> Markup {
+    html! {
+        div id="drawing" {
+            p id="picture-now" {}
+            p id="drawing-note" role="status" {}
+            button type="button" id="drawing-start" disabled { "Draw" }
+            div id="drawing-tools" hidden {
+                select id="drawing-choice" aria-label="Shape to draw" {}
+                button type="button" id="drawing-clear" { "Start over" }
+                button type="button" id="drawing-middle" { "In the middle" }
+                button type="button" id="drawing-save" disabled { "Write to rig file" }
+                button type="button" id="drawing-cancel" { "Cancel" }
+            }
+        }
+    }
+}
+
+/// Returns the dialog with the frames of a shot along its velocity.
+fn replay_dialog() -> Markup {
+    html! {
+        dialog id="replay" {
+            form method="dialog" {
+                h2 { span id="replay-title" {} button type="submit" { "Close" } }
+            }
+            img id="replay-picture" alt="Frame under the cursor";
+            p id="replay-missing" role="status" {}
+            svg id="replay-chart" aria-hidden="true" {}
+            p id="replay-legend" { span class="normal" { "normal" } " and " span class="tangential" { "tangential" } " speed, m/s" }
+            input type="range" id="replay-frame" step="1" aria-label="Frame";
+            p id="replay-text" role="status" {}
         }
     }
 }

@@ -138,6 +138,30 @@ const livePicture = (() => {
     drawText(text, left, bottom - 9 * thin, thin);
   }
 
+  /** Hatches the squares of subsets that something covers. */
+  function drawOccluded(header, perPx, thin) {
+    const side = header.step_px * perPx;
+    const path = new Path2D();
+    for (const [x, y] of header.occluded) {
+      const [left, bottom] = [(x + 0.5) * perPx - side / 2, (y + 0.5) * perPx + side / 2];
+      path.moveTo(left, bottom);
+      path.lineTo(left + side, bottom - side);
+    }
+    if (header.occluded.length > 0) stroke(path, "#ff7a5c", 1.5 * thin);
+  }
+
+  /** Describes the uncertainty that a speed measured now has, and the visible share of each body. */
+  function nowText(header) {
+    const digits = (number) => number.toPrecision(2);
+    const parts = header.now.map((body) => {
+      const spin = body.sigma_omega_rad_s === null ? "" : `, spin ± ${digits(body.sigma_omega_rad_s)} rad/s`;
+      const isCovered = body.visible_fraction !== null && body.visible_fraction < 0.995;
+      const visible = isCovered ? `, ${Math.round(100 * body.visible_fraction)} % visible` : "";
+      return `${body.name}: speed ± ${digits(body.sigma_v_m_s)} m/s${spin}${visible}`;
+    });
+    return parts.length === 0 ? "" : `Now ${parts.join("; ")}`;
+  }
+
   async function show(buffer) {
     const { header, file } = parse(buffer);
     const bitmap = await createImageBitmap(file);
@@ -152,6 +176,7 @@ const livePicture = (() => {
     const perPx = canvas.width / (bitmap.width * header.scale);
     const thin = Math.max(1, canvas.width / Math.max(1, size.width));
     header.bodies.forEach((body) => drawBody(body, perPx, thin));
+    drawOccluded(header, perPx, thin);
     const factor = drawVectors(header.vectors, perPx, thin);
     drawScale(header, perPx, thin);
     drawAxes(header, thin);
@@ -164,6 +189,10 @@ const livePicture = (() => {
     const share = brightest >= 0.001 ? ` – ${(100 * brightest).toFixed(1)} % saturated` : "";
     const vectors = factor > 0 ? ` – displacements x ${Number(factor.toPrecision(1))}` : "";
     note.textContent = `frame ${header.frame}${share}${vectors}`;
+    setText("picture-now", nowText(header));
+    [canvas.dataset.frameWidth, canvas.dataset.frameHeight] = [header.width_px, header.height_px];
+    [canvas.dataset.shownWidth, canvas.dataset.shownHeight] = [bitmap.width * header.scale, bitmap.height * header.scale];
+    canvas.dataset.occluded = header.occluded.length;
     canvas.dataset.vectors = header.vectors.length;
     canvas.dataset.rate = (arrivals.length / 2).toFixed(1);
   }

@@ -24,20 +24,23 @@ pub(super) struct Picture {
     pub(super) header: Value,
     /// The picture as a JPEG file.
     pub(super) jpeg: Bytes,
-    /// The field of each body in the frame, as JSON with the columns of the `field` table.
+    /// The message of a WebSocket, the same for all clients: the length of the header as a 32-bit number
+    /// (little-endian), the header, the JPEG file.
+    pub(super) message: Bytes,
+    /// The field of each body in the frame, as JSON with the columns of the `field` table; empty without Foxglove.
     pub(super) fields: Vec<Value>,
 }
 
 impl Picture {
-    /// Returns the message of a WebSocket: the length of the header as a 32-bit number (little-endian), the header, the
-    /// JPEG file.
-    pub(super) fn message(&self) -> Bytes {
-        let header = self.header.to_string();
-        let mut message = Vec::with_capacity(4 + header.len() + self.jpeg.len());
-        message.extend((header.len() as u32).to_le_bytes());
-        message.extend(header.as_bytes());
-        message.extend(&self.jpeg[..]);
-        message.into()
+    /// Puts a picture together, with its message.
+    pub(super) fn new(header: Value, jpeg: &[u8], fields: Vec<Value>) -> Self {
+        let text = header.to_string();
+        let mut message = Vec::with_capacity(4 + text.len() + jpeg.len());
+        message.extend((text.len() as u32).to_le_bytes());
+        message.extend(text.as_bytes());
+        message.extend(jpeg);
+        let message = Bytes::from(message);
+        Self { header, jpeg: message.slice(4 + text.len()..), message, fields }
     }
 }
 

@@ -7,10 +7,10 @@ use super::topics::{Link, Run, follow_rig};
 use crate::bus::{Bus, BusError, FieldSubscriber, FrameSubscriber, Subscriber};
 use crate::config::{Config, Scale};
 use crate::image::Frame;
-use crate::message::TrackMessage;
-use crate::results::{FieldPoint, PairField, PointStatus, TrackSample, segments};
+use crate::message::{TrackMessage, VelocityMessage};
+use crate::results::{FieldPoint, PairField, PointStatus, TrackSample, VelocitySample, segments};
 use serde_json::{Map, Value, json};
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::watch::Sender;
@@ -27,8 +27,12 @@ const PAUSE: Duration = Duration::from_millis(5);
 const IDLE: Duration = Duration::from_millis(100);
 /// The maximum number of displacements of a body in the drawing.
 const MAX_VECTORS: usize = 64;
+/// The maximum number of occluded subsets in the drawing.
+const MAX_OCCLUDED: usize = 256;
 /// The maximum number of positions that are kept, those of the newest frames.
 const MAX_ROWS: usize = 8192;
+/// The age up to which a velocity is one of now, ns.
+const MAX_AGE_NS: u64 = 500_000_000;
 
 /// The pictures that the page shows; the number of its receivers is the number of viewers.
 pub(super) type Pictures = Sender<Option<Arc<Picture>>>;
@@ -53,13 +57,37 @@ struct View<'a> {
     config: &'a Config,
     frames: FrameSubscriber,
     tracks: Subscriber<TrackMessage>,
+    velocities: Subscriber<VelocityMessage>,
     fields: FieldSubscriber,
+}
+
+/// The newest rows of the live topics.
+#[derive(Debug, Default)]
+struct Newest {
+    /// The positions in the newest frames.
+    tracks: VecDeque<TrackSample>,
+    /// The newest velocity of each body, by its index.
+    velocities: BTreeMap<u32, VelocitySample>,
+}
+
+/// The measurements in one frame.
+#[derive(Debug, Default)]
+struct Measured {
+    /// The positions of the bodies.
+    tracks: Vec<TrackSample>,
+    fields: Vec<PairField>,
 }
 
 impl<'a> View<'a> {
     /// Opens the topics of a running rig.
     fn open(bus: &Bus, config: &'a Config) -> Result<Self, BusError> {
-        Ok(Self { config, frames: bus.listen_newest_frame()?, tracks: bus.listen()?, fields: bus.listen_field()? })
+        Ok(Self {
+            config,
+            frames: bus.listen_newest_frame()?,
+            tracks: bus.listen()?,
+            velocities: bus.listen()?,
+            fields: bus.listen_field()?,
+        })
     }
 }
 
@@ -71,10 +99,10 @@ fn publish_while_watched(
     pictures: &Pictures,
     run: &Run<'_>,
 ) -> Result<(), BusError> {
-    let mut rows = VecDeque::new();
+    let mut newest = Newest::default();
     while run.is_up() && pictures.receiver_count() > 0 {
         let begin = now();
-        let Some(Taken { picture, spent }) = take_picture(view, encoder, &mut rows)? else {
+        let Some(Taken { picture, spent }) = take_picture(view, encoder, &mut newest)? else {
             std::thread::sleep(PAUSE);
             continue;
         };
@@ -92,12 +120,8 @@ struct Taken {
 }
 
 /// Takes a picture of the newest frame, with the positions of the bodies in it if they are measured in time. `None` if
-/// no new frame has come, or it cannot be encoded. `rows` keeps the newest positions from call to call.
-fn take_picture(
-    view: &View<'_>,
-    encoder: &mut PictureEncoder,
-    rows: &mut VecDeque<TrackSample>,
-) -> Result<Option<Taken>, BusError> {
+/// no new frame has come, or it cannot be encoded. `newest` keeps rows from call to call.
+fn take_picture(view: &View<'_>, encoder: &mut PictureEncoder, newest: &mut Newest) -> Result<Option<Taken>, BusError> {
     let Some(sample) = view.frames.take()? else { return Ok(None) };
     let begin = now();
     let Some(meta) = sample.header().meta() else { return Ok(None) };
@@ -105,36 +129,67 @@ fn take_picture(
     // The slot goes back to the ring before the wait.
     drop(sample);
     let spent = begin.elapsed();
+    let measured = await_measured(view, newest, meta.sequence)?;
+    while let Some(message) = view.velocities.take()? {
+        newest.velocities.extend(message.sample().map(|row| (row.body, row)));
+    }
+    let is_now = |row: &&VelocitySample| row.stamp_ns.saturating_add(MAX_AGE_NS) >= meta.stamp_ns;
+    let found = &measured.tracks;
+    let occluded = measured.fields.iter().flat_map(occluded_subsets).take(MAX_OCCLUDED);
+    let header = json!({
+        "frame": meta.sequence, "stamp_ns": meta.stamp_ns, "width_px": meta.width_px, "height_px": meta.height_px,
+        "scale": encoded.scale, "saturated_fraction": encoded.saturated_fraction, "sharpness": encoded.sharpness,
+        "mm_per_px": mm_per_px(view.config, found), "surface_deg": view.config.surface.angle_deg,
+        "bodies": found.iter().map(|row| body_json(view.config, row)).collect::<Vec<_>>(),
+        "vectors": measured.fields.iter().flat_map(vectors).collect::<Vec<_>>(),
+        "step_px": view.config.correlation.step_px, "occluded": occluded.collect::<Vec<_>>(),
+        "now": newest.velocities.values().filter(is_now).filter_map(|row| now_json(view.config, row)).collect::<Vec<_>>(),
+    });
+    let is_wanted = view.config.serve.foxglove.is_some();
+    let fields = measured.fields.iter().filter(|_| is_wanted);
+    let fields = fields.map(|field| Value::Object(field_json(view.config, field))).collect();
+    Ok(Some(Taken { picture: Picture::new(header, &encoded.jpeg, fields), spent }))
+}
+
+/// Waits for the positions and fields of the bodies in a frame, at most [`MAX_WAIT`].
+fn await_measured(view: &View<'_>, newest: &mut Newest, frame: u64) -> Result<Measured, BusError> {
     let count = if view.config.workers.count > 0 { view.config.bodies.len() } else { 0 };
-    let in_frame = |rows: &VecDeque<TrackSample>| -> Vec<TrackSample> {
-        rows.iter().filter(|row| row.frame == meta.sequence).copied().collect()
-    };
-    let (mut found, mut fields) = (Vec::new(), Vec::new());
-    while found.len() < count && begin.elapsed() < MAX_WAIT {
+    let (begin, mut measured) = (now(), Measured::default());
+    while measured.tracks.len() < count && begin.elapsed() < MAX_WAIT {
         // The field of a body comes before its position.
-        while let Some((_, field)) = view.fields.take_of(meta.sequence)? {
-            fields.extend(field);
+        while let Some((_, field)) = view.fields.take_of(frame)? {
+            measured.fields.extend(field);
         }
+        let rows = &mut newest.tracks;
         while let Some(message) = view.tracks.take()? {
             rows.extend(message.sample());
             rows.drain(..rows.len().saturating_sub(MAX_ROWS));
         }
-        found = in_frame(rows);
+        measured.tracks = rows.iter().filter(|row| row.frame == frame).copied().collect();
         // A row of a later frame shows that none of this one will come.
-        if found.len() < count && rows.back().is_some_and(|row| row.frame > meta.sequence) {
+        if measured.tracks.len() < count && rows.back().is_some_and(|row| row.frame > frame) {
             break;
         }
         std::thread::sleep(PAUSE);
     }
-    let header = json!({
-        "frame": meta.sequence, "stamp_ns": meta.stamp_ns, "width_px": meta.width_px, "height_px": meta.height_px,
-        "scale": encoded.scale, "saturated_fraction": encoded.saturated_fraction, "sharpness": encoded.sharpness,
-        "mm_per_px": mm_per_px(view.config, &found), "surface_deg": view.config.surface.angle_deg,
-        "bodies": found.iter().map(|row| body_json(view.config, row)).collect::<Vec<_>>(),
-        "vectors": fields.iter().flat_map(vectors).collect::<Vec<_>>(),
-    });
-    let fields = fields.iter().map(|field| Value::Object(field_json(view.config, field))).collect();
-    Ok(Some(Taken { picture: Picture { header, jpeg: encoded.jpeg.into(), fields }, spent }))
+    Ok(measured)
+}
+
+/// Describes the uncertainty that a velocity of a body has now, and how much of the body is visible. `None` if its
+/// velocity is unknown.
+fn now_json(config: &Config, row: &VelocitySample) -> Option<Value> {
+    let velocity = row.velocity.as_ref()?;
+    let name = config.bodies.get(row.body as usize).map_or("", |body| body.name.as_str());
+    Some(json!({
+        "name": name, "sigma_v_m_s": velocity.sigma_v_m_s, "sigma_omega_rad_s": velocity.sigma_omega_rad_s,
+        "visible_fraction": row.visible_fraction,
+    }))
+}
+
+/// Returns the centres of the subsets of a field that something covers, px.
+fn occluded_subsets(field: &PairField) -> impl Iterator<Item = [f32; 2]> {
+    let occluded = field.points.iter().filter(|point| point.status == PointStatus::Occluded);
+    occluded.map(|point| [point.x_px, point.y_px])
 }
 
 /// Returns some of the valid displacements of a field for the drawing, each as the position and the displacement, px.

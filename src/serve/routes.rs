@@ -1,7 +1,7 @@
 //! The addresses of the server, in one table from which both the server and its OpenAPI document are built.
 
 use super::app::App;
-use super::{api, files, guard, streams};
+use super::{api, drawing, files, guard, replay, streams};
 use crate::results::{Column, Impact, Kind, Sample, VelocitySample};
 use axum::Router;
 use axum::http::StatusCode;
@@ -56,6 +56,12 @@ const TABLE: &[Route] = &[
     reading("/picture.js", "The script of the live picture.", Answer::File("text/javascript"), || {
         get(api::overlay_script)
     }),
+    reading("/drawing.js", "The script for shapes on the live picture.", Answer::File("text/javascript"), || {
+        get(api::drawing_script)
+    }),
+    reading("/replay.js", "The script for the frames of a shot.", Answer::File("text/javascript"), || {
+        get(api::replay_script)
+    }),
     reading("/openapi.json", "This document.", Answer::Object, || get(openapi)),
     reading("/api/status", "The state of the rig.", Answer::Object, || get(api::status)),
     reading(
@@ -81,6 +87,12 @@ const TABLE: &[Route] = &[
     writing("/api/disarm", "Disarm the rig.", || post(api::disarm)),
     writing("/api/trigger", "Record a shot around this moment.", || post(api::trigger)),
     writing("/api/control", "Give control to the page of the header x-ricochet-page.", || post(api::take_control)),
+    reading("/api/drawing", "The shapes in the rig file, and its revision.", Answer::Object, || get(drawing::shapes)),
+    writing(
+        "/api/drawing",
+        "Write a shape to the rig file of this revision, if the file passes the checks with it.",
+        || post(drawing::draw),
+    ),
     reading("/api/shots", "The shots, the newest first, with mean and spread.", Answer::Object, || get(api::shots)),
     writing("/api/shots/{name}/reject", "Reject a shot; the body is {\"reason\": \"...\"}. Its file stays.", || {
         post(api::reject)
@@ -92,6 +104,13 @@ const TABLE: &[Route] = &[
     reading("/shots/{name}/picture", "A frame in the middle of a recording.", Answer::File("image/jpeg"), || {
         get(files::thumbnail)
     }),
+    reading("/shots/{name}/velocity", "Velocities over time in a recording.", Answer::Object, || get(replay::curves)),
+    reading(
+        "/shots/{name}/frames/{frame}",
+        "A frame of a recording by its number.",
+        Answer::File("image/jpeg"),
+        || get(replay::frame),
+    ),
     reading("/shots/{name}/report", "The report of a recording.", Answer::File("text/html"), || get(files::report)),
 ];
 
@@ -143,9 +162,13 @@ fn operation(route: &Route) -> Value {
         "summary": route.summary,
         "responses": { code: { "description": route.summary, "content": content } },
     });
-    if route.path.contains("{name}") {
-        let name = json!({ "name": "name", "in": "path", "required": true, "schema": { "type": "string" } });
-        operation["parameters"] = json!([name]);
+    let kinds = [("name", "string"), ("frame", "integer")];
+    let parameters = kinds.iter().filter(|(name, _)| route.path.contains(&format!("{{{name}}}")));
+    let parameters: Vec<Value> = parameters
+        .map(|(name, kind)| json!({ "name": name, "in": "path", "required": true, "schema": { "type": kind } }))
+        .collect();
+    if !parameters.is_empty() {
+        operation["parameters"] = parameters.into();
     }
     operation
 }

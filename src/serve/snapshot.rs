@@ -6,7 +6,34 @@ use super::rig_state::{PageState, Word};
 use super::shots::Shots;
 use crate::config::Config;
 use crate::message::{Role, StatusMessage};
+use axum::body::Bytes;
 use serde_json::{Value, json};
+use tokio::sync::watch;
+
+/// The state of the rig as text, the same for all clients.
+#[derive(Debug, Clone)]
+pub(super) struct StateText {
+    /// A server-sent event.
+    pub(super) event: Bytes,
+}
+
+/// The start and the end of a server-sent event.
+const EVENT: [&str; 2] = ["data: ", "\n\n"];
+
+/// The state of the rig, whenever it is published.
+pub(super) type States = watch::Sender<StateText>;
+
+impl StateText {
+    /// Puts a JSON object into an event.
+    pub(super) fn new(json: &str) -> Self {
+        Self { event: [EVENT[0], json, EVENT[1]].concat().into() }
+    }
+
+    /// Returns the JSON object alone.
+    pub(super) fn json(&self) -> Bytes {
+        self.event.slice(EVENT[0].len()..self.event.len() - EVENT[1].len())
+    }
+}
 
 /// Returns the state of the rig as a JSON object.
 pub(super) fn snapshot(config: &Config, rig: &PageState, shots: &Shots, control: &Control, now_s: f64) -> Value {

@@ -12,10 +12,15 @@ use futures_util::{SinkExt, Stream, stream};
 use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::time::timeout;
+use tokio::time::{sleep, timeout};
 
 /// Interval of a sign of life on a stream without rows, so that a client that is gone is noticed.
 const SIGN_OF_LIFE: Duration = Duration::from_secs(10);
+/// Time in which server-sent events gather, because a write for each row would cost most of the server's time. Rows by
+/// WebSocket go out at once.
+const GATHER: Duration = Duration::from_millis(10);
+/// The maximum size of events that are sent together, bytes, so that a burst does not fill the memory.
+const MAX_GATHERED_BYTES: usize = 64 << 10;
 /// The maximum size of a message from a client, bytes. Messages of clients are ignored.
 const MAX_MESSAGE_BYTES: usize = 1024;
 /// Time for the first picture.
@@ -33,14 +38,25 @@ fn topic_events(feed: &Feed) -> Response {
         let bytes = match timeout(SIGN_OF_LIFE, follower.next()).await {
             Err(_) => Bytes::from_static(b":\n\n"),
             Ok(None) => return None,
-            Ok(Some(Delivery { lost: 0, batch })) => batch.events.clone(),
-            Ok(Some(Delivery { lost, batch })) => {
-                let notice = format!("event: lost\ndata: {{\"lost\":{lost}}}\n\n");
-                [notice.as_bytes(), &batch.events[..]].concat().into()
-            }
+            Ok(Some(first)) => gather_events(first, &mut follower).await,
         };
         Some((Ok(bytes), follower))
     }))
+}
+
+/// Returns a delivery and those within [`GATHER`] after it as server-sent events.
+async fn gather_events(first: Delivery, follower: &mut Follower) -> Bytes {
+    sleep(GATHER).await;
+    let mut bytes = Vec::new();
+    let mut next = Some(first);
+    while let Some(Delivery { lost, batch }) = next {
+        if lost > 0 {
+            bytes.extend_from_slice(format!("event: lost\ndata: {{\"lost\":{lost}}}\n\n").as_bytes());
+        }
+        bytes.extend_from_slice(&batch.events);
+        next = if bytes.len() < MAX_GATHERED_BYTES { follower.take() } else { None };
+    }
+    bytes.into()
 }
 
 /// Answers with the rows of `velocity` as server-sent events.
@@ -67,7 +83,7 @@ pub(super) async fn state_events(State(app): State<Arc<App>>, request: Request) 
     receiver.mark_changed();
     event_stream(stream::unfold((receiver, open), |(mut receiver, open)| async move {
         receiver.changed().await.ok()?;
-        let bytes = Bytes::from(format!("data: {}\n\n", *receiver.borrow_and_update()));
+        let bytes = receiver.borrow_and_update().event.clone();
         Some((Ok(bytes), (receiver, open)))
     }))
 }
@@ -143,7 +159,7 @@ pub(super) async fn picture_socket(State(app): State<Arc<App>>, upgrade: WebSock
                 changed = receiver.changed() => {
                     let picture = receiver.borrow_and_update().clone();
                     let Some(picture) = picture.filter(|_| changed.is_ok()) else { return };
-                    if socket.send(Message::Binary(picture.message())).await.is_err() {
+                    if socket.send(Message::Binary(picture.message.clone())).await.is_err() {
                         return;
                     }
                 }

@@ -8,7 +8,7 @@ use super::pulse::{Heartbeat, Pulse};
 use super::rig_state::PageState;
 use super::rows::{self, RowContext};
 use super::shots::Shots;
-use super::snapshot::snapshot;
+use super::snapshot::{StateText, States, snapshot};
 use super::topics::Link;
 use crate::bus::{Bus, BusError, Subscriber, Topic};
 use crate::config::Config;
@@ -16,7 +16,6 @@ use crate::message::{Event, ImpactMessage, StatusMessage};
 use serde_json::{Map, Value};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use tokio::sync::watch;
 
 /// Interval of reading the topics.
 const PERIOD: Duration = Duration::from_millis(10);
@@ -31,8 +30,7 @@ const ALIVE_PERIOD: Duration = Duration::from_millis(250);
 pub(super) struct Outputs {
     pub(super) impact: Feed,
     pub(super) events: Feed,
-    /// The state as JSON.
-    pub(super) state: watch::Sender<Arc<str>>,
+    pub(super) state: States,
     pub(super) outlets: Arc<Outlets>,
     /// Wakes the reader of the recordings.
     pub(super) recorded: std::sync::mpsc::SyncSender<()>,
@@ -116,7 +114,7 @@ impl<'a> Watcher<'a> {
                 let text = self.snapshot_text();
                 if text != last || is_due(published, REPEAT) {
                     published = Some(now());
-                    self.outputs.state.send_replace(text.as_str().into());
+                    self.outputs.state.send_replace(StateText::new(&text));
                     last = text;
                 }
             }

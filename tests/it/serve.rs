@@ -2,9 +2,12 @@
 
 mod access;
 mod chromium;
+mod drawing;
 mod foxglove;
 mod mqtt;
+mod mqtt_login;
 mod page;
+mod replay;
 mod socket;
 mod streams;
 mod udp;
@@ -24,10 +27,14 @@ pub struct Server {
 impl Server {
     /// Starts a server with the rig file, whose `[serve] http` must have port 0.
     pub fn start(config: &Path) -> Self {
-        let process = Background::start(ricochet(["serve".as_ref(), config.as_os_str()]));
-        let mut server = Self { process, address: String::new() };
+        let mut server = Self::from_process(Background::start(ricochet(["serve".as_ref(), config.as_os_str()])));
         server.address = server.printed("page: http://");
         server
+    }
+
+    /// A server that has not printed its address yet.
+    pub fn from_process(process: Background) -> Self {
+        Self { process, address: String::new() }
     }
 
     /// Starts a rig with its page, which prints its address to standard error.
@@ -56,9 +63,15 @@ impl Server {
 
     /// The status and the body of an answer.
     pub fn get(&self, path: &str) -> (u16, String) {
-        let mut answer = agent().get(self.url(path)).call().unwrap();
+        let (status, bytes) = self.get_bytes(path);
         // A picture is no text.
-        (answer.status().as_u16(), String::from_utf8_lossy(&answer.body_mut().read_to_vec().unwrap()).into_owned())
+        (status, String::from_utf8_lossy(&bytes).into_owned())
+    }
+
+    /// The status and the body of an answer, as bytes.
+    pub fn get_bytes(&self, path: &str) -> (u16, Vec<u8>) {
+        let mut answer = agent().get(self.url(path)).call().unwrap();
+        (answer.status().as_u16(), answer.body_mut().read_to_vec().unwrap())
     }
 
     pub fn json(&self, path: &str) -> Value {
@@ -66,7 +79,16 @@ impl Server {
     }
 
     pub fn post(&self, path: &str, body: &str) -> (u16, Value) {
-        let mut answer = agent().post(self.url(path)).send(body).unwrap();
+        self.post_as(None, path, body)
+    }
+
+    /// Sends a request as a page of this name, or as a program without one.
+    pub fn post_as(&self, page: Option<&str>, path: &str, body: &str) -> (u16, Value) {
+        let mut request = agent().post(self.url(path));
+        if let Some(page) = page {
+            request = request.header("x-ricochet-page", page);
+        }
+        let mut answer = request.send(body).unwrap();
         let text = answer.body_mut().read_to_string().unwrap();
         (answer.status().as_u16(), serde_json::from_str(&text).unwrap_or(Value::Null))
     }

@@ -32,7 +32,7 @@ impl Parameters {
 
     /// Returns the parameters with these names, or all if none are given.
     fn named(&self, names: &[String]) -> Vec<Parameter> {
-        let armed = armed(&self.app.state.borrow());
+        let armed = armed(&self.app.state.borrow().json());
         let all = self.settings.iter().cloned().chain(armed);
         all.filter(|parameter| names.is_empty() || names.contains(&parameter.name)).collect()
     }
@@ -61,7 +61,7 @@ pub(super) async fn publish_armed(server: WebSocketServerHandle, app: Arc<App>) 
     let mut state = app.state.subscribe();
     let mut last = None;
     while state.changed().await.is_ok() {
-        let parameter = armed(&state.borrow_and_update());
+        let parameter = armed(&state.borrow_and_update().json());
         if parameter != last {
             server.publish_parameter_values(parameter.iter().cloned().collect());
             last = parameter;
@@ -70,8 +70,8 @@ pub(super) async fn publish_armed(server: WebSocketServerHandle, app: Arc<App>) 
 }
 
 /// Returns whether the rig is armed in this state; `None` until it is known.
-fn armed(state: &str) -> Option<Parameter> {
-    let state: Value = serde_json::from_str(state).ok()?;
+fn armed(state: &[u8]) -> Option<Parameter> {
+    let state: Value = serde_json::from_slice(state).ok()?;
     Some(Parameter::bool(ARMED, state[ARMED].as_bool()?))
 }
 

@@ -139,6 +139,14 @@ fn broker_and_controller_are_off_unless_the_file_names_them() {
     let named = served("mqtt = \"[::1]:1883\"\nudp = \"239.1.2.3:5005\"\n");
     assert_eq!((named.0.as_deref(), named.1.as_deref()), (Some("[::1]:1883"), Some("239.1.2.3:5005")));
     assert_eq!(served("mqtt = \"broker.local:1883\"\n").0.as_deref(), Some("broker.local:1883"));
+    let login =
+        "mqtt = \"b:8883\"\nmqtt_user = \"rig\"\nmqtt_password_file = \"password\"\nmqtt_ca_file = \"ca.crt\"\n";
+    let broker = parse(&format!("{SIMULATED}[serve]\n{login}")).serve.mqtt.unwrap();
+    assert_eq!((broker.user.as_deref(), broker.port), (Some("rig"), 8883));
+    assert_eq!(
+        [broker.password_file, broker.ca_file].map(|file| file.unwrap()),
+        ["password", "ca.crt"].map(std::path::PathBuf::from)
+    );
 }
 
 #[test]

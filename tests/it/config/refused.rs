@@ -286,6 +286,11 @@ fn tables_that_this_version_does_not_offer_are_refused_by_name() {
             ", line 4: serve.mqtt = \"::1:1883\": must be \"off\", or the host and the port of a broker, such as \
              \"broker.local:1883\"",
         ),
+        ("[serve]\nmqtt_user = \"rig\"", ", line 4: serve.mqtt_user = \"rig\": must be left out without serve.mqtt"),
+        (
+            "[serve]\nmqtt = \"broker.local:1883\"\nmqtt_password_file = \"password\"",
+            ", line 5: serve.mqtt_password_file = \"password\": must be left out without serve.mqtt_user",
+        ),
         (
             "[serve]\nudp = \"plc:5005\"",
             ", line 4: serve.udp = \"plc:5005\": must be \"off\", or an address and a port, such as \"192.168.1.20:5005\"",

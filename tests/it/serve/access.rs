@@ -45,7 +45,7 @@ fn a_request_without_the_token_or_with_a_wrong_one_is_refused_everywhere() {
         assert_eq!(ask(&server, "GET", path, "Authorization: Bearer correct-horse-batterx\r\n").0, 401, "{path}");
         assert_eq!(ask(&server, "GET", path, "Cookie: ricochet_token=\r\n").0, 401, "{path}");
     }
-    for path in ["/api/arm", "/api/disarm", "/api/trigger", "/api/control"] {
+    for path in ["/api/arm", "/api/disarm", "/api/trigger", "/api/control", "/api/drawing"] {
         assert_eq!(ask(&server, "POST", path, "Content-Length: 0\r\n").0, 401, "{path}");
     }
     assert_eq!(Socket::open(&server.address, "/ws/velocity", "").err(), Some(401));
@@ -98,7 +98,8 @@ fn no_path_leaves_the_folder_of_the_recordings() {
         "%ff%fe",
     ];
     for name in names {
-        for path in [format!("/shots/{name}"), format!("/shots/{name}/report")] {
+        let below = ["", "/report", "/picture", "/velocity", "/frames/0"];
+        for path in below.map(|below| format!("/shots/{name}{below}")) {
             let (status, answer) = ask(&server, "GET", &path, "");
             assert!((400..500).contains(&status) && !answer.contains("secret\n"), "{path}: {answer}");
         }
@@ -115,7 +116,7 @@ fn pages_of_other_sites_can_neither_command_nor_listen_nor_frame() {
     let rig = Rig::new();
     let server = alone(&rig, SERVED);
     let foreign = "Origin: http://evil.example\r\nContent-Length: 0\r\n";
-    for path in ["/api/arm", "/api/disarm", "/api/trigger", "/api/control", "/api/shots/x/reject"] {
+    for path in ["/api/arm", "/api/disarm", "/api/trigger", "/api/control", "/api/drawing", "/api/shots/x/reject"] {
         assert_eq!(ask(&server, "POST", path, foreign).0, 403, "{path}");
     }
     for path in ["/ws/velocity", "/ws/impact", "/ws/events", "/ws/picture"] {

@@ -86,6 +86,32 @@ impl Chromium {
         }
     }
 
+    /// Presses a key that writes nothing.
+    pub fn press_named(&mut self, key: &str) {
+        for kind in ["rawKeyDown", "keyUp"] {
+            let code = match key {
+                "ArrowRight" => 39,
+                "ArrowDown" => 40,
+                _ => 0,
+            };
+            let event = json!({ "type": kind, "key": key, "code": key, "windowsVirtualKeyCode": code });
+            self.call("Input.dispatchKeyEvent", &event);
+        }
+    }
+
+    /// Moves or clicks the mouse at a place of the window, px.
+    pub fn mouse(&mut self, kind: &str, [x, y]: [f64; 2]) {
+        let button = if kind == "mouseMoved" { "none" } else { "left" };
+        let event = json!({ "type": kind, "x": x, "y": y, "button": button, "buttons": 1, "clickCount": 1 });
+        self.call("Input.dispatchMouseEvent", &event);
+    }
+
+    /// Touches the window at these places, px.
+    pub fn touch(&mut self, kind: &str, places: &[[f64; 2]]) {
+        let points: Vec<Value> = places.iter().map(|[x, y]| json!({ "x": x, "y": y })).collect();
+        self.call("Input.dispatchTouchEvent", &json!({ "type": kind, "touchPoints": points }));
+    }
+
     /// The visible page as a PNG file.
     pub fn screenshot(&mut self) -> Vec<u8> {
         let data = self.call("Page.captureScreenshot", &json!({ "format": "png" }));

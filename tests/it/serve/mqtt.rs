@@ -16,7 +16,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// A broker at a port of its own.
-struct Broker {
+pub struct Broker {
     program: &'static str,
     config: PathBuf,
     port: u16,
@@ -26,6 +26,11 @@ struct Broker {
 impl Broker {
     /// Starts a broker; reports that the test was left out without one.
     fn start(rig: &Rig) -> Option<Self> {
+        Self::start_with(rig, "")
+    }
+
+    /// Starts a broker with further lines of its configuration, those of another listener.
+    pub fn start_with(rig: &Rig, lines: &str) -> Option<Self> {
         let can_run = |name: &&str| Command::new(name).arg("-h").output().is_ok();
         let Some(program) = ["mosquitto", "/usr/sbin/mosquitto"].into_iter().find(can_run) else {
             assert!(!is_required("MQTT"), "mosquitto is required but not installed");
@@ -35,8 +40,9 @@ impl Broker {
         let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
         // It holds nothing back from its subscribers, and keeps their sessions when it ends.
         let text = format!(
-            "user root\nlistener {port} 127.0.0.1\nallow_anonymous true\npersistence true\npersistence_location {}/\n\
-             max_inflight_messages 0\nmax_queued_messages 0\nset_tcp_nodelay true\nlog_type error\n",
+            "per_listener_settings true\nuser root\npersistence true\npersistence_location {}/\n\
+             max_inflight_messages 0\nmax_queued_messages 0\nset_tcp_nodelay true\nlog_type error\n\
+             listener {port} 127.0.0.1\nallow_anonymous true\n{lines}",
             rig.path("").display()
         );
         let config = rig.file("mosquitto.conf", &text);
@@ -62,17 +68,17 @@ impl Broker {
 }
 
 /// The messages of each topic that a subscriber has received, with their times of arrival.
-type Messages = Vec<(Instant, String, Value)>;
+pub type Messages = Vec<(Instant, String, Value)>;
 
 /// A subscriber to every topic of a rig, which connects again when the broker comes back.
-struct Subscriber {
+pub struct Subscriber {
     is_over: Arc<AtomicBool>,
     thread: JoinHandle<Messages>,
 }
 
 impl Subscriber {
     /// Subscribes to all topics below `ricochet/{rig}`.
-    fn start(broker: &Broker, rig: &str) -> Self {
+    pub fn start(broker: &Broker, rig: &str) -> Self {
         static SUBSCRIBERS: AtomicU32 = AtomicU32::new(0);
         let id = format!("subscriber-{}", SUBSCRIBERS.fetch_add(1, Ordering::Relaxed));
         let mut options = MqttOptions::new(id, "127.0.0.1", broker.port);
@@ -103,7 +109,7 @@ impl Subscriber {
         Self { is_over, thread }
     }
 
-    fn end(self) -> Messages {
+    pub fn end(self) -> Messages {
         self.is_over.store(true, Ordering::Relaxed);
         self.thread.join().unwrap()
     }

@@ -1,6 +1,7 @@
 //! The page in a real browser, next to a rig that plays a recorded drop.
 
 use super::chromium::Chromium;
+use super::replay::check_replay;
 use super::{SERVED, Server, drifting, run_alone};
 use crate::support::{Rig, wait_until};
 use serde_json::Value;
@@ -116,6 +117,7 @@ fn an_operator_takes_a_shot_reads_its_numbers_and_rejects_it() {
     assert_eq!(bytes.as_u64().unwrap(), recording.metadata().unwrap().len());
     let report = browser.evaluate("fetch(document.querySelector('tr[data-name] a').href).then(r => r.text())");
     assert!(report.as_str().unwrap().contains("<h2>Collision"), "the report has the collision");
+    check_replay(&mut browser, &server, &recording);
     reject(&mut browser, &recording);
     assert!(!browser.evaluate("document.title").as_str().unwrap().contains("run"), "a reason was taken for markup");
     for scheme in ["light", "dark"] {
@@ -125,6 +127,9 @@ fn an_operator_takes_a_shot_reads_its_numbers_and_rejects_it() {
             picture(&mut browser, &format!("page-{name}-{scheme}.png"));
             let width = browser.evaluate("document.documentElement.scrollWidth").as_f64().unwrap();
             assert!(width <= f64::from(size_px[0]), "{width} px wide on the {name}");
+            let wide = "[...document.querySelectorAll('#numbers > div')].filter(e => [...e.children].some(c => \
+                        c.scrollWidth > e.clientWidth)).map(e => e.innerText).join('; ')";
+            assert_eq!(browser.evaluate(wide), "", "numbers that overflow their cards on the {name}");
         }
     }
     notices_the_end(browser, server);
@@ -144,6 +149,10 @@ fn the_live_picture_shows_displacements_and_sharpness() {
         browser.evaluate(is_drawn).as_bool().filter(|is| *is)
     });
     assert!(browser.text("#picture-note").contains("displacements x "), "{}", browser.text("#picture-note"));
+    wait_until("the uncertainty of a speed now", || {
+        let now = browser.text("#picture-now");
+        (now.starts_with("Now ball: speed ± ") && now.contains(" m/s")).then_some(())
+    });
     let sharpness = browser.evaluate("document.getElementById('focus').value").as_f64().unwrap();
     assert!(sharpness > 0.5 && sharpness <= 1.0, "{sharpness}");
     picture(&mut browser, "page-live.png");

@@ -161,6 +161,15 @@ fn the_picture_shows_the_newest_frame_with_the_outline_measured_in_it() {
         assert!((0.0..1.0).contains(&(u + 0.2)) && v.abs() < 0.2, "{vector}");
     }
     assert!(header["sharpness"].as_f64().unwrap() > 0.0, "{header}");
+    // The velocity comes some frames after the position.
+    let now = wait_until("a picture has the uncertainty of a speed now", || {
+        let message = socket.receive();
+        let length = u32::from_le_bytes(message[..4].try_into().unwrap()) as usize;
+        let header: Value = serde_json::from_slice(&message[4..4 + length]).unwrap();
+        header["now"].get(0).cloned()
+    });
+    let sigma_m_s = now["sigma_v_m_s"].as_f64().unwrap();
+    assert!(now["name"] == "ball" && (0.0..0.1).contains(&sigma_m_s), "{now}");
     assert_eq!((&header["mm_per_px"], &header["scale"]), (&0.5.into(), &1.into()));
     let (status, _) = server.get("/api/picture");
     assert_eq!(status, 200);
