@@ -40,6 +40,8 @@ const FILTERED_PEAKS: usize = 8;
 const REACH_PX: f32 = 7.0;
 /// The maximum error of a prediction in a search, px.
 const FOLLOW_REACH_PX: f32 = 5.0;
+/// The uncertainty of the centre from which an outline was found by its texture, px. That by edges is far smaller.
+const MIN_TEXTURED_SIGMA_PX: f64 = 0.15;
 
 /// The maximum error of a prediction that needs no search, px.
 const PREDICTION_REACH_PX: f64 = 1.0;
@@ -256,8 +258,11 @@ impl BallFinder {
     ///
     /// If the size of `image` differs from the planned size.
     pub fn search_near(&mut self, image: ImageView<'_>, near: &Circle) -> Option<Circle> {
+        let is_by_texture = near.sigma_center_px > MIN_TEXTURED_SIGMA_PX;
         let near = self.valid_prediction(image, near)?;
         let circle = self.search_around(image, near).or_else(|| {
+            // Where the edges of a ball were found before, something has changed if they are not.
+            let near = Some(near).filter(|_| is_by_texture)?;
             let circle = self.textured.follow(image, near)?;
             self.has_allowed_radius(&circle).then_some(circle)
         })?;
