@@ -15,6 +15,8 @@ const OFF_SIGMAS: f64 = 6.0;
 const OFF_FRAMES: u32 = 3;
 /// The number of frames after which a departure that still fits a jump is dismissed as one.
 const JUMP_FRAMES: u32 = 8;
+/// The number of frames after which a departure that a drift of the centre explains is dismissed as one.
+const DRIFT_FRAMES: u32 = 12;
 /// The minimum approach speed of a collision, sigmas.
 const APPROACH_SIGMAS: f64 = 6.0;
 /// The maximum number of flight nodes that a new node is compared with.
@@ -193,7 +195,7 @@ impl Detector {
             test_departure(&flight, &since, gravity, turning_sigma)
         };
         let time = self.nodes[self.nodes.len() - 1].time_frames;
-        let Some(Departure { sigmas, rate }) = tested else { return Event::None };
+        let Some(Departure { sigmas, certain_sigmas, rate }) = tested else { return Event::None };
         if sigmas.abs() <= OFF_SIGMAS {
             self.off = None;
             return Event::None;
@@ -204,6 +206,13 @@ impl Detector {
         };
         self.off = Some((from, side, count));
         if count < OFF_FRAMES {
+            return Event::None;
+        }
+        if certain_sigmas.abs() <= OFF_SIGMAS {
+            // The centre of a turning body may drift so far. A contact departs ever faster.
+            if count >= DRIFT_FRAMES {
+                self.restart_flight(from);
+            }
             return Event::None;
         }
         let approaching = rate.value < -APPROACH_SIGMAS * rate.sigma;

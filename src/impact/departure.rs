@@ -16,6 +16,8 @@ pub struct Departure {
     /// Distance from the nearest plausible curve in units of its standard uncertainty, positive along the outward
     /// normal.
     pub sigmas: f64,
+    /// The same, with the drift of the centre of a body that turns.
+    pub certain_sigmas: f64,
     /// Normal velocity at the end of the flight, the most uncertain of the plausible ones, px/frame.
     pub rate: Estimate,
 }
@@ -58,6 +60,17 @@ pub fn residual(curve: &Polynomial, since: &[Sample], sample: &Sample) -> Option
     Some(Estimate { value: sample.value - first.value - advance.value, sigma: excess * advance.sigma.hypot(noise) })
 }
 
+/// Returns the smaller of two distances from a curve; 0 if they lie on both sides.
+fn nearer(one: f64, other: f64) -> f64 {
+    if one * other <= 0.0 {
+        0.0
+    } else if other.abs() < one.abs() {
+        other
+    } else {
+        one
+    }
+}
+
 /// Returns what the uncertainty of a distance contains, px, if the velocities on both sides of some frames have
 /// independent errors of `turning_sigma`, px/frame.
 pub fn drift(turning_sigma: f64, frames: f64) -> f64 {
@@ -82,17 +95,13 @@ pub fn test_departure(
         let distance = residual(&curve, since, sample)?;
         let rate = curve.rate(end.time_frames);
         let rate = Estimate { value: rate.value, sigma: rate.sigma * curve.excess() };
-        let (sigmas, certainty) = (distance.value / distance.sigma.hypot(drift), rate.value / rate.sigma);
+        let (sigmas, certainty) = (distance.value / distance.sigma, rate.value / rate.sigma);
+        let certain_sigmas = distance.value / distance.sigma.hypot(drift);
         nearest = Some(match nearest {
-            None => Departure { sigmas, rate },
+            None => Departure { sigmas, certain_sigmas, rate },
             Some(o) => Departure {
-                sigmas: if o.sigmas * sigmas <= 0.0 {
-                    0.0
-                } else if sigmas.abs() < o.sigmas.abs() {
-                    sigmas
-                } else {
-                    o.sigmas
-                },
+                sigmas: nearer(o.sigmas, sigmas),
+                certain_sigmas: nearer(o.certain_sigmas, certain_sigmas),
                 // An approach is negative: the larger ratio is the less certain approach.
                 rate: if certainty > o.rate.value / o.rate.sigma { rate } else { o.rate },
             },

@@ -12,6 +12,9 @@ const OUTLINE_TOLERANCE_PX: f64 = 0.5;
 /// Such a match cannot follow another body, so only the outlines may be wrong.
 const RIGID_TOLERANCE_PX: f64 = 1.5;
 
+/// The minimum difference between the motions of marks and outlines that only wrong marks explain, px.
+const MIN_GROSS_PX: f64 = 2.0;
+
 /// The tolerance in standard uncertainties.
 const TOLERANCE_SIGMAS: f64 = 8.0;
 
@@ -56,13 +59,18 @@ impl OutlineMotion {
 }
 
 impl OutlinePair<'_> {
-    /// Returns the motion of a ball whose outline was detected in both frames, `frames` apart.
-    pub(super) fn detected_motion(&self, frames: f64) -> Option<OutlineMotion> {
+    /// Returns the motion of a ball whose outline was detected in both frames, if it differs grossly from that of its
+    /// marks in `step`.
+    ///
+    /// Where they differ by little, the outline may be as wrong as the marks: a lens may distort it.
+    pub(super) fn motion_unlike(&self, step: &BodyStep) -> Option<OutlineMotion> {
         let (Ok(Outline::Ball(from)), Ok(Outline::Ball(to)), true) = (self.reference, self.target, self.are_detected)
         else {
             return None;
         };
-        Some(OutlineMotion {
+        let (motion, frames) = (step.center_motion()?, f64::from(step.interval_frames));
+        let apart_px = (to.x_px - from.x_px - frames * motion.dx_px).hypot(to.y_px - from.y_px - frames * motion.dy_px);
+        (apart_px > MIN_GROSS_PX).then(|| OutlineMotion {
             dx_px: (to.x_px - from.x_px) / frames,
             dy_px: (to.y_px - from.y_px) / frames,
             sigma_px: from.sigma_center_px.hypot(to.sigma_center_px) / frames,

@@ -47,9 +47,9 @@ impl Measurer {
                     measured.step = BodyStep { status: PointStatus::Ambiguous, ..measured.step.without_motion() };
                     continue;
                 }
+                let moved = outlines.motion_unlike(&measured.step);
                 measured.step = BodyStep { status: PointStatus::Ambiguous, ..measured.step.without_motion() };
                 if interval_index == 0 {
-                    let moved = outlines.detected_motion(frames as f64);
                     self.record_contradiction(BodyKey { body, block: target.block }, moved);
                 }
             }
@@ -132,8 +132,7 @@ impl Measurer {
         }
     }
 
-    /// Discards the motion of a body after a contradiction to its outlines, which `moved` by this many px per frame if they
-    /// were detected.
+    /// Discards the motion of a body after a contradiction to its outlines, which `moved` otherwise if they were detected.
     ///
     /// Another object may be taken for it, and one contradiction may be chance. After the second one, a ball whose
     /// outlines move evenly is followed by these alone, and any other body no longer within the block.

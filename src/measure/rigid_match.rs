@@ -16,8 +16,6 @@ pub(super) const MAX_PREDICTION_ERROR_PX: f64 = 2.0;
 const RENEW_OCCLUDED_DEG: f64 = 10.0;
 /// The visible fraction from which a body counts as not occluded.
 const UNOCCLUDED_FRACTION: f64 = 0.97;
-/// The minimum visible fraction of a ball whose rim is not occluded.
-const MIN_WHOLE_FRACTION: f64 = 0.65;
 /// The maximum occluded fraction of a subset. Only occluded pixels at a moving edge are detected in the step from the
 /// reference's own frame.
 const MAX_OCCLUDED_FRACTION: f64 = 0.003;
@@ -260,12 +258,6 @@ impl RigidMatcher {
             Some(pose) => pose,
             None => track.match_frame(to, first.predicted(circle, rate, frames))?,
         };
-        // Whatever hides so much of a ball reaches over its rim.
-        let is_whole = !is_occluded(circle);
-        if let Some(wrong) = [first, second].iter().find(|pose| is_whole && pose.hides_most()) {
-            track.poses.retain(|pose| pose.frame != wrong.frame);
-            return None;
-        }
         let is_visible = track.is_unoccluded
             && [first, second]
                 .iter()
@@ -379,11 +371,6 @@ impl RigidTrack {
 }
 
 impl Pose {
-    /// Whether the match explains so little of the body that the rest must be occluded.
-    fn hides_most(&self) -> bool {
-        self.visible_fraction.is_some_and(|fraction| fraction < MIN_WHOLE_FRACTION)
-    }
-
     /// Returns the pose predicted by the motion of a circle per frame, `frames` frames later.
     fn predicted(&self, circle: &Circle, rate: &RigidStep, frames: f64) -> Self {
         let angle_deg = frames * rate.dtheta_deg;
