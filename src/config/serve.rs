@@ -48,7 +48,7 @@ impl Broker {
         let port = port.parse().ok().filter(|port| *port > 0)?;
         let is_sized = (1..=MAX_HOST_LENGTH).contains(&host.len());
         let host = host.to_owned();
-        (is_host && is_sized).then(|| Self { host, port, user: None, password_file: None, ca_file: None })
+        (is_host && is_sized).then_some(Self { host, port, user: None, password_file: None, ca_file: None })
     }
 }
 

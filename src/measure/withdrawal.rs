@@ -28,8 +28,7 @@ impl Measurer {
             let after = following.map_or(Neighbour::Absent, |following| Neighbour::of(&following.step));
             let shown = self.turn(frame, body);
             if shown.is_some_and(|(turn, before)| !turn.is_supported([before, after], Changes::Allowed)) {
-                let found =
-                    next.map(|next| FoundOutline { outline: next.outlines[body].clone(), origin: next.origins[body] });
+                let found = next.map(|next| FoundOutline { outline: next.outlines[body], origin: next.origins[body] });
                 self.withdraw(frame, body, found);
             }
             let shortest = frame.done[body * intervals].as_ref();
