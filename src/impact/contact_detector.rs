@@ -4,9 +4,9 @@ use std::collections::VecDeque;
 
 use super::contact_onset::{fit_onset, time_reversed};
 use super::departure::{Departure, drift, plausible_curves, residual, test_departure};
+use super::force_free::{find_forceless_stretch, find_quiet_stretch, fit_acceleration};
 use super::trajectory::{NORMAL, SurfaceNode, nodes_between, samples, turning_sigma};
 use crate::motion::{AUTO_AHEAD_FRAMES, Regime};
-use crate::numeric::Polynomial;
 use crate::results::{Estimate, Phase};
 
 /// The minimum distance from the flight's curve that counts as a departure, sigmas.
@@ -29,15 +29,6 @@ const GUARD_NODES: usize = 4;
 const CERTAIN_FRAMES: f64 = 9.0;
 /// The number of nodes in the running fit of the acceleration.
 const ACCELERATION_NODES: usize = 7;
-/// The maximum deviation of the acceleration from gravity after a contact, as a share of the peak acceleration.
-const QUIET_SHARE: f64 = 0.02;
-/// The maximum number of nodes that the end of a contact is tested by.
-const QUIET_NODES: usize = 40;
-/// The number of nodes after a possible contact that decide whether a force acts, where [`QUIET_SHARE`] cannot be
-/// resolved.
-const FORCELESS_NODES: usize = 16;
-/// The minimum force that counts as present, sigmas.
-const FORCE_SIGMAS: f64 = 3.0;
 /// The maximum lead of the force-free stretch over the end of the force, frames.
 const QUIET_EARLY_FRAMES: f64 = 4.0;
 /// Frames since the start of the force-free stretch at which the end is estimated again.
@@ -396,60 +387,21 @@ impl Default for Detector {
     }
 }
 
-/// Fits the acceleration of the nodes by a parabola, px/frame^2; `None` if they do not determine one.
-fn fit_acceleration(nodes: &[crate::numeric::Sample]) -> Option<Estimate> {
-    let middle = 0.5 * (nodes.first()?.time_frames + nodes.last()?.time_frames);
-    let fit = Polynomial::fit(nodes, middle, 2, 0.0)?;
-    let a = fit.curvature();
-    Some(Estimate { value: a.value, sigma: a.sigma * fit.excess() })
-}
-
-/// Returns the start of the force-free stretch of the newest nodes (frames) and its velocity (px/frame).
-///
-/// `Some(None)` if a force still acts, `None` where the data cannot decide. `acceleration_max` is the peak
-/// acceleration so far, px/frame^2.
-fn find_quiet_stretch(
-    since: &[crate::numeric::Sample],
-    gravity: f64,
-    acceleration_max: f64,
-) -> Option<Option<(f64, Estimate)>> {
-    let mut width = 5;
-    while width <= QUIET_NODES.min(since.len()) {
-        let newest = &since[since.len() - width..];
-        let acceleration = fit_acceleration(newest).filter(|a| a.sigma <= QUIET_SHARE * acceleration_max);
-        if let Some(a) = acceleration {
-            let still = (a.value - gravity).abs() <= QUIET_SHARE * acceleration_max + 2.0 * a.sigma;
-            let middle = 0.5 * (newest[0].time_frames + newest[width - 1].time_frames);
-            let fit = Polynomial::fit(newest, middle, 1, gravity)?;
-            let rate = fit.rate(middle);
-            return Some(still.then_some((newest[0].time_frames, rate)));
-        }
-        width += 1;
-    }
-    None
-}
-
-/// Returns the start (frames) and the velocity (px/frame) of nodes that are consistent with no force; `None` if one
-/// acts.
-///
-/// An impact between two frames, or poses that drift, may look like the onset of a contact.
-fn find_forceless_stretch(since: &[SurfaceNode], gravity: f64) -> Option<(f64, Estimate)> {
-    let newest = samples(&since[since.len().saturating_sub(QUIET_NODES)..], NORMAL);
-    if newest.len() < FORCELESS_NODES {
-        return None;
-    }
-    let acceleration = fit_acceleration(&newest)?;
-    let middle = 0.5 * (newest[0].time_frames + newest[newest.len() - 1].time_frames);
-    let rate = Polynomial::fit(&newest, middle, 1, gravity)?.rate(middle);
-    (acceleration.value - gravity <= FORCE_SIGMAS * acceleration.sigma).then_some((newest[0].time_frames, rate))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     /// The detector's events for these positions, with up to 4 sigmas of noise, and the frame of each.
     fn events(frames: u64, position: impl Fn(f64) -> f64) -> (Vec<(u64, Event)>, Detector) {
+        events_of_turning(frames, 0.0, position)
+    }
+
+    /// The same for a body whose centre adds this uncertainty to its velocity while it turns, px/frame.
+    fn events_of_turning(
+        frames: u64,
+        turning_sigma: f64,
+        position: impl Fn(f64) -> f64,
+    ) -> (Vec<(u64, Event)>, Detector) {
         let (mut detector, sigma) = (Detector::new(), 1.3e-3);
         let mut events = Vec::new();
         for frame in 0..frames {
@@ -463,7 +415,7 @@ mod tests {
                 value,
                 sigma: [sigma; 3],
                 walk_share: [0.0; 3],
-                turning_sigma: 0.0,
+                turning_sigma,
             };
             match detector.add_node(node, Some(0.0)) {
                 Event::None => (),
@@ -494,5 +446,22 @@ mod tests {
         let (was_published, _) = events(400, position);
         let [(began, Event::Began), (over, Event::Ended)] = was_published[..] else { panic!("{was_published:?}") };
         assert!(began < 80 && (336..360).contains(&over), "{was_published:?}");
+    }
+
+    /// A ball that falls for 48 frames, and whose velocity changes after 16 by the error of its centre.
+    fn drifts(jump_px: f64) -> impl Fn(f64) -> f64 {
+        move |t| {
+            let away = (t - 48.0).max(0.0);
+            -1.4 * t + jump_px * (t - 16.0).max(0.0) + 0.12 * away.min(5.0).powi(2) + 1.2 * (away - 5.0).max(0.0)
+        }
+    }
+
+    #[test]
+    fn a_velocity_that_changes_by_the_error_of_the_centre_begins_no_contact() {
+        let (certain, _) = events(64, drifts(0.012));
+        assert!(certain.first().is_some_and(|(frame, _)| *frame < 40), "without an error it is none: {certain:?}");
+        let (turning, _) = events_of_turning(64, 0.01, drifts(0.012));
+        let [(began, Event::Began), ..] = turning[..] else { panic!("{turning:?}") };
+        assert!((49..56).contains(&began), "{turning:?}");
     }
 }

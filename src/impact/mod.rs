@@ -7,6 +7,7 @@ mod contact_detector;
 mod contact_law;
 mod contact_onset;
 mod departure;
+mod force_free;
 mod free_fall;
 mod law_fit;
 mod law_motion;
