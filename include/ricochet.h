@@ -80,7 +80,7 @@ typedef struct {
     uint32_t method;
     uint32_t exposure_ns;
     uint32_t rotation_status;
-    uint32_t reserved;
+    uint32_t skipped;
     double center_x_px;
     double center_y_px;
     double radius_px;
@@ -350,6 +350,7 @@ enum {
     RICOCHET_EVENT_SILENT = 20,
     RICOCHET_EVENT_HUNG = 21,
     RICOCHET_EVENT_BEHIND = 22,
+    RICOCHET_EVENT_REMEASURED = 23,
 };
 
 enum {

@@ -5,22 +5,14 @@ use super::frame_source::{Film, GIVEN_ORDER, GIVEN_RATE, span};
 use super::image_order::ImageOrder;
 use super::json_cells;
 use super::shard::{SETTINGS, Shard};
-use crate::camera::{CameraIdentity, StreamFormat};
-use crate::config::Record;
+use crate::camera::CameraIdentity;
 use crate::console::{Outcome, Overwrite, UsageError, print_line, print_note, progress, table};
 use crate::failure::Failure;
-use crate::image::{Frame, FrameMeta, FrameRuns};
-use crate::measure::{MeasureError, MeasureParams, Measured, Measurer, Share};
-use crate::process::{FrameRange, Shot, analysis_params, recording_info, reference_picture};
-use crate::recording::{Recording, RecordingError, part_path};
+use crate::process::{FilmToMeasure, MeasuredFilm, measure_film, recording_info, results_record};
+use crate::recording::{Recording, RecordingError};
 use crate::report;
 use crate::results::{Estimate, Impact};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
-
-/// The length of each worker's queue, frames.
-const QUEUE_FRAMES: usize = 16;
 
 /// The options of `ricochet analyze`.
 #[derive(Debug, Clone, PartialEq, clap::Args)]
@@ -124,19 +116,6 @@ pub(super) fn measure_and_print(
     Ok(if bodies.iter().all(BodySummary::is_empty) { outcome.with_nothing_measured() } else { outcome })
 }
 
-/// Returns the settings of a results file, which has no frames.
-pub(super) fn results_record() -> Record {
-    Record {
-        directory: PathBuf::from("."),
-        compression: crate::config::Compression::None,
-        raw_frames: false,
-        ring_bytes_max: None,
-        keep_last: None,
-        max_bytes: None,
-        split_bytes: None,
-    }
-}
-
 /// Returns `shot.results-1.mcap` next to `shot.mcap`, or the next free number; of a view, `shot.VIEW.results-1.mcap`.
 fn free_results_path(inputs: &[PathBuf], camera: Option<&str>) -> PathBuf {
     let input = inputs.first().map_or_else(|| Path::new("film"), PathBuf::as_path);
@@ -149,125 +128,24 @@ fn free_results_path(inputs: &[PathBuf], camera: Option<&str>) -> PathBuf {
     (1..u32::MAX).map(numbered).find(|path| !path.exists()).unwrap_or_else(|| numbered(u32::MAX))
 }
 
-/// A frame for all workers.
-type Job = Arc<(FrameMeta, Vec<u8>)>;
-/// The steps and fields that a worker has measured after a frame.
-type Answer = Result<Vec<Measured>, MeasureError>;
-
-/// A measured film.
-pub(super) struct MeasuredFilm {
-    /// The results file.
-    pub(super) path: PathBuf,
-    /// The number of missing frames.
-    pub(super) missing: u64,
-    /// The frames of the film.
-    pub(super) runs: FrameRuns,
-}
-
-/// Measures every frame of a film into a results file.
+/// Measures every frame of a film into a results file, with a progress bar.
 ///
 /// # Errors
 ///
 /// When the film cannot be read or the results cannot be written. No partial results file remains.
 pub(super) fn measure(film: Film, output: &Path) -> Result<MeasuredFilm, Failure> {
     let Film { format, config, metadata, count, frames, reference, .. } = film;
-    config.check_calibration(format.width_px, format.height_px)?;
-    let (measure_params, tracker_params) = analysis_params(&config, &format);
     let mut info = recording_info(&config, &format, &CameraIdentity::default(), "none: analysed offline");
     for key in ["camera", "serial", "host", "date", "trigger", GIVEN_RATE, GIVEN_ORDER, SETTINGS] {
         if let Some(value) = metadata.get(key) {
             info.metadata.insert(key.to_owned(), value.clone());
         }
     }
-    info.attachments.extend(reference.as_ref().and_then(reference_picture::attachment));
-    let mut frames = frames.peekable();
-    let meta = match frames.peek() {
-        Some(Ok((meta, _))) => *meta,
-        _ => {
-            return Err(frames.next().and_then(Result::err).unwrap_or_else(|| {
-                UsageError("cannot measure a film of 0 frames; --from and --to are seconds from its first frame".into())
-                    .into()
-            }));
-        }
-    };
-    let (first, stamp_ns) = (meta.sequence, meta.stamp_ns);
-    info.metadata.insert("first_frame".into(), first.to_string());
-    info.metadata.insert("first_stamp_ns".into(), stamp_ns.to_string());
-    let range = FrameRange { first, last: None, max_delay_frames: u64::MAX };
-    let mut shot = Shot::create(output, &config, &info)?;
-    shot.begin(0, Some(&tracker_params), range);
     let bar = progress::bar(count, "analyze");
-    let mut runs = FrameRuns::default();
-    let whole = std::thread::scope(|scope| -> Result<(), Failure> {
-        let (answers, results) = channel();
-        let mut workers = Vec::new();
-        for index in 0..config.workers.count {
-            let (jobs, todo) = sync_channel(QUEUE_FRAMES);
-            let mut measurer = plan_measurer(&measure_params, index, config.workers.count, &format)?;
-            reference.iter().try_for_each(|picture| measurer.set_reference(picture))?;
-            let answers = answers.clone();
-            scope.spawn(move || run_worker(measurer, &todo, &answers));
-            workers.push(jobs);
-        }
-        drop(answers);
-        for frame in frames {
-            let (meta, bytes) = frame?;
-            runs.push(meta.sequence);
-            shot.write_frame(0, &Frame { meta, bytes: &bytes })?;
-            send_to_all(&workers, &Arc::new((meta, bytes)));
-            results.try_iter().try_for_each(|answer| write_measured(&mut shot, answer))?;
-            bar.inc(1);
-        }
-        drop(workers);
-        results.iter().try_for_each(|answer| write_measured(&mut shot, answer))
-    });
+    let counted = frames.inspect(|_| bar.inc(1));
+    let measured = measure_film(FilmToMeasure { config: &config, format, reference }, counted, info, output);
     bar.finish_and_clear();
-    if let Err(error) = whole {
-        // A partial results file could be mistaken for the whole result.
-        drop(shot);
-        let _ = std::fs::remove_file(part_path(output));
-        return Err(error);
-    }
-    let (missing, end) = (shot.lost(0), shot.next_frame(0));
-    let (finished, _) = shot.finish(&[end])?;
-    Ok(MeasuredFilm { path: finished.path, missing, runs })
-}
-
-/// Plans the measurer of worker `index`, from 0, of `of` workers.
-fn plan_measurer(params: &MeasureParams, index: u32, of: u32, format: &StreamFormat) -> Result<Measurer, MeasureError> {
-    Measurer::new(params, Share { index, of }, format.width_px as usize, format.height_px as usize)
-}
-
-/// Sends a frame to every worker, and waits where a queue is full.
-fn send_to_all(workers: &[SyncSender<Job>], job: &Job) {
-    for worker in workers {
-        // A worker that has ended has sent its error.
-        let _ = worker.send(Arc::clone(job));
-    }
-}
-
-/// Measures the frames of a queue until it closes or one cannot be measured, and sends the results of each.
-fn run_worker(mut measurer: Measurer, todo: &Receiver<Job>, answers: &Sender<Answer>) {
-    for job in todo {
-        let (meta, bytes) = job.as_ref();
-        let mut measured = Vec::new();
-        let answer = measurer.push(&Frame { meta: *meta, bytes }, &mut measured).map(|()| measured);
-        let failed = answer.is_err();
-        if answers.send(answer).is_err() || failed {
-            return;
-        }
-    }
-    let mut measured = Vec::new();
-    measurer.finish(&mut measured);
-    let _ = answers.send(Ok(measured));
-}
-
-/// Adds the results of a worker to the results file.
-fn write_measured(shot: &mut Shot, answer: Answer) -> Result<(), Failure> {
-    for measured in answer? {
-        shot.write_step(0, measured.step, measured.field)?;
-    }
-    Ok(())
+    measured
 }
 
 /// Reads the impacts of a recording and returns the last revision of each.

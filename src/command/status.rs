@@ -118,6 +118,9 @@ fn is_from(status: &StatusMessage, role: &TakenRole) -> bool {
 /// Returns the name of a process: its role, with its index or state.
 fn process_name(status: &StatusMessage) -> String {
     match Role::from_number(status.role) {
+        Some(Role::Correlate) if status.state > 1 => {
+            format!("correlate {} (1 block of {})", status.index, status.state)
+        }
         Some(Role::Correlate) => format!("correlate {}", status.index),
         Some(Role::Record) if status.state & 2 != 0 => "record (disk full)".into(),
         Some(Role::Record) if status.state & 1 != 0 => "record (armed)".into(),

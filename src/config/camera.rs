@@ -150,6 +150,11 @@ impl Camera {
         self.is_device() || self.endless
     }
 
+    /// Whether frames come whether or not they are read; otherwise the source waits for its readers.
+    pub fn films_live(&self) -> bool {
+        self.is_device() || (self.paced && !self.stepped)
+    }
+
     /// Whether each frame, or burst of frames, waits for a pulse.
     pub fn is_pulsed(&self) -> bool {
         self.trigger_source.is_some() || self.pulse.is_some()

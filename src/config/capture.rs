@@ -50,6 +50,20 @@ pub struct Workers {
     /// The number of frames that a worker measures together, 4 to 256 frames, default 16. Results depend on it, because
     /// each block is measured on its own.
     pub block_frames: u32,
+    /// Whether the processes are set up for the most frames per second or for the shortest delay, `throughput` or
+    /// `latency`, default `throughput`. Results do not depend on it.
+    pub mode: WorkerMode,
+}
+
+/// What the processes that measure are set up for. Results do not depend on it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum WorkerMode {
+    /// The most frames per second: processes sleep until they are woken, at most once per millisecond.
+    #[default]
+    Throughput,
+    /// The shortest time from a frame to its row: each worker stays on a processor of its own, and workers and tracker look
+    /// for work every 50 us.
+    Latency,
 }
 
 /// The maximum number of correlation processes.
@@ -72,9 +86,11 @@ pub(super) fn check_record(table: &Table<'_>, raw: RawRecord) -> Result<Record, 
 
 /// Checks the division of the work. The default number of workers depends on this machine.
 pub(super) fn check_workers(table: &Table<'_>, raw: &RawWorkers) -> Result<Workers, ConfigError> {
+    let modes = [("throughput", WorkerMode::Throughput), ("latency", WorkerMode::Latency)];
     Ok(Workers {
         count: table.integer("count", raw.count, 0..=i64::from(WORKERS_MAX), "")?.unwrap_or_else(default_worker_count),
         block_frames: table.integer("block_frames", raw.block_frames, 4..=256, "frames")?.unwrap_or(16),
+        mode: table.choice("mode", raw.mode.as_deref(), &modes)?.unwrap_or_default(),
     })
 }
 

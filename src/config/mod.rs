@@ -45,7 +45,7 @@ pub use crate::dic::CorrelationParams;
 pub use crate::motion::{Rectifier, Rotation, Scale};
 pub use body::{Body, BodyKind};
 pub use camera::{Camera, FeatureValue, Pulse, Source};
-pub use capture::{Compression, Record, Workers};
+pub use capture::{Compression, Record, WorkerMode, Workers};
 pub use drawing::{DrawingError, Shape, ShapeKey};
 pub use error::{ConfigError, Problem};
 pub use geometry::{Surface, Velocity};

@@ -55,8 +55,10 @@ named_enum! {
         Silent = 20 "silent",
         /// A process of the rig shows no sign of life and is killed; `Restarted` follows.
         Hung = 21 "hung",
-        /// Half of the ring waits for a worker; if that lasts, it loses frames.
+        /// Half of the ring waits for a worker, or a worker measures more or fewer of its blocks because it is too slow.
         Behind = 22 "behind",
+        /// A recording whose rows are incomplete was measured again from its frames; the text is the path of the results.
+        Remeasured = 23 "remeasured",
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::layout::described;
 use super::{Number, RodMessage};
+use crate::image::FrameMeta;
 use crate::results::{
     BodyStep, Circle, Displacement, Estimate, FieldPoint, MotionMethod, Outline, OutlineOrigin, OutlineShape,
     PairField, PointStatus, RigidStep, field_row,
@@ -41,8 +42,8 @@ described! {
         pub exposure_ns: u32,
         /// The number of the `PointStatus` of the rotation below.
         pub rotation_status: u32,
-        /// 0.
-        pub reserved: u32,
+        /// 1 for a frame that was left out because the worker was too slow; then only frame, stamp and worker have a meaning.
+        pub skipped: u32,
         /// The centre of the circle along x, px. The circle has no meaning when there is a rod.
         pub center_x_px: f64,
         /// The centre of the circle along y (down), px.
@@ -149,6 +150,20 @@ impl FieldHeader {
             header.points = motion.points;
         }
         header
+    }
+
+    /// Creates the header of a frame that was left out by worker `worker`, from 0, because it was too slow.
+    pub fn skipped(meta: &FrameMeta, run_id: u64, worker: u32) -> Self {
+        Self {
+            run_id,
+            sequence: meta.sequence,
+            target_sequence: meta.sequence,
+            stamp_ns: meta.stamp_ns,
+            status: PointStatus::Lost as u32,
+            worker,
+            skipped: 1,
+            ..Self::default()
+        }
     }
 
     /// Returns the step; `None` when the number of one of its statuses, of the origin or of the method is unknown.

@@ -36,8 +36,9 @@ described! {
         pub index: u32,
         /// The process id.
         pub pid: u32,
-        /// For the camera, the epoch of its frames. For the recorder, 1 when armed, plus 2 when recordings would not fit or cannot
-        /// be written. For the supervisor, the number of its running processes.
+        /// For the camera, the epoch of its frames. For a worker, k if it measures every k-th of its blocks because it is too
+        /// slow. For the recorder, 1 when armed, plus 2 when recordings would not fit or cannot be written. For the
+        /// supervisor, the number of its running processes.
         pub state: u32,
         /// The newest sequence number that was processed.
         pub sequence: u64,

@@ -2,6 +2,7 @@
 
 mod backlog;
 mod processor;
+mod thinning;
 
 use super::clock::{PeriodicTimer, Timeout, now};
 use super::frame_stamp::FrameStamp;
@@ -12,17 +13,19 @@ use super::status_reporter::StatusReporter;
 use super::stop::Stop;
 use super::stream_state::StreamState;
 use super::summary::Summary;
+use super::waiting::Waiting;
 use crate::bus::{Bus, BusError, FieldPublisher, FrameSubscriber, Subscriber, TopicNotifier};
 use crate::camera::StreamFormat;
-use crate::config::Config;
+use crate::config::{Config, WorkerMode};
 use crate::failure::Failure;
-use crate::image::Frame;
+use crate::image::{Frame, FrameMeta};
 use crate::measure::{Measured, Measurer, Share};
 use crate::message::{EventKind, FieldHeader, Progress, Role};
 use backlog::Backlog;
 use std::time::Duration;
+use thinning::{Queue, Thinning};
 
-/// Maximum wait for frames before the loop does its other work.
+/// Interval of looking whether the results were read, at the end of the stream.
 const WAIT: Duration = Duration::from_millis(2);
 /// Interval of looking at the frames that wait.
 const BACKLOG_PERIOD: Duration = Duration::from_millis(20);
@@ -44,6 +47,7 @@ pub fn run(config: &Config, index: u32, launch: &Launch, stop: &Stop) -> Result<
     if config.camera.has_present_stamps() {
         reporter.set_live();
     }
+    let block_frames = u64::from(config.workers.block_frames);
     let mut worker = Worker {
         config,
         bus: &bus,
@@ -53,6 +57,7 @@ pub fn run(config: &Config, index: u32, launch: &Launch, stop: &Stop) -> Result<
         reporter,
         backlog: Backlog::open(&bus, limits.ring_frames as u64)?,
         backlog_timer: PeriodicTimer::new(BACKLOG_PERIOD),
+        thinning: config.camera.films_live().then(|| Thinning::new(block_frames * u64::from(config.workers.count))),
         measurer: plan_measurer(config, index, &format)?,
         summary: Summary::default(),
         measured: Vec::new(),
@@ -60,8 +65,10 @@ pub fn run(config: &Config, index: u32, launch: &Launch, stop: &Stop) -> Result<
         needs_reference: false,
         next: None,
         shot: 0,
+        reported_every: 1,
+        skipped: None,
         is_ended: true,
-        block_frames: u64::from(config.workers.block_frames),
+        block_frames,
         is_late: false,
         is_restart: launch.is_restart,
         first_complete: 0,
@@ -72,7 +79,10 @@ pub fn run(config: &Config, index: u32, launch: &Launch, stop: &Stop) -> Result<
     worker.needs_reference = worker.measurer.needs_reference();
     let mut recorder =
         RecorderProgress { progress: bus.subscriber(&limits)?, completed: None, expected: config.record.is_some() };
-    let listener = bus.listener("frames")?;
+    let waiting = Waiting::new(bus.listener("frames")?, config.workers.mode);
+    if config.workers.mode == WorkerMode::Latency {
+        processor::bind_to_own(index);
+    }
     let mut stream = StreamState::new(&bus, &limits)?;
     while !stop.requested() {
         if stream.update()? {
@@ -91,7 +101,7 @@ pub fn run(config: &Config, index: u32, launch: &Launch, stop: &Stop) -> Result<
         }
         worker.publish_status_if_due()?;
         recorder.check_done(stream.run_id)?;
-        listener.wait(WAIT);
+        waiting.wait();
     }
     worker.publish_status()?;
     Ok(worker.summary)
@@ -114,6 +124,12 @@ struct Worker<'a> {
     reporter: StatusReporter,
     backlog: Backlog,
     backlog_timer: PeriodicTimer,
+    /// `None` if the camera waits for its readers.
+    thinning: Option<Thinning>,
+    /// The k of every k-th block that was published last.
+    reported_every: u64,
+    /// The block that is left out, if the newest frame belongs to one.
+    skipped: Option<u64>,
     measurer: Measurer,
     summary: Summary,
     /// Steps and fields that are not published yet.
@@ -155,7 +171,7 @@ impl Worker<'_> {
         self.measurer.reset();
         self.newest = FrameStamp::default();
         (self.shot, self.is_ended) = (0, true);
-        self.next = None;
+        (self.next, self.skipped) = (None, None);
         self.is_late = std::mem::take(&mut self.is_restart) || stream.first.is_some();
         self.first_complete = 0;
         self.reporter.set_run(stream.run_id.unwrap_or(0));
@@ -195,6 +211,7 @@ impl Worker<'_> {
                 let frame = Frame { meta, bytes: sample.bytes() };
                 self.set_reference(is_first.then_some(&frame))?;
             }
+            self.thin_out(&meta)?;
             // A block measured from its middle would differ from a replay.
             if meta.sequence >= self.first_complete {
                 self.measurer.push(&Frame { meta, bytes: sample.bytes() }, &mut self.measured)?;
@@ -203,6 +220,9 @@ impl Worker<'_> {
             }
             drop(sample);
             self.publish()?;
+            if let Some(thinning) = &mut self.thinning {
+                thinning.record_frame(meta.sequence + self.backlog.waiting(self.next));
+            }
             if published.elapsed() >= Duration::from_millis(1) {
                 self.reporter.publish_progress(meta.sequence + 1)?;
                 self.publish_status_if_due()?;
@@ -213,6 +233,42 @@ impl Worker<'_> {
             self.reporter.publish_progress(next)?;
         }
         Ok(())
+    }
+
+    /// Decides at the start of a block whether it is left out because the worker is too slow, and publishes each frame
+    /// that is.
+    fn thin_out(&mut self, meta: &FrameMeta) -> Result<(), BusError> {
+        let block = meta.sequence / self.block_frames;
+        let Some(thinning) = self.thinning.as_mut().filter(|_| self.measurer.owns(block)) else { return Ok(()) };
+        if meta.sequence.is_multiple_of(self.block_frames) {
+            let waiting = self.backlog.waiting(self.next);
+            let queue = Queue { newest: meta.sequence + waiting, waiting, capacity: self.backlog.capacity };
+            let is_measured = thinning.begin_block(block / u64::from(self.config.workers.count), queue);
+            self.skipped = (!is_measured).then_some(block);
+            let every = thinning.every();
+            self.reporter.set_state(u32::try_from(every).unwrap_or(u32::MAX));
+            self.report_thinning(every, waiting)?;
+            if let Some(skipped) = self.skipped {
+                self.measurer.skip_block(skipped);
+            }
+        }
+        if self.skipped == Some(block) && meta.sequence >= self.first_complete {
+            let header = FieldHeader::skipped(meta, self.reporter.run_id(), self.index);
+            self.fields.send(&header, None)?;
+            self.notifier.notify();
+        }
+        Ok(())
+    }
+
+    /// Publishes that every k-th block is measured, if k has at least doubled since it was published, or is 1 again.
+    fn report_thinning(&mut self, every: u64, waiting: u64) -> Result<(), BusError> {
+        let is_news = every >= 2 * self.reported_every || (every == 1 && self.reported_every > 1);
+        if !is_news {
+            return Ok(());
+        }
+        self.reported_every = every;
+        let text = describe_thinning(self.index, every, waiting);
+        self.reporter.publish_event(EventKind::Behind, self.newest, &text)
     }
 
     /// Completes a shot once the camera has been silent after it.
@@ -299,6 +355,17 @@ impl Worker<'_> {
     fn publish_status(&mut self) -> Result<(), BusError> {
         self.report_backlog()?;
         self.reporter.publish_status(&self.summary, self.newest)
+    }
+}
+
+/// Returns the news that worker `index` measures every k-th of its blocks, in words.
+fn describe_thinning(index: u32, every: u64, waiting: u64) -> String {
+    match every {
+        1 => format!("correlate {index} measures every block again"),
+        _ => format!(
+            "correlate {index} measures 1 block of {every}, because the camera is faster than it; {waiting} frames wait; \
+             recorded shots are measured completely afterwards"
+        ),
     }
 }
 

@@ -5,6 +5,7 @@
 
 mod acquire;
 mod action;
+mod analysis;
 mod clock;
 mod correlate;
 mod frame_stamp;
@@ -27,8 +28,10 @@ mod stream_state;
 mod summary;
 mod supervise;
 mod track;
+mod waiting;
 
 pub use acquire::run as acquire;
+pub use analysis::{EmptyFilm, FilmToMeasure, MeasuredFilm, measure_film, results_record};
 pub use clock::host_ns;
 pub use correlate::run as correlate;
 pub use launch::Launch;

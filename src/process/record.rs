@@ -6,6 +6,7 @@
 mod camera_feed;
 mod frame_matching;
 mod open_shot;
+mod remeasure;
 mod requests;
 mod retention;
 mod shot_window;
@@ -30,8 +31,10 @@ use crate::trigger::Quiet;
 use camera_feed::CameraFeed;
 pub use frame_matching::{Matcher, Matching};
 use open_shot::{OpenShot, ShotWindow};
+use remeasure::{Incomplete, Remeasured, Remeasurer};
 use retention::Retention;
 use std::collections::VecDeque;
+use std::path::Path;
 use std::time::Duration;
 
 /// Maximum wait for frames before the loop does its other work.
@@ -81,6 +84,7 @@ pub fn run(config: &Config, launch: &Launch, stop: &Stop) -> Result<Summary, Fai
         connect_timer: PeriodicTimer::new(CONNECT_PERIOD),
         quiet: Quiet::new(config.trigger.quiet_s),
         actions: Actions::new(config),
+        remeasurer: Remeasurer::default(),
         live_trigger: (!feeds[0].is_measured()).then(|| LiveTrigger::new(config)),
         summary: Summary::default(),
         published_losses: 0,
@@ -114,6 +118,7 @@ struct Recorder<'a> {
     connect_timer: PeriodicTimer,
     quiet: Quiet,
     actions: Actions,
+    remeasurer: Remeasurer,
     /// The rig's state, if no tracker publishes it.
     live_trigger: Option<LiveTrigger>,
     summary: Summary,
@@ -144,6 +149,9 @@ impl Recorder<'_> {
             while let Some(outcome) = self.actions.next_outcome() {
                 self.feeds[0].reporter.publish_outcome(&outcome)?;
             }
+            if let Some(remeasured) = self.remeasurer.advance() {
+                self.publish_remeasured(&remeasured)?;
+            }
             self.check_retention()?;
             self.publish_status()?;
             if !busy {
@@ -157,6 +165,7 @@ impl Recorder<'_> {
             let end = feed.stream.end.unwrap_or(0);
             feed.reporter.publish_done(end)?;
         }
+        self.finish_remeasuring()?;
         for outcome in self.actions.wait_for_all() {
             self.feeds[0].reporter.publish_outcome(&outcome)?;
         }
@@ -364,6 +373,7 @@ impl Recorder<'_> {
         let lost: Vec<u64> = (ends.iter().enumerate())
             .map(|(camera, end)| open.lost(camera) + end.saturating_sub(open.shot.next_frame(camera)))
             .collect();
+        let firsts: Vec<u64> = (0..self.feeds.len()).map(|camera| open.shot.first_frame(camera)).collect();
         let (mut shot, stamp_ns) = (open.shot, self.feeds[0].newest.stamp_ns);
         let mut written = shortened;
         for (feed, matcher) in self.feeds[1..].iter().zip(open.matchers) {
@@ -387,10 +397,39 @@ impl Recorder<'_> {
             self.publish_event_at(EventKind::Lost, ends[0], &text)?;
         }
         self.publish_event_at(EventKind::Recorded, ends[0], &finished.path.display().to_string())?;
+        self.remeasure(&finished.path, &firsts);
         self.retention.add(&finished.path);
         self.summary.recordings.push(finished.path);
         let removed = self.retention.enforce(None);
         self.publish_removed(removed)
+    }
+
+    /// Puts the cameras of a recording of which the workers have left out frames in the queue of those that are measured
+    /// after the shot. `firsts` are the first frames of the cameras.
+    fn remeasure(&mut self, path: &Path, firsts: &[u64]) {
+        for (feed, first) in self.feeds.iter_mut().zip(firsts) {
+            let is_incomplete = feed.newest_skipped.take().is_some_and(|newest| newest >= *first);
+            if is_incomplete && self.record.raw_frames {
+                let (path, view) = (path.to_owned(), feed.name.clone());
+                self.remeasurer.add(Incomplete { path, view, config: feed.config.clone(), format: feed.format });
+            }
+        }
+    }
+
+    /// Publishes that the frames of a shot were measured after it, or why not.
+    fn publish_remeasured(&self, remeasured: &Remeasured) -> Result<(), Failure> {
+        if remeasured.has_failed {
+            log::warn!("not measured after the shot: {}", remeasured.text);
+        }
+        let kind = if remeasured.has_failed { EventKind::Lost } else { EventKind::Remeasured };
+        self.publish_event(kind, &remeasured.text)
+    }
+
+    /// Waits for the shots that are measured after their recording.
+    fn finish_remeasuring(&mut self) -> Result<(), Failure> {
+        let mut remeasurer = std::mem::take(&mut self.remeasurer);
+        let outcomes = remeasurer.finish(|| self.publish_status())?;
+        outcomes.iter().try_for_each(|remeasured| self.publish_remeasured(remeasured))
     }
 
     /// Returns the number of lost frames in words: of the main camera, and of each other camera that lost any.

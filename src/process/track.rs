@@ -11,17 +11,18 @@ use super::status_reporter::StatusReporter;
 use super::stop::Stop;
 use super::stream_state::StreamState;
 use super::summary::Summary;
+use super::waiting::Waiting;
 use crate::bus::{Bus, BusError, FieldSubscriber, Limits, Publisher, TopicNotifier};
 use crate::camera::StreamFormat;
 use crate::config::{Config, TriggerMode};
 use crate::failure::Failure;
 use crate::message::{Event, EventKind, ImpactMessage, Role, TrackMessage, VelocityMessage};
-use crate::results::{Alarm, AlarmKind};
+use crate::results::{Alarm, AlarmKind, BodyStep};
 use crate::track::{Losses, OrderedTracker, TrackerRows};
 use std::collections::VecDeque;
 use std::time::Duration;
 
-/// Maximum wait for fields before the loop does its other work.
+/// Interval of looking for the last steps of a run or stream.
 const WAIT: Duration = Duration::from_millis(2);
 /// Maximum wait for the last results of a run whose camera process died. Its successor waits longer for the tracker.
 const LAST_STEPS_TIMEOUT: Duration = Duration::from_secs(10);
@@ -58,6 +59,7 @@ pub fn run(config: &Config, launch: &Launch, stop: &Stop) -> Result<Summary, Fai
         format,
         reporter,
         summary: Summary::default(),
+        before: Losses::default(),
         resumed: previous.map(|(resume, _)| resume.sequence),
         reached,
         shots: VecDeque::new(),
@@ -68,7 +70,7 @@ pub fn run(config: &Config, launch: &Launch, stop: &Stop) -> Result<Summary, Fai
         limits,
         newest: FrameStamp::default(),
     };
-    let listener = bus.listener("field")?;
+    let waiting = Waiting::new(bus.listener("field")?, config.workers.mode);
     let mut stream = StreamState::new(&bus, &limits)?;
     bus.reserve()?;
     while !stop.requested() {
@@ -88,7 +90,7 @@ pub fn run(config: &Config, launch: &Launch, stop: &Stop) -> Result<Summary, Fai
         loop_.live_trigger.publish(loop_.newest, &loop_.reporter)?;
         loop_.reporter.publish_status_if_due(&loop_.summary, loop_.newest)?;
         if !progressed {
-            listener.wait(WAIT);
+            waiting.wait();
         }
     }
     loop_.reporter.publish_status(&loop_.summary, loop_.newest)?;
@@ -110,6 +112,8 @@ struct Loop<'a> {
     ordered: Option<OrderedTracker>,
     reporter: StatusReporter,
     summary: Summary,
+    /// The losses of the trackers before the current one.
+    before: Losses,
     /// The newest frame of a dead predecessor.
     resumed: Option<u64>,
     /// The newest published frame, for a successor.
@@ -142,7 +146,6 @@ impl Loop<'_> {
         self.shots.clear();
         (self.shot, self.published_end) = (None, 0);
         self.fields.update_connections();
-        self.ordered = None;
         self.reporter.set_run(stream.run_id.unwrap_or(0));
         self.reporter.publish_progress(u64::MAX)
     }
@@ -176,7 +179,6 @@ impl Loop<'_> {
                 // Missing results of the previous shot are given up: no track crosses to the next shot.
                 self.shot = self.shots.pop_front();
                 self.flush(self.shot.unwrap_or(0))?;
-                self.ordered = None;
             }
             if self.ordered.is_none() {
                 update_exposure(self.config, &mut self.format, header.exposure_ns);
@@ -188,7 +190,12 @@ impl Loop<'_> {
             self.measured = self.measured.max(step.frame + 1);
             if let Some(ordered) = &mut self.ordered {
                 let (live_trigger, arrival) = (&mut self.live_trigger, now());
-                let rows = std::mem::take(ordered.push_observed(step, |step| live_trigger.observe(step, arrival)));
+                let observe = |step: &BodyStep| live_trigger.observe(step, arrival);
+                let rows = match header.skipped {
+                    1 => ordered.skip_observed(step.frame, step.stamp_ns, observe),
+                    _ => ordered.push_observed(step, observe),
+                };
+                let rows = std::mem::take(rows);
                 self.publish(&rows)?;
                 // A decision is published before the next step is taken.
                 self.live_trigger.publish(self.newest, &self.reporter)?;
@@ -214,7 +221,7 @@ impl Loop<'_> {
             return Ok(());
         }
         self.flush(end)?;
-        (self.ordered, self.published_end) = (None, end);
+        self.published_end = end;
         Ok(())
     }
 
@@ -224,7 +231,8 @@ impl Loop<'_> {
         let start = match self.resumed.take() {
             None => first,
             Some(reached) => {
-                self.summary.lost += seen.saturating_sub(reached + 1);
+                self.before.lost += seen.saturating_sub(reached + 1);
+                self.summary.lost = self.before.lost;
                 seen
             }
         };
@@ -272,20 +280,20 @@ impl Loop<'_> {
         }
         self.summary.given += rows.velocities.len() as u64;
         if let Some(ordered) = &self.ordered {
+            let Losses { lost, late } = ordered.losses();
             self.summary.taken = ordered.taken;
-            self.summary.dropped = ordered.losses().late;
+            (self.summary.lost, self.summary.dropped) = (self.before.lost + lost, self.before.late + late);
         }
         Ok(())
     }
 
-    /// Publishes everything before frame `end`, with rows for missing results.
+    /// Publishes everything before frame `end`, with rows for missing results, and ends its tracker.
     fn flush(&mut self, end: u64) -> Result<(), BusError> {
         let Some(ordered) = &mut self.ordered else { return Ok(()) };
         let rows = std::mem::take(ordered.finish(end));
-        let Losses { lost, late } = ordered.losses();
         self.publish(&rows)?;
-        self.summary.lost += lost;
-        self.summary.dropped = late;
+        self.ordered = None;
+        self.before = Losses { lost: self.summary.lost, late: self.summary.dropped };
         Ok(())
     }
 

@@ -120,7 +120,8 @@ function showBars(bars) {
   else if (bars.disk_shots === null) showBar("disk", `${size(bars.disk_bytes)} free`, 1, "");
   else showBar("disk", `${bars.disk_shots} shots, ${size(bars.disk_bytes)}`, Math.min(1, bars.disk_shots / 100), bars.disk_shots < 10 ? "bad" : "");
   const lag = bars.lag_frames === null ? 0 : bars.lag_frames / Math.max(1, bars.lag_capacity_frames);
-  showBar("lag", bars.lag_frames === null ? "not measured" : `${bars.lag_frames} of ${bars.lag_capacity_frames} frames`, lag, lag > 0.5 ? "bad" : "");
+  const thinned = bars.measured_every > 1 ? `, 1 block of ${bars.measured_every} is measured` : "";
+  showBar("lag", bars.lag_frames === null ? "not measured" : `${bars.lag_frames} of ${bars.lag_capacity_frames} frames${thinned}`, lag, lag > 0.5 || thinned ? "bad" : "");
   const lost = [["camera", bars.lost_camera], ["measured", bars.lost_measured], ["recorded", bars.lost_recorded]].filter((part) => part[1] > 0);
   showBar("lost", lost.length === 0 ? "0" : lost.map((part) => part.join(" ")).join(", "), 0, lost.length === 0 ? "quiet" : "bad");
   showBar("rate", bars.rate_hz === null ? "–" : `${Math.round(bars.rate_hz)} per second`, 0, "");

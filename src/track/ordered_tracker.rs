@@ -39,6 +39,12 @@ impl OrderedTracker {
         self.advance(observe)
     }
 
+    /// Adds the rows of a frame that was not measured on purpose, and passes every step that is now in order to `observe`.
+    pub fn skip_observed(&mut self, frame: u64, stamp_ns: u64, observe: impl FnMut(&BodyStep)) -> &mut TrackerRows {
+        self.buffer.skip(frame, stamp_ns);
+        self.advance(observe)
+    }
+
     /// Ends the stream before frame `end`: completes all earlier frames, and returns all rows not taken out.
     pub fn finish(&mut self, end: u64) -> &mut TrackerRows {
         if let Some(last) = end.checked_sub(1) {
@@ -71,7 +77,7 @@ impl OrderedTracker {
 }
 
 /// Losses of a tracker.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Losses {
     /// Steps that never came, including those of gaps too long for rows of their own.
     pub lost: u64,

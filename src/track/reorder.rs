@@ -82,6 +82,18 @@ impl ReorderBuffer {
         self.waiting.insert(key, step);
     }
 
+    /// Adds the rows of a frame that was not measured on purpose, and counts them as lost.
+    pub fn skip(&mut self, frame: u64, stamp_ns: u64) {
+        for body in 0..self.bodies {
+            for interval_frames in self.intervals_frames.clone() {
+                let late = self.late;
+                let lost = PointStatus::Lost;
+                self.push(BodyStep { frame, stamp_ns, body, interval_frames, status: lost, ..BodyStep::default() });
+                self.lost += u64::from(self.late == late);
+            }
+        }
+    }
+
     /// Gives up the missing steps of all frames before `frame`.
     pub fn give_up_before(&mut self, frame: u64) {
         self.give_up_before = self.give_up_before.max(frame);

@@ -93,7 +93,7 @@ class FieldHeader(ctypes.Structure):
         ("method", ctypes.c_uint32),
         ("exposure_ns", ctypes.c_uint32),
         ("rotation_status", ctypes.c_uint32),
-        ("reserved", ctypes.c_uint32),
+        ("skipped", ctypes.c_uint32),
         ("center_x_px", ctypes.c_double),
         ("center_y_px", ctypes.c_double),
         ("radius_px", ctypes.c_double),
@@ -420,6 +420,7 @@ EVENT = {
     20: "silent",
     21: "hung",
     22: "behind",
+    23: "remeasured",
 }
 
 

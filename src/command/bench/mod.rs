@@ -41,6 +41,9 @@ pub struct BenchOptions {
     /// live --rate: frames that a worker measures together [default: that of a rig file without it].
     #[arg(long, requires = "rate", value_parser = clap::value_parser!(u32).range(4..=256))]
     pub block_frames: Option<u32>,
+    /// live --rate: set up for the shortest delay, as `workers.mode = "latency"` in a rig file.
+    #[arg(long, requires = "rate")]
+    pub latency: bool,
     /// live --rate: frames in the ring [default: 20000, or 2000 for --rate max, in at most a quarter of the memory].
     #[arg(long, requires = "rate")]
     pub ring: Option<u64>,

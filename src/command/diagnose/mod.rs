@@ -17,6 +17,7 @@ use crate::failure::Failure;
 use crate::image::{Frame, Image};
 use crate::import;
 use crate::interrupt::{self, Unfinished};
+use crate::process::results_record;
 use crate::recording::Recording;
 use crate::report::{BodyDiagnosis, Diagnosis};
 use crate::results::{PairField, TrackSample, VelocitySample};
@@ -141,7 +142,7 @@ fn measure_film(options: &DiagnoseOptions, results: &Path) -> Result<Measured, F
     let (camera, config) = (options.camera.as_deref(), options.config.as_deref());
     let mut film = Film::open(&options.film, camera, config, options.fps, options.order.order())?;
     film.config.workers.count = film.config.workers.count.max(1);
-    film.config.record = Some(analyze::results_record());
+    film.config.record = Some(results_record());
     let config = film.config.clone();
     let measured = analyze::measure(film, results)?;
     let results = Recording::open(&measured.path)?;

@@ -1,4 +1,4 @@
-//! The processor on which a worker runs while frames wait for it.
+//! The processor on which a worker runs.
 
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
@@ -14,6 +14,15 @@ pub(super) fn move_to_own(index: u32) {
     if sched_setaffinity(None, &only).is_ok() {
         let _ = sched_setaffinity(None, &allowed);
     }
+}
+
+/// Binds this thread to the processor of worker `index`, if the system allows it several. Errors are ignored.
+pub(super) fn bind_to_own(index: u32) {
+    let Ok(allowed) = sched_getaffinity(None) else { return };
+    let Some(own) = processor_of(index, &allowed) else { return };
+    let mut only = CpuSet::new();
+    only.set(own);
+    let _ = sched_setaffinity(None, &only);
 }
 
 /// Returns the processor of worker `index` among the allowed ones, the last for the first worker; `None` if there is

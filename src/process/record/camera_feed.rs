@@ -36,6 +36,8 @@ pub(super) struct CameraFeed<'a> {
     pub(super) limits: Limits,
     /// Frames that were taken out of the queue and are not written yet; they stay in the ring.
     pub(super) held: VecDeque<FrameSample>,
+    /// The newest frame that the workers have left out because they are too slow.
+    pub(super) newest_skipped: Option<u64>,
     /// Steps that belong to the next shot.
     pub(super) early: Vec<(BodyStep, Option<PairField>)>,
     pub(super) identity: CameraIdentity,
@@ -77,6 +79,7 @@ impl<'a> CameraFeed<'a> {
             params: analysis_params(config, &format).1,
             truth: truth_world(config)?.map(Rc::new),
             held: VecDeque::new(),
+            newest_skipped: None,
             early: Vec::new(),
             identity: CameraIdentity::default(),
             newest: FrameStamp::default(),
@@ -165,6 +168,7 @@ impl<'a> CameraFeed<'a> {
         if !self.stream.continues {
             self.held.clear();
             self.early.clear();
+            self.newest_skipped = None;
             self.runs.clear();
         }
         // Only the run it was started into was partly recorded by a predecessor.
@@ -193,8 +197,12 @@ impl<'a> CameraFeed<'a> {
     }
 
     /// Returns the next step of an accepted run and its field; `None` if there is no further step.
-    pub(super) fn next_step(&self) -> Result<Option<(BodyStep, Option<PairField>)>, BusError> {
+    pub(super) fn next_step(&mut self) -> Result<Option<(BodyStep, Option<PairField>)>, BusError> {
         while let Some((header, field)) = self.fields.take()? {
+            if header.skipped == 1 && self.takes(header.run_id) {
+                self.newest_skipped = self.newest_skipped.max(Some(header.sequence));
+                continue;
+            }
             if let (true, Some(step)) = (self.takes(header.run_id), header.step()) {
                 return Ok(Some((step, field)));
             }

@@ -56,6 +56,8 @@ impl ShotLines {
                 });
                 format!("shot {}: {}{result}", self.shots, event.text())
             }
+            Some(EventKind::Behind) => event.text(),
+            Some(EventKind::Remeasured) => format!("measured after the shot: {}", event.text()),
             _ => return,
         };
         (self.print)(&line);

@@ -7,6 +7,7 @@ mod trial;
 mod usage;
 
 use super::BenchOptions;
+use crate::config::WorkerMode;
 use crate::console::{Outcome, UsageError, print_line, print_note};
 use crate::failure::Failure;
 use crate::interrupt::Interrupted;
@@ -77,6 +78,7 @@ struct Plan {
     step_px: u32,
     workers: Option<u32>,
     block_frames: Option<u32>,
+    mode: WorkerMode,
     ring_frames: u64,
 }
 
@@ -134,7 +136,8 @@ fn plans(
         let (step_px, subsets) = scene.grid(*wanted);
         let ring_frames = options.ring.unwrap_or_else(|| scene.default_ring_frames(defaults.1));
         let (workers, block_frames) = (options.workers, options.block_frames);
-        Plan { rate_hz, seconds, side_px, scene, subsets, step_px, workers, block_frames, ring_frames }
+        let mode = if options.latency { WorkerMode::Latency } else { WorkerMode::Throughput };
+        Plan { rate_hz, seconds, side_px, scene, subsets, step_px, workers, block_frames, mode, ring_frames }
     };
     Ok(wanted.iter().map(plan).collect())
 }

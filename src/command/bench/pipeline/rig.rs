@@ -2,7 +2,7 @@
 
 use super::Plan;
 use crate::bus;
-use crate::config::Config;
+use crate::config::{Config, WorkerMode};
 use crate::dic::grid;
 use crate::failure::Failure;
 use crate::synth::{BodySetup, CameraSetup, MotionSetup, PartSetup, ScaleSetup, Scenario};
@@ -167,11 +167,12 @@ fn rig_text(plan: &Plan, scenario: &Path, shots: &Path) -> String {
     let diameter_mm = MM_PER_PX * plan.scene.diameter_px;
     let count = plan.workers.map_or_else(String::new, |count| format!("count = {count}\n"));
     let block = plan.block_frames.map_or_else(String::new, |frames| format!("block_frames = {frames}\n"));
+    let mode = if plan.mode == WorkerMode::Latency { "mode = \"latency\"\n" } else { "" };
     format!(
         "[rig]\nname = \"{NAME}\"\n[camera]\nsource = \"simulated\"\nscenario = {:?}\nendless = true\n\
          frame_rate_hz = {rate_hz:?}\n[scale]\nmm_per_px = {MM_PER_PX:?}\n[[body]]\nname = \"ball\"\nkind = \"ball\"\n\
          diameter_mm = {diameter_mm:?}\n[correlation]\nsubset_size_px = {SUBSET_PX}\nstep_px = {step_px}\n\
-         [trigger]\nmode = \"software\"\npre_s = {pre_s:?}\n[record]\ndirectory = {:?}\n[workers]\n{count}{block}",
+         [trigger]\nmode = \"software\"\npre_s = {pre_s:?}\n[record]\ndirectory = {:?}\n[workers]\n{count}{block}{mode}",
         scenario.display().to_string(),
         shots.display().to_string(),
     )
