@@ -1,13 +1,14 @@
 //! The ball finder: searches the outline of a ball from scratch or near a prediction.
 
 use super::Polarity;
-use super::annulus::{BAND_PX, INNER_BAND_PX};
+use super::annulus::BAND_PX;
 use super::changed_disc::{WantedRadius, fit_disc};
 use super::foreground::Foreground;
 use super::hough::{HoughPeak, HoughSearch, Marks};
 use super::paper_hough::PaperHough;
 use super::params::{BallError, BallParams, OutlineMethod};
-use super::ransac::{Candidate, Ransac, RansacParams, RoughCircle};
+use super::plain_ground::PlainGround;
+use super::ransac::{Candidate, Ransac, RansacParams, RoughCircle, rim_polarity};
 use super::subpixel_fit::{CERTAIN_INLIERS, MAX_SHIFT_PX, Measured, SubpixelFit};
 use super::texture_disc::RadiusRange;
 use super::textured::TexturedSearch;
@@ -87,7 +88,8 @@ const THOROUGH: Effort =
 ///    marks are removed first.
 /// 2. RANSAC ranks circles by their rim of one sign.
 /// 3. A blurred step is fitted to the raw pixels of every bin of the rim, and a robust circle to these steps.
-/// 4. If no sign prevails along the rim, the ball is searched by its texture, and the outline by the boundary of that.
+/// 4. If no sign prevails along the rim, the ball is searched by its difference from a plain ground, then by its texture, and
+///    the outline by the boundary of that.
 ///
 /// A ball with too little visible rim is refused.
 #[derive(Debug)]
@@ -101,6 +103,7 @@ pub struct BallFinder {
     fit: SubpixelFit,
     textured: TexturedSearch,
     foreground: Foreground,
+    ground: PlainGround,
     paper_hough: PaperHough,
 }
 
@@ -131,6 +134,7 @@ impl BallFinder {
             fit: SubpixelFit::default(),
             textured: TexturedSearch::default(),
             foreground: Foreground::default(),
+            ground: PlainGround::default(),
             paper_hough: PaperHough::default(),
         })
     }
@@ -151,7 +155,7 @@ impl BallFinder {
         self.apply_method(image, circle)
     }
 
-    /// Searches the outline in the whole region by its edges, with increasing effort, and finally by its texture.
+    /// Searches the outline in the whole region by its edges, with increasing effort, and finally by ground and texture.
     fn search_everywhere(&mut self, image: ImageView<'_>) -> Option<Circle> {
         self.hough.reduce(image);
         self.peaks.clear();
@@ -175,7 +179,8 @@ impl BallFinder {
         }
         self.peaks.clear();
         self.hough.search_without_marks(Marks::Bright, &mut self.peaks);
-        self.best_of_peaks(image, QUICK).or_else(|| self.search_textured(image))
+        let found = self.best_of_peaks(image, QUICK).or_else(|| self.search_on_plain_ground(image));
+        found.or_else(|| self.search_textured(image))
     }
 
     /// Finds the ball in the difference of an image from its background, DN, by what has changed.
@@ -197,6 +202,19 @@ impl BallFinder {
         let sizes = ImageView::new(self.foreground.sizes(), width, height).ok()?;
         let discs = parts.into_iter().filter_map(|part| fit_disc(sizes, part, WantedRadius { range: radii, expected }));
         discs.max_by(|a, b| a.gain.total_cmp(&b.gain)).map(|disc| disc.circle)
+    }
+
+    /// Finds the ball by its difference from a ground of hardly any structure.
+    fn search_on_plain_ground(&mut self, image: ImageView<'_>) -> Option<Circle> {
+        let region = self.searched_region(image);
+        let mut ground = std::mem::take(&mut self.ground);
+        let difference = ground.subtract(image, region, self.params.max_radius_px);
+        let view = ImageView::new(difference, image.width(), image.height()).ok();
+        let circle = view.and_then(|view| self.find_changed(view));
+        let (width, min_radius_px) = (image.width(), self.params.min_radius_px);
+        let circle = circle.filter(|circle| ground.is_strongest(circle, width, min_radius_px));
+        self.ground = ground;
+        circle
     }
 
     /// Returns the region in which the ball is searched: left, top, width and height, px.
@@ -474,24 +492,4 @@ impl BallFinder {
         let range = self.params.min_radius_px - 1.0..=self.params.max_radius_px + 1.0;
         range.contains(&circle.radius_px)
     }
-}
-
-/// Returns the polarity of a circle's rim; `None` if hardly any of the rim lies in the image.
-fn rim_polarity(image: ImageView<'_>, circle: RoughCircle) -> Option<Polarity> {
-    let RoughCircle { x, y, radius } = circle;
-    const DIRECTIONS: usize = 48;
-    let (mut difference, mut count) = (0.0, 0);
-    for k in 0..DIRECTIONS {
-        let (sin, cos) = (k as f32 * std::f32::consts::TAU / DIRECTIONS as f32).sin_cos();
-        let level = |reach: f32| {
-            let (x, y) = ((x + reach * cos).round(), (y + reach * sin).round());
-            if x < 0.0 || y < 0.0 { None } else { image.at(x as usize, y as usize) }
-        };
-        if let (Some(inside), Some(outside)) = (level(radius - INNER_BAND_PX as f32), level(radius + BAND_PX as f32)) {
-            difference += inside - outside;
-            count += 1;
-        }
-    }
-    let sign = if difference > 0.0 { Polarity::Brighter } else { Polarity::Darker };
-    (4 * count > DIRECTIONS).then_some(sign)
 }

@@ -13,6 +13,7 @@ mod hough;
 mod limb_darkening;
 mod paper_hough;
 mod params;
+mod plain_ground;
 mod pyramid;
 mod ransac;
 mod side_light;

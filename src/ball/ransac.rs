@@ -6,6 +6,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::Polarity;
+use super::annulus::{BAND_PX, INNER_BAND_PX};
 use crate::image::ImageView;
 use crate::numeric::Xorshift;
 
@@ -322,4 +323,24 @@ pub(super) fn sample_line(image: ImageView<'_>, ray: Ray, count: usize, out: &mu
         x += dx;
         y += dy;
     }
+}
+
+/// Returns the polarity of a circle's rim; `None` if hardly any of the rim lies in the image.
+pub(super) fn rim_polarity(image: ImageView<'_>, circle: RoughCircle) -> Option<Polarity> {
+    let RoughCircle { x, y, radius } = circle;
+    const DIRECTIONS: usize = 48;
+    let (mut difference, mut count) = (0.0, 0);
+    for k in 0..DIRECTIONS {
+        let (sin, cos) = (k as f32 * std::f32::consts::TAU / DIRECTIONS as f32).sin_cos();
+        let level = |reach: f32| {
+            let (x, y) = ((x + reach * cos).round(), (y + reach * sin).round());
+            if x < 0.0 || y < 0.0 { None } else { image.at(x as usize, y as usize) }
+        };
+        if let (Some(inside), Some(outside)) = (level(radius - INNER_BAND_PX as f32), level(radius + BAND_PX as f32)) {
+            difference += inside - outside;
+            count += 1;
+        }
+    }
+    let sign = if difference > 0.0 { Polarity::Brighter } else { Polarity::Darker };
+    (4 * count > DIRECTIONS).then_some(sign)
 }

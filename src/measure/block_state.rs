@@ -28,8 +28,12 @@ pub(super) struct BlockState {
     pub(super) last_turn: Neighbour,
     /// Whether a rotation in the block was confirmed by that of its ring.
     pub(super) is_rotation_checked: bool,
+    /// Whether detected outlines confirmed a motion in the block.
+    pub(super) is_confirmed: bool,
     /// The number of contradictions between its motion and its outlines since the last confirmed motion.
     pub(super) doubts: u32,
+    /// The last motion of its detected outlines.
+    pub(super) outline_motion: Option<OutlineMotion>,
     /// The motion of its outlines at the last contradiction.
     pub(super) doubted_motion: Option<OutlineMotion>,
     /// Whether results contradicted each other, since another object may be taken for the body.
@@ -58,7 +62,9 @@ impl BlockStates {
                 surface: None,
                 last_turn: Neighbour::Absent,
                 is_rotation_checked: false,
+                is_confirmed: false,
                 doubts: 0,
+                outline_motion: None,
                 doubted_motion: None,
                 is_ambiguous: false,
                 was_searched: false,
@@ -68,10 +74,14 @@ impl BlockStates {
         &mut self.states[index]
     }
 
+    /// Returns the state of one body within one block; `None` before its first frame.
+    pub(super) fn state(&self, key: BodyKey) -> Option<&BlockState> {
+        self.states.iter().find(|state| state.key == key)
+    }
+
     /// Returns the last published step of one body within one block.
     pub(super) fn last_turn(&self, key: BodyKey) -> Neighbour {
-        let state = self.states.iter().find(|state| state.key == key);
-        state.map_or(Neighbour::Absent, |state| state.last_turn)
+        self.state(key).map_or(Neighbour::Absent, |state| state.last_turn)
     }
 
     /// Returns the box that holds the bodies of a block in a frame, with the search range around them.

@@ -7,14 +7,6 @@ use crate::results::{BodyStep, Estimate, PairField, PointStatus, RigidStep};
 /// The minimum tolerance between the motion of the subsets and that of the outlines, px.
 const OUTLINE_TOLERANCE_PX: f64 = 0.5;
 
-/// The minimum tolerance between a match of the whole body and the outlines, px.
-///
-/// Such a match cannot follow another body, so only the outlines may be wrong.
-const RIGID_TOLERANCE_PX: f64 = 1.5;
-
-/// The minimum difference between the motions of marks and outlines that only wrong marks explain, px.
-const MIN_GROSS_PX: f64 = 2.0;
-
 /// The tolerance in standard uncertainties.
 const TOLERANCE_SIGMAS: f64 = 8.0;
 
@@ -38,39 +30,38 @@ pub(super) struct OutlinePair<'a> {
     pub(super) are_detected: bool,
 }
 
-/// The motion of the outline of a ball, px per frame.
+/// The motion of the outline of a ball to a frame, px per frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct OutlineMotion {
+    /// The sequence number of that frame.
+    to_frame: u64,
     dx_px: f64,
     dy_px: f64,
     sigma_px: f64,
 }
 
 impl OutlineMotion {
-    /// Whether a ball that moves goes on as before.
+    /// Whether a ball that moves went on as it did to an earlier frame.
     ///
     /// A circle that stays in its place may belong to the scene.
     pub(super) fn continues(&self, before: &Self) -> bool {
         let sigma_px = self.sigma_px.hypot(before.sigma_px);
         let change_px = (self.dx_px - before.dx_px).hypot(self.dy_px - before.dy_px);
         let moves = self.dx_px.hypot(self.dy_px) > TOLERANCE_SIGMAS * self.sigma_px;
-        moves && change_px <= OUTLINE_TOLERANCE_PX.max(TOLERANCE_SIGMAS * sigma_px)
+        self.to_frame > before.to_frame && moves && change_px <= OUTLINE_TOLERANCE_PX.max(TOLERANCE_SIGMAS * sigma_px)
     }
 }
 
 impl OutlinePair<'_> {
-    /// Returns the motion of a ball whose outline was detected in both frames, if it differs grossly from that of its
-    /// marks in `step`.
-    ///
-    /// Where they differ by little, the outline may be as wrong as the marks: a lens may distort it.
-    pub(super) fn motion_unlike(&self, step: &BodyStep) -> Option<OutlineMotion> {
+    /// Returns the motion of a ball whose outline was detected in two frames, `interval_frames` apart.
+    pub(super) fn detected_motion(&self, to_frame: u64, interval_frames: u32) -> Option<OutlineMotion> {
         let (Ok(Outline::Ball(from)), Ok(Outline::Ball(to)), true) = (self.reference, self.target, self.are_detected)
         else {
             return None;
         };
-        let (motion, frames) = (step.center_motion()?, f64::from(step.interval_frames));
-        let apart_px = (to.x_px - from.x_px - frames * motion.dx_px).hypot(to.y_px - from.y_px - frames * motion.dy_px);
-        (apart_px > MIN_GROSS_PX).then(|| OutlineMotion {
+        let frames = f64::from(interval_frames);
+        Some(OutlineMotion {
+            to_frame,
             dx_px: (to.x_px - from.x_px) / frames,
             dy_px: (to.y_px - from.y_px) / frames,
             sigma_px: from.sigma_center_px.hypot(to.sigma_center_px) / frames,
@@ -96,8 +87,7 @@ pub(super) fn is_consistent(
     if outlines.are_detected {
         let frames = f64::from(measured.interval_frames);
         let apart = (to.x_px - from.x_px - frames * step.dx_px).hypot(to.y_px - from.y_px - frames * step.dy_px);
-        let tolerance_px = if *is_matched { RIGID_TOLERANCE_PX } else { OUTLINE_TOLERANCE_PX };
-        return apart <= tolerance_px.max(TOLERANCE_SIGMAS * from.sigma_center_px.hypot(to.sigma_center_px));
+        return apart <= OUTLINE_TOLERANCE_PX.max(TOLERANCE_SIGMAS * from.sigma_center_px.hypot(to.sigma_center_px));
     }
     *is_matched || before.is_some_and(|before| continues_motion(before, &step))
 }

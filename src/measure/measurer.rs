@@ -48,6 +48,8 @@ pub struct Measurer {
     pub(super) finders: Vec<Finder>,
     pub(super) params: MeasureParams,
     pub(super) share: Share,
+    /// A block of its share that it leaves out.
+    skipped: Option<u64>,
     pub(super) size: ImageSize,
     pub(super) image: FrameImage,
     /// Frames whose motion is not measured yet, oldest first.
@@ -73,6 +75,7 @@ impl Measurer {
             correlator: Correlator::new(&params.correlation, width_px, height_px)?,
             finders,
             share,
+            skipped: None,
             size: ImageSize { width: width_px, height: height_px },
             image: FrameImage::new(width_px, height_px, params.correction(width_px, height_px)?),
             pending: VecDeque::new(),
@@ -120,6 +123,7 @@ impl Measurer {
     /// Discards all frames, for another stream.
     pub fn reset(&mut self) {
         self.spare.extend(self.pending.drain(..).map(|reference| reference.prepared));
+        self.skipped = None;
         self.states.clear();
         self.rigid_matcher.clear();
         self.fixed_patterns.clear();
@@ -129,9 +133,24 @@ impl Measurer {
     /// Whether this measurer needs a frame, as a member of one of its blocks or as a target of one.
     pub fn needs(&self, sequence: u64) -> bool {
         let block_frames = u64::from(self.params.block_frames);
-        let owns = |sequence: u64| self.share.contains(sequence / block_frames);
+        let owns = |sequence: u64| self.measures(sequence / block_frames);
         let is_target_over = |interval: &u32| sequence.checked_sub(u64::from(*interval)).is_some_and(owns);
         owns(sequence) || self.params.intervals_frames.iter().any(is_target_over)
+    }
+
+    /// Whether a block belongs to its share.
+    pub fn owns(&self, block: u64) -> bool {
+        self.share.contains(block)
+    }
+
+    /// Leaves out a block of its share, of which no frame was added yet. Its frames remain targets of the block before.
+    pub fn skip_block(&mut self, block: u64) {
+        self.skipped = Some(block);
+    }
+
+    /// Whether a block belongs to its share and is not left out.
+    fn measures(&self, block: u64) -> bool {
+        self.share.contains(block) && self.skipped != Some(block)
     }
 
     /// Adds the next frame of the stream and appends finished results in order.
@@ -156,7 +175,7 @@ impl Measurer {
             self.recover_lost_balls(awaited);
         }
         let own = self.measure_pending(frame, block);
-        if self.share.contains(block) {
+        if self.measures(block) {
             self.add_pending(frame, block, own);
             self.check_consistency();
         } else {
@@ -166,7 +185,7 @@ impl Measurer {
         if (meta.sequence + 1).is_multiple_of(block_frames) {
             self.recover_lost_balls(block);
         }
-        self.emit_finished(measured);
+        self.emit_finished(meta.sequence, measured);
         Ok(())
     }
 
@@ -258,7 +277,7 @@ impl Measurer {
             self.measure_due(reference, None);
         }
         self.pending = pending;
-        self.emit_finished(measured);
+        self.emit_finished(u64::MAX, measured);
         self.states.clear();
     }
 
@@ -292,13 +311,14 @@ impl Measurer {
         true
     }
 
-    /// Appends the results of frames that are measured with all targets, oldest first.
-    fn emit_finished(&mut self, measured: &mut Vec<Measured>) {
+    /// Appends the results of frames that are measured with all targets, oldest first. `newest` is the newest frame.
+    fn emit_finished(&mut self, newest: u64, measured: &mut Vec<Measured>) {
         let awaited = self.background.first_kept().unwrap_or(u64::MAX);
         let is_finished =
             |reference: &PendingFrame| reference.meta.sequence < awaited && reference.done.iter().all(Option::is_some);
         while let Some(front) = self.pending.front().filter(|front| is_finished(front)) {
-            if self.pending.get(1).is_some_and(|next| self.awaits_support(front, next)) {
+            let awaits_support = self.pending.get(1).is_some_and(|next| self.awaits_support(front, next));
+            if awaits_support || self.awaits_confirmation(front, newest) {
                 return;
             }
             let Some(mut reference) = self.pending.pop_front() else { return };

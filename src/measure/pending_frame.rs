@@ -46,6 +46,13 @@ pub struct Measured {
     pub(super) is_matched: bool,
 }
 
+impl Measured {
+    /// Withdraws the motion for this reason.
+    pub(super) fn withdraw_motion(&mut self, status: PointStatus) {
+        self.step = BodyStep { status, ..self.step.without_motion() };
+    }
+}
+
 /// A frame that waits for its targets.
 pub(super) struct PendingFrame {
     pub(super) meta: FrameMeta,

@@ -1,16 +1,17 @@
 //! The reconciliation of motions with the outlines of their bodies, as soon as both frames are known.
 
-use super::consistency::{self, OutlineMotion, OutlinePair};
+use super::consistency::{self, OutlinePair};
 use super::measurer::Measurer;
 use super::outline::Outline;
+use super::outline_search::OUTLINE_INTERVAL_FRAMES;
 use super::pending_frame::{BodyKey, FramePair, Measured, PendingFrame, Target};
+use super::ring_rotation::RingTurn;
 use super::surface::Surface;
-use crate::results::{BodyStep, PointStatus, RigidStep};
+use crate::results::{MotionMethod, OutlineOrigin, PointStatus, RigidStep};
+use std::collections::VecDeque;
 
 /// The number of contradictions in a row after which a body is no longer followed within its block.
 const MAX_DOUBTS: u32 = 2;
-/// The maximum difference between the rotation of a ball and that of its ring, deg.
-const MAX_RING_APART_DEG: f64 = 6.0;
 
 impl Measurer {
     /// Compares the motions to the newest frame with the outlines found there; withdraws inconsistent motions.
@@ -18,6 +19,7 @@ impl Measurer {
         let Some(target) = self.pending.pop_back() else { return };
         let intervals = self.params.intervals_frames.len();
         let mut pending = std::mem::take(&mut self.pending);
+        let mut contradicted = Vec::new();
         for reference in pending.iter_mut().filter(|reference| reference.block == target.block) {
             self.retry_with_ring(reference, &target);
             self.check_rotation(reference, &target);
@@ -35,27 +37,68 @@ impl Measurer {
                     target: &target.outlines[body],
                     are_detected: is_detected,
                 };
+                if interval_index == 0 {
+                    let state = self.states.state_mut(BodyKey { body, block: target.block });
+                    let moved = outlines.detected_motion(target.meta.sequence, measured.step.interval_frames);
+                    let is_measured = reference.origins[body] == OutlineOrigin::Detected;
+                    state.outline_motion = moved.filter(|_| is_measured).or(state.outline_motion);
+                }
                 if consistency::is_consistent(measured, reference.before[slot].as_ref(), outlines) {
                     let state = self.states.state_mut(BodyKey { body, block: target.block });
                     if interval_index == 0 && is_detected && measured.step.motion.is_some() {
-                        state.doubts = 0;
+                        (state.doubts, state.is_confirmed) = (0, true);
                     }
                     // After a contradiction, only outlines make a motion credible again.
                     if state.doubts == 0 || measured.step.motion.is_none() {
                         continue;
                     }
-                    measured.step = BodyStep { status: PointStatus::Ambiguous, ..measured.step.without_motion() };
+                    measured.withdraw_motion(PointStatus::Ambiguous);
                     continue;
                 }
-                let moved = outlines.motion_unlike(&measured.step);
-                measured.step = BodyStep { status: PointStatus::Ambiguous, ..measured.step.without_motion() };
+                measured.withdraw_motion(PointStatus::Ambiguous);
                 if interval_index == 0 {
-                    self.record_contradiction(BodyKey { body, block: target.block }, moved);
+                    self.record_contradiction(BodyKey { body, block: target.block });
+                    contradicted.push(body);
                 }
             }
         }
+        self.withdraw_unconfirmed(&mut pending, target.block, &contradicted);
         self.pending = pending;
         self.pending.push_back(target);
+    }
+
+    /// Whether a finished frame has to wait until a detected outline confirms a motion of its block, or contradicts it.
+    ///
+    /// The outline of a ball is not detected in every frame, and marks may move otherwise than it from the first frame on,
+    /// as those of a ball that turns about an axis in the image do.
+    /// `newest` is the sequence number of the newest frame.
+    pub(super) fn awaits_confirmation(&self, frame: &PendingFrame, newest: u64) -> bool {
+        let is_due = newest > frame.meta.sequence.saturating_add(OUTLINE_INTERVAL_FRAMES);
+        let is_over = newest / u64::from(self.params.block_frames) != frame.block;
+        let intervals = self.params.intervals_frames.len();
+        let is_open = |body: usize| {
+            let measured = frame.done[body * intervals].as_ref();
+            let is_by_marks = measured.is_some_and(|measured| {
+                measured.step.motion.is_some() && measured.step.method != MotionMethod::Outlines
+            });
+            let state = self.states.state(BodyKey { body, block: frame.block });
+            frame.has_ball(body) && is_by_marks && state.is_some_and(|state| !state.is_confirmed)
+        };
+        !is_due && !is_over && (0..self.finders.len()).any(is_open)
+    }
+
+    /// Withdraws the motions of the frames of a block before a contradiction, for bodies of which none was confirmed.
+    fn withdraw_unconfirmed(&mut self, pending: &mut VecDeque<PendingFrame>, block: u64, bodies: &[usize]) {
+        let intervals = self.params.intervals_frames.len();
+        for body in bodies {
+            if self.states.state_mut(BodyKey { body: *body, block }).is_confirmed {
+                continue;
+            }
+            for frame in pending.iter_mut().filter(|frame| frame.block == block) {
+                let slots = &mut frame.done[body * intervals..(body + 1) * intervals];
+                slots.iter_mut().flatten().for_each(|measured| measured.withdraw_motion(PointStatus::Ambiguous));
+            }
+        }
     }
 
     /// Measures balls again that turned too far to be matched, now that they were detected in the newest frame.
@@ -91,62 +134,84 @@ impl Measurer {
     /// A match that starts too far from the right rotation may settle where light that stays in the room fits best. If
     /// the ring turned otherwise, the pair is measured again from there. If that fails, only the outlines move the ball.
     fn check_rotation(&mut self, reference: &mut PendingFrame, target: &PendingFrame) {
-        let intervals = self.params.intervals_frames.len();
         let frames = target.meta.sequence - reference.meta.sequence;
+        if !self.params.is_interval(0, frames) {
+            return;
+        }
         for body in 0..self.finders.len() {
-            let (slot, key) = (body * intervals, BodyKey { body, block: reference.block });
-            let motion = reference.done[slot].as_ref().and_then(|measured| measured.step.motion);
-            let (Some(motion), Ok(Outline::Ball(from)), Ok(Outline::Ball(to))) =
-                (motion.filter(RigidStep::has_rotation), &reference.outlines[body], &target.outlines[body])
-            else {
-                continue;
-            };
-            if !self.params.is_interval(0, frames) || self.states.state_mut(key).is_rotation_checked {
+            let key = BodyKey { body, block: reference.block };
+            if self.states.state_mut(key).is_rotation_checked {
                 continue;
             }
-            let pair = FramePair { reference: &reference.prepared, target: &target.prepared };
-            let Some(turned_deg) = self.ring_rotation.coarse_rotation_deg(from, to, pair) else { continue };
-            let is_same = |dtheta_deg: f64| {
-                let apart_deg = turned_deg - frames as f64 * dtheta_deg;
-                (apart_deg - 360.0 * (apart_deg / 360.0).round()).abs() < MAX_RING_APART_DEG
-            };
-            if is_same(motion.dtheta_deg) {
-                self.states.state_mut(key).is_rotation_checked = true;
-                continue;
-            }
-            let rate = RigidStep { dtheta_deg: turned_deg / frames as f64, ..motion };
-            self.rigid_matcher.forget_frame(key, target.meta.sequence);
-            let state = self.states.state_mut(key);
-            (state.motion, state.center_motion) = (Some(rate), Some(rate));
-            let target = Target { sequence: target.meta.sequence, prepared: &target.prepared, is_narrow: false };
-            let retried = self.measure_body(reference, slot, Some(target));
-            let retried_motion = retried.as_ref().and_then(|retried| retried.step.motion);
-            if retried_motion.is_some_and(|motion| is_same(motion.dtheta_deg)) {
-                reference.done[slot] = retried;
-                self.states.state_mut(key).is_rotation_checked = true;
-            } else if let Some(measured) = &mut reference.done[slot] {
-                measured.step = BodyStep { status: PointStatus::LowCorrelation, ..measured.step.without_motion() };
-                self.states.state_mut(key).motion = None;
-                self.rigid_matcher.forget(key);
-            }
+            let Some(turn) = self.ring_turn(reference, target, body) else { continue };
+            let is_checked = turn.agrees(&turn.motion) || self.turn_as_ring(reference, target, body, turn);
+            self.states.state_mut(key).is_rotation_checked = is_checked;
         }
     }
 
-    /// Discards the motion of a body after a contradiction to its outlines, which `moved` otherwise if they were detected.
+    /// Returns the motion of a ball to the next frame, with rotation, and the rotation of its ring.
+    fn ring_turn(&mut self, reference: &PendingFrame, target: &PendingFrame, body: usize) -> Option<RingTurn> {
+        let measured = reference.done[body * self.params.intervals_frames.len()].as_ref()?;
+        let motion = measured.step.motion.filter(RigidStep::has_rotation)?;
+        let (Ok(Outline::Ball(from)), Ok(Outline::Ball(to))) = (&reference.outlines[body], &target.outlines[body])
+        else {
+            return None;
+        };
+        let pair = FramePair { reference: &reference.prepared, target: &target.prepared };
+        let ring_deg = self.ring_rotation.coarse_rotation_deg(from, to, pair)?;
+        let frames = (target.meta.sequence - reference.meta.sequence) as f64;
+        Some(RingTurn { motion, ring_deg, frames })
+    }
+
+    /// Measures the motion of a ball again from the rotation of its ring. Returns whether it then turns as the ring.
+    ///
+    /// Otherwise the motion is withdrawn.
+    fn turn_as_ring(
+        &mut self,
+        reference: &mut PendingFrame,
+        target: &PendingFrame,
+        body: usize,
+        turn: RingTurn,
+    ) -> bool {
+        let slot = body * self.params.intervals_frames.len();
+        let key = BodyKey { body, block: reference.block };
+        let start = turn.motion_of_ring();
+        self.rigid_matcher.forget_frame(key, target.meta.sequence);
+        let state = self.states.state_mut(key);
+        (state.motion, state.center_motion) = (Some(start), Some(start));
+        let target = Target { sequence: target.meta.sequence, prepared: &target.prepared, is_narrow: false };
+        let retried = self.measure_body(reference, slot, Some(target));
+        let moved = retried.as_ref().and_then(|retried| retried.step.motion);
+        if moved.is_some_and(|motion| turn.agrees(&motion)) {
+            reference.done[slot] = retried;
+            return true;
+        }
+        if let Some(measured) = &mut reference.done[slot] {
+            measured.withdraw_motion(PointStatus::LowCorrelation);
+        }
+        self.states.state_mut(key).motion = None;
+        self.rigid_matcher.forget(key);
+        false
+    }
+
+    /// Discards the motion of a body after a contradiction to its outlines.
     ///
     /// Another object may be taken for it, and one contradiction may be chance. After the second one, a ball whose
-    /// outlines move evenly is followed by these alone, and any other body no longer within the block.
-    fn record_contradiction(&mut self, key: BodyKey, moved: Option<OutlineMotion>) {
+    /// outlines moved evenly is followed by these alone, and any other body no longer within the block.
+    fn record_contradiction(&mut self, key: BodyKey) {
         self.rigid_matcher.forget(key);
         let state = self.states.state_mut(key);
         state.doubts += 1;
         state.motion = None;
-        if state.doubts >= MAX_DOUBTS {
-            let is_even = moved.zip(state.doubted_motion).is_some_and(|(moved, before)| moved.continues(&before));
-            match is_even {
-                true => (state.surface, state.doubts) = (Some(Surface::Misleading), 0),
-                false => state.is_ambiguous = true,
+        let moved = state.outline_motion;
+        match (moved, state.doubted_motion) {
+            _ if state.doubts < MAX_DOUBTS => {}
+            (Some(moved), Some(before)) if moved.continues(&before) => {
+                (state.surface, state.doubts) = (Some(Surface::Misleading), 0);
             }
+            // The next frame shows whether it goes on.
+            (Some(_), None) => {}
+            _ => state.is_ambiguous = true,
         }
         state.doubted_motion = moved;
     }

@@ -20,6 +20,30 @@ const EXAMINED_FRACTION: f64 = 0.85;
 /// Rotations up to 20 deg from the predicted one are searched, so two places of a pattern of this period are within reach.
 const MAX_PERIOD_DEG: f64 = 40.0;
 
+/// The maximum difference between the rotation of a ball and that of its ring, deg.
+const MAX_RING_APART_DEG: f64 = 6.0;
+
+/// The motion of a ball, and the rotation of its ring over the same frames.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct RingTurn {
+    pub(super) motion: RigidStep,
+    pub(super) ring_deg: f64,
+    pub(super) frames: f64,
+}
+
+impl RingTurn {
+    /// Returns the motion per frame with the rotation of the ring.
+    pub(super) fn motion_of_ring(&self) -> RigidStep {
+        RigidStep { dtheta_deg: self.ring_deg / self.frames, ..self.motion }
+    }
+
+    /// Whether a motion turns as the ring, but for whole turns.
+    pub(super) fn agrees(&self, motion: &RigidStep) -> bool {
+        let apart_deg = self.ring_deg - self.frames * motion.dtheta_deg;
+        (apart_deg - 360.0 * (apart_deg / 360.0).round()).abs() < MAX_RING_APART_DEG
+    }
+}
+
 /// The ring correlator for balls.
 #[derive(Default)]
 pub(super) struct RingCorrelator {

@@ -83,6 +83,25 @@ const MAX_CENTER_PX: f64 = 0.2;
 const MAX_STEP_DEG: f64 = 0.02;
 const MAX_SPIN_FRACTION: f64 = 0.01;
 
+/// A number of a collision is wrong beyond this many of its standard uncertainties and this part of the truth; a time,
+/// beyond this many frames.
+const MAX_IMPACT_SIGMAS: f64 = 4.0;
+const MAX_IMPACT_FRACTION: f64 = 0.01;
+const MAX_IMPACT_FRAMES: f64 = 2.0;
+
+/// The numbers of a collision, and its times.
+const IMPACT_NUMBERS: [&str; 8] = [
+    "vn_before_m_s",
+    "vn_after_m_s",
+    "vt_before_m_s",
+    "vt_after_m_s",
+    "omega_before_rad_s",
+    "omega_after_rad_s",
+    "restitution",
+    "compression_max_mm",
+];
+const IMPACT_TIMES: [&str; 4] = ["start_s", "deepest_s", "end_s", "contact_time_s"];
+
 fn folder() -> Option<PathBuf> {
     let folder = std::env::var_os("RICOCHET_REAL_DATA").map(|data| PathBuf::from(data).join("photo"));
     if folder.is_none() {
@@ -102,7 +121,15 @@ fn number(row: &Row, name: &str) -> Option<f64> {
 }
 
 /// The rows of a film's results and of its truth.
-fn measured(folder: &Path, film: &Film) -> [Vec<Row>; 3] {
+struct Rows {
+    velocities: Vec<Row>,
+    tracks: Vec<Row>,
+    impacts: Vec<Row>,
+    truth: Vec<Row>,
+    true_impacts: Vec<Row>,
+}
+
+fn measured(folder: &Path, film: &Film) -> Rows {
     let (scratch, at) = (tempfile::tempdir().unwrap(), folder.join(film.name));
     let results = scratch.path().join("results.mcap");
     let (fps, input, rig) = (film.fps.to_string(), at.join("film.tif"), at.join("rig.toml"));
@@ -115,14 +142,45 @@ fn measured(folder: &Path, film: &Film) -> [Vec<Row>; 3] {
         let exported = ricochet(["export", results.to_str().unwrap(), "--topic", topic]).output().unwrap();
         table(&String::from_utf8(exported.stdout).unwrap())
     };
-    let truth = table(&std::fs::read_to_string(at.join("truth.csv")).unwrap());
-    [topic("velocity"), topic("track"), truth]
+    let truth = |name: &str| table(&std::fs::read_to_string(at.join(name)).unwrap());
+    Rows {
+        velocities: topic("velocity"),
+        tracks: topic("track"),
+        impacts: topic("impact"),
+        truth: truth("truth.csv"),
+        true_impacts: truth("truth_impact.csv"),
+    }
+}
+
+/// Returns the wrong numbers of the valid collisions of a film.
+fn impact_faults(film: &Film, rows: &Rows) -> Vec<String> {
+    let mut faults = Vec::new();
+    for found in rows.impacts.iter().filter(|row| row["status"] == "valid") {
+        let [truth] = rows.true_impacts.as_slice() else {
+            faults.push(format!("{}: a collision that never was: {found:?}", film.name));
+            continue;
+        };
+        let numbers = IMPACT_NUMBERS.map(|name| (name, MAX_IMPACT_FRACTION * number(truth, name).unwrap_or(0.0).abs()));
+        let times = IMPACT_TIMES.map(|name| (name, MAX_IMPACT_FRAMES / f64::from(film.fps)));
+        for (name, limit) in numbers.into_iter().chain(times) {
+            let Some((value, exact)) = number(found, name).zip(number(truth, name)) else { continue };
+            let sigma = number(found, &format!("sigma_{name}")).unwrap();
+            let off = (value - exact).abs();
+            if off > MAX_IMPACT_SIGMAS * sigma && off > limit {
+                faults.push(format!("{}: {name} is {value}, truth {exact}, sigma {sigma}", film.name));
+            }
+        }
+    }
+    let valid = rows.impacts.iter().filter(|row| row["status"] == "valid").count();
+    println!("{}: {valid} of {} collisions measured", film.name, rows.true_impacts.len());
+    faults
 }
 
 /// Returns the contradictions between a film's results and the aim.
 fn faults(folder: &Path, film: &Film) -> Vec<String> {
-    let [velocities, tracks, truth] = measured(folder, film);
-    let mut faults = Vec::new();
+    let rows = measured(folder, film);
+    let mut faults = impact_faults(film, &rows);
+    let Rows { velocities, tracks, truth, .. } = rows;
     let (mut positions, mut rotations) = (0, 0);
     for (frame, (row, track)) in velocities.iter().zip(&tracks).enumerate() {
         let here = &truth[frame];
