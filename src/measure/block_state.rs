@@ -28,8 +28,6 @@ pub(super) struct BlockState {
     pub(super) last_turn: Neighbour,
     /// Whether a rotation in the block was confirmed by that of its ring.
     pub(super) is_rotation_checked: bool,
-    /// Whether detected outlines confirmed a motion in the block.
-    pub(super) is_confirmed: bool,
     /// The number of contradictions between its motion and its outlines since the last confirmed motion.
     pub(super) doubts: u32,
     /// The last motion of its detected outlines.
@@ -62,7 +60,6 @@ impl BlockStates {
                 surface: None,
                 last_turn: Neighbour::Absent,
                 is_rotation_checked: false,
-                is_confirmed: false,
                 doubts: 0,
                 outline_motion: None,
                 doubted_motion: None,
@@ -74,14 +71,10 @@ impl BlockStates {
         &mut self.states[index]
     }
 
-    /// Returns the state of one body within one block; `None` before its first frame.
-    pub(super) fn state(&self, key: BodyKey) -> Option<&BlockState> {
-        self.states.iter().find(|state| state.key == key)
-    }
-
     /// Returns the last published step of one body within one block.
     pub(super) fn last_turn(&self, key: BodyKey) -> Neighbour {
-        self.state(key).map_or(Neighbour::Absent, |state| state.last_turn)
+        let state = self.states.iter().find(|state| state.key == key);
+        state.map_or(Neighbour::Absent, |state| state.last_turn)
     }
 
     /// Returns the box that holds the bodies of a block in a frame, with the search range around them.

@@ -185,7 +185,7 @@ impl Measurer {
         if (meta.sequence + 1).is_multiple_of(block_frames) {
             self.recover_lost_balls(block);
         }
-        self.emit_finished(meta.sequence, measured);
+        self.emit_finished(measured);
         Ok(())
     }
 
@@ -277,7 +277,7 @@ impl Measurer {
             self.measure_due(reference, None);
         }
         self.pending = pending;
-        self.emit_finished(u64::MAX, measured);
+        self.emit_finished(measured);
         self.states.clear();
     }
 
@@ -311,14 +311,13 @@ impl Measurer {
         true
     }
 
-    /// Appends the results of frames that are measured with all targets, oldest first. `newest` is the newest frame.
-    fn emit_finished(&mut self, newest: u64, measured: &mut Vec<Measured>) {
+    /// Appends the results of frames that are measured with all targets, oldest first.
+    fn emit_finished(&mut self, measured: &mut Vec<Measured>) {
         let awaited = self.background.first_kept().unwrap_or(u64::MAX);
         let is_finished =
             |reference: &PendingFrame| reference.meta.sequence < awaited && reference.done.iter().all(Option::is_some);
         while let Some(front) = self.pending.front().filter(|front| is_finished(front)) {
-            let awaits_support = self.pending.get(1).is_some_and(|next| self.awaits_support(front, next));
-            if awaits_support || self.awaits_confirmation(front, newest) {
+            if self.pending.get(1).is_some_and(|next| self.awaits_support(front, next)) {
                 return;
             }
             let Some(mut reference) = self.pending.pop_front() else { return };

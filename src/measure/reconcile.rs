@@ -3,12 +3,10 @@
 use super::consistency::{self, OutlinePair};
 use super::measurer::Measurer;
 use super::outline::Outline;
-use super::outline_search::OUTLINE_INTERVAL_FRAMES;
 use super::pending_frame::{BodyKey, FramePair, Measured, PendingFrame, Target};
 use super::ring_rotation::RingTurn;
 use super::surface::Surface;
-use crate::results::{MotionMethod, OutlineOrigin, PointStatus, RigidStep};
-use std::collections::VecDeque;
+use crate::results::{OutlineOrigin, PointStatus, RigidStep};
 
 /// The number of contradictions in a row after which a body is no longer followed within its block.
 const MAX_DOUBTS: u32 = 2;
@@ -19,7 +17,6 @@ impl Measurer {
         let Some(target) = self.pending.pop_back() else { return };
         let intervals = self.params.intervals_frames.len();
         let mut pending = std::mem::take(&mut self.pending);
-        let mut contradicted = Vec::new();
         for reference in pending.iter_mut().filter(|reference| reference.block == target.block) {
             self.retry_with_ring(reference, &target);
             self.check_rotation(reference, &target);
@@ -46,7 +43,7 @@ impl Measurer {
                 if consistency::is_consistent(measured, reference.before[slot].as_ref(), outlines) {
                     let state = self.states.state_mut(BodyKey { body, block: target.block });
                     if interval_index == 0 && is_detected && measured.step.motion.is_some() {
-                        (state.doubts, state.is_confirmed) = (0, true);
+                        state.doubts = 0;
                     }
                     // After a contradiction, only outlines make a motion credible again.
                     if state.doubts == 0 || measured.step.motion.is_none() {
@@ -58,47 +55,11 @@ impl Measurer {
                 measured.withdraw_motion(PointStatus::Ambiguous);
                 if interval_index == 0 {
                     self.record_contradiction(BodyKey { body, block: target.block });
-                    contradicted.push(body);
                 }
             }
         }
-        self.withdraw_unconfirmed(&mut pending, target.block, &contradicted);
         self.pending = pending;
         self.pending.push_back(target);
-    }
-
-    /// Whether a finished frame has to wait until a detected outline confirms a motion of its block, or contradicts it.
-    ///
-    /// The outline of a ball is not detected in every frame, and marks may move otherwise than it from the first frame on,
-    /// as those of a ball that turns about an axis in the image do.
-    /// `newest` is the sequence number of the newest frame.
-    pub(super) fn awaits_confirmation(&self, frame: &PendingFrame, newest: u64) -> bool {
-        let is_due = newest > frame.meta.sequence.saturating_add(OUTLINE_INTERVAL_FRAMES);
-        let is_over = newest / u64::from(self.params.block_frames) != frame.block;
-        let intervals = self.params.intervals_frames.len();
-        let is_open = |body: usize| {
-            let measured = frame.done[body * intervals].as_ref();
-            let is_by_marks = measured.is_some_and(|measured| {
-                measured.step.motion.is_some() && measured.step.method != MotionMethod::Outlines
-            });
-            let state = self.states.state(BodyKey { body, block: frame.block });
-            frame.has_ball(body) && is_by_marks && state.is_some_and(|state| !state.is_confirmed)
-        };
-        !is_due && !is_over && (0..self.finders.len()).any(is_open)
-    }
-
-    /// Withdraws the motions of the frames of a block before a contradiction, for bodies of which none was confirmed.
-    fn withdraw_unconfirmed(&mut self, pending: &mut VecDeque<PendingFrame>, block: u64, bodies: &[usize]) {
-        let intervals = self.params.intervals_frames.len();
-        for body in bodies {
-            if self.states.state_mut(BodyKey { body: *body, block }).is_confirmed {
-                continue;
-            }
-            for frame in pending.iter_mut().filter(|frame| frame.block == block) {
-                let slots = &mut frame.done[body * intervals..(body + 1) * intervals];
-                slots.iter_mut().flatten().for_each(|measured| measured.withdraw_motion(PointStatus::Ambiguous));
-            }
-        }
     }
 
     /// Measures balls again that turned too far to be matched, now that they were detected in the newest frame.

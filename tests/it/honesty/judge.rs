@@ -206,7 +206,10 @@ fn judge_impact(verdict: &mut Verdict, impacts: &[ricochet::results::Impact], wo
 /// Whether the whole body is in the frame.
 fn is_seen(scene: &Scene, truth: &VelocitySample) -> bool {
     if scene.kind == BodyKind::Patch {
-        return truth.center_x_px.zip(truth.center_y_px).is_some_and(|(x, y)| patch_is_inside(scene, [x, y]));
+        // A striped board looks the same wherever it is along its stripes.
+        let is_striped = scene.scenario.body.pattern.layout == Layout::Stripes;
+        return !is_striped
+            && truth.center_x_px.zip(truth.center_y_px).is_some_and(|(x, y)| patch_is_inside(scene, [x, y]));
     }
     truth.status == PointStatus::Valid && truth.visible_fraction.is_none_or(|visible| visible > MIN_VISIBLE)
 }

@@ -133,12 +133,16 @@ fn soak(plan: &Plan) {
         let path = wait_until("the drop is recorded", || rig.recordings().into_iter().find(|p| !before.contains(p)));
         let film = frames(&path);
         let missing = film.last().unwrap().0.sequence + 1 - film[0].0.sequence - film.len() as u64;
-        let (_, analysed) = analysis(&rig, &path, "1");
-        let is_equal = analysed == tables(&path);
+        let ((_, analysed), recorded) = (analysis(&rig, &path, "1"), tables(&path));
+        let is_equal = analysed == recorded;
         // The rows of a dead worker, or of one that fell behind, are lost, although its frames are in the file.
         let rows = Recording::open(&path).unwrap().velocities().unwrap().map(Result::unwrap);
         let lost = rows.filter(|row| row.status == PointStatus::Lost).count();
-        assert!(is_equal || lost > 0, "{path:?} differs from its analysis");
+        let differs = || {
+            let lines = recorded.iter().zip(&analysed).flat_map(|(one, other)| one.lines().zip(other.lines()));
+            lines.filter(|(one, other)| one != other).last().map(|(one, other)| format!("\n{one}\n{other}"))
+        };
+        assert!(is_equal || lost > 0, "{path:?} differs from its analysis: {:?}", differs());
         println!(
             "{:.0} s: {} frames, {missing} missing, {lost} rows lost, equal: {is_equal}",
             began.elapsed().as_secs_f64(),
