@@ -1,7 +1,7 @@
 //! The state of the bodies while their blocks are measured.
 
 use super::bounding_box::BoundingBox;
-use super::consistency::OutlineMotion;
+use super::consistency::{DetectedBall, OutlineMotion};
 use super::outline::Outline;
 use super::pending_frame::BodyKey;
 use super::rigid_match::{MAX_PREDICTION_ERROR_PX, RigidMatcher};
@@ -30,7 +30,9 @@ pub(super) struct BlockState {
     pub(super) is_rotation_checked: bool,
     /// The number of contradictions between its motion and its outlines since the last confirmed motion.
     pub(super) doubts: u32,
-    /// The last motion of its detected outlines.
+    /// The first detected outline of a ball.
+    pub(super) first_ball: Option<DetectedBall>,
+    /// The motion from there to the last detected outline.
     pub(super) outline_motion: Option<OutlineMotion>,
     /// The motion of its outlines at the last contradiction.
     pub(super) doubted_motion: Option<OutlineMotion>,
@@ -61,6 +63,7 @@ impl BlockStates {
                 last_turn: Neighbour::Absent,
                 is_rotation_checked: false,
                 doubts: 0,
+                first_ball: None,
                 outline_motion: None,
                 doubted_motion: None,
                 is_ambiguous: false,

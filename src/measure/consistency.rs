@@ -2,7 +2,7 @@
 
 use super::outline::Outline;
 use super::pending_frame::Measured;
-use crate::results::{BodyStep, Estimate, PairField, PointStatus, RigidStep};
+use crate::results::{BodyStep, Circle, Estimate, PairField, PointStatus, RigidStep};
 
 /// The minimum tolerance between the motion of the subsets and that of the outlines, px.
 const OUTLINE_TOLERANCE_PX: f64 = 0.5;
@@ -30,42 +30,56 @@ pub(super) struct OutlinePair<'a> {
     pub(super) are_detected: bool,
 }
 
-/// The motion of the outline of a ball to a frame, px per frame.
+/// An outline of a ball that was detected in a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct DetectedBall {
+    pub(super) frame: u64,
+    pub(super) circle: Circle,
+}
+
+/// The motion of the outline of a ball from the first frame of its block to another, px per frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct OutlineMotion {
-    /// The sequence number of that frame.
+    /// The sequence number of the other frame.
     to_frame: u64,
     dx_px: f64,
     dy_px: f64,
     sigma_px: f64,
 }
 
+/// The way in which the outline of a ball has moved on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Course {
+    /// As before.
+    Even,
+    /// Otherwise than before, as where another object was taken for the ball.
+    Uneven,
+    /// Not far enough to tell. A circle that stays in its place may belong to the scene.
+    Open,
+}
+
 impl OutlineMotion {
-    /// Whether a ball that moves went on as it did to an earlier frame.
-    ///
-    /// A circle that stays in its place may belong to the scene.
-    pub(super) fn continues(&self, before: &Self) -> bool {
+    /// Returns the motion between two frames; `None` unless the second is later.
+    pub(super) fn between(from: &DetectedBall, to: &DetectedBall) -> Option<Self> {
+        let frames = to.frame.checked_sub(from.frame).filter(|frames| *frames > 0)? as f64;
+        Some(Self {
+            to_frame: to.frame,
+            dx_px: (to.circle.x_px - from.circle.x_px) / frames,
+            dy_px: (to.circle.y_px - from.circle.y_px) / frames,
+            sigma_px: from.circle.sigma_center_px.hypot(to.circle.sigma_center_px) / frames,
+        })
+    }
+
+    /// Compares the motion with that to an earlier frame.
+    pub(super) fn course_since(&self, before: &Self) -> Course {
         let sigma_px = self.sigma_px.hypot(before.sigma_px);
         let change_px = (self.dx_px - before.dx_px).hypot(self.dy_px - before.dy_px);
         let moves = self.dx_px.hypot(self.dy_px) > TOLERANCE_SIGMAS * self.sigma_px;
-        self.to_frame > before.to_frame && moves && change_px <= OUTLINE_TOLERANCE_PX.max(TOLERANCE_SIGMAS * sigma_px)
-    }
-}
-
-impl OutlinePair<'_> {
-    /// Returns the motion of a ball whose outline was detected in two frames, `interval_frames` apart.
-    pub(super) fn detected_motion(&self, to_frame: u64, interval_frames: u32) -> Option<OutlineMotion> {
-        let (Ok(Outline::Ball(from)), Ok(Outline::Ball(to)), true) = (self.reference, self.target, self.are_detected)
-        else {
-            return None;
-        };
-        let frames = f64::from(interval_frames);
-        Some(OutlineMotion {
-            to_frame,
-            dx_px: (to.x_px - from.x_px) / frames,
-            dy_px: (to.y_px - from.y_px) / frames,
-            sigma_px: from.sigma_center_px.hypot(to.sigma_center_px) / frames,
-        })
+        match () {
+            () if change_px > OUTLINE_TOLERANCE_PX.max(TOLERANCE_SIGMAS * sigma_px) => Course::Uneven,
+            () if moves && self.to_frame > before.to_frame => Course::Even,
+            () => Course::Open,
+        }
     }
 }
 
@@ -135,7 +149,6 @@ pub(super) fn failure_status(field: &PairField) -> PointStatus {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::results::Circle;
 
     fn at(x_px: f64) -> Result<Outline, PointStatus> {
         Ok(Outline::Ball(Circle {
@@ -206,5 +219,20 @@ mod tests {
             is_consistent(&moved(false, 1), None, pair(&from, &Err(PointStatus::Lost), false)),
             "nothing contradicts it"
         );
+    }
+
+    #[test]
+    fn an_outline_goes_on_or_jumps_or_stays() {
+        let ball = |frame: u64, x_px: f64| {
+            let Ok(Outline::Ball(circle)) = at(x_px) else { panic!("a ball") };
+            DetectedBall { frame, circle }
+        };
+        let first = ball(16, 100.0);
+        let to = |frame: u64, x_px: f64| OutlineMotion::between(&first, &ball(frame, x_px)).unwrap();
+        assert_eq!(to(19, 104.6).course_since(&to(18, 103.0)), Course::Even);
+        assert_eq!(to(19, 110.0).course_since(&to(18, 103.0)), Course::Uneven);
+        assert_eq!(to(19, 100.1).course_since(&to(18, 100.0)), Course::Open);
+        assert_eq!(to(18, 103.0).course_since(&to(18, 103.0)), Course::Open);
+        assert!(OutlineMotion::between(&first, &first).is_none());
     }
 }

@@ -1,5 +1,6 @@
 //! Search of the bodies in a frame: the outlines of balls and rods, the poses of patches.
 
+use super::consistency::{DetectedBall, OutlineMotion};
 use super::measurer::Measurer;
 use super::outline::{Finder, Outline, SearchRange};
 use super::patch_finder::{AngleRange, FrameKey};
@@ -79,6 +80,11 @@ impl Measurer {
         state.outline = found.ok().map(|outline| (meta.sequence, outline));
         if origin == OutlineOrigin::Detected && found.is_ok() {
             state.detected_frame = Some(meta.sequence);
+        }
+        if let (Ok(Outline::Ball(circle)), OutlineOrigin::Detected) = (found, origin) {
+            let here = DetectedBall { frame: meta.sequence, circle };
+            let first = state.first_ball.get_or_insert(here);
+            state.outline_motion = OutlineMotion::between(first, &here).or(state.outline_motion);
         }
         (found, origin)
     }

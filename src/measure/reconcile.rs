@@ -1,12 +1,12 @@
 //! The reconciliation of motions with the outlines of their bodies, as soon as both frames are known.
 
-use super::consistency::{self, OutlinePair};
+use super::consistency::{self, Course, OutlinePair};
 use super::measurer::Measurer;
 use super::outline::Outline;
 use super::pending_frame::{BodyKey, FramePair, Measured, PendingFrame, Target};
 use super::ring_rotation::RingTurn;
 use super::surface::Surface;
-use crate::results::{OutlineOrigin, PointStatus, RigidStep};
+use crate::results::{PointStatus, RigidStep};
 
 /// The number of contradictions in a row after which a body is no longer followed within its block.
 const MAX_DOUBTS: u32 = 2;
@@ -34,12 +34,6 @@ impl Measurer {
                     target: &target.outlines[body],
                     are_detected: is_detected,
                 };
-                if interval_index == 0 {
-                    let state = self.states.state_mut(BodyKey { body, block: target.block });
-                    let moved = outlines.detected_motion(target.meta.sequence, measured.step.interval_frames);
-                    let is_measured = reference.origins[body] == OutlineOrigin::Detected;
-                    state.outline_motion = moved.filter(|_| is_measured).or(state.outline_motion);
-                }
                 if consistency::is_consistent(measured, reference.before[slot].as_ref(), outlines) {
                     let state = self.states.state_mut(BodyKey { body, block: target.block });
                     if interval_index == 0 && is_detected && measured.step.motion.is_some() {
@@ -165,13 +159,12 @@ impl Measurer {
         state.doubts += 1;
         state.motion = None;
         let moved = state.outline_motion;
-        match (moved, state.doubted_motion) {
+        let course = moved.zip(state.doubted_motion).map(|(moved, before)| moved.course_since(&before));
+        match (moved, course) {
             _ if state.doubts < MAX_DOUBTS => {}
-            (Some(moved), Some(before)) if moved.continues(&before) => {
-                (state.surface, state.doubts) = (Some(Surface::Misleading), 0);
-            }
-            // The next frame shows whether it goes on.
-            (Some(_), None) => {}
+            (_, Some(Course::Even)) => (state.surface, state.doubts) = (Some(Surface::Misleading), 0),
+            // The next frame shows more.
+            (_, Some(Course::Open)) | (Some(_), None) => {}
             _ => state.is_ambiguous = true,
         }
         state.doubted_motion = moved;
