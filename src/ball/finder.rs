@@ -204,8 +204,11 @@ impl BallFinder {
         discs.max_by(|a, b| a.gain.total_cmp(&b.gain)).map(|disc| disc.circle)
     }
 
-    /// Finds the ball by its difference from a ground of hardly any structure.
+    /// Finds a ball of known size by its difference from a ground of hardly any structure.
+    ///
+    /// Without its size, the lit side of a ball alone, or marks of paint, may pass for one.
     fn search_on_plain_ground(&mut self, image: ImageView<'_>) -> Option<Circle> {
+        self.params.expected_radius_px?;
         let region = self.searched_region(image);
         let mut ground = std::mem::take(&mut self.ground);
         let difference = ground.subtract(image, region, self.params.max_radius_px);

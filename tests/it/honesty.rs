@@ -46,7 +46,7 @@ fn a_few_random_scenes_are_measured_or_refused() {
     // Compressed frames depend on the encoder, and lead to most of the wrong rows.
     let raw = tally.kind("raw frames");
     assert!(raw.scenes >= 15 && raw.rows > 400, "{} scenes, {} rows", raw.scenes, raw.rows);
-    assert!(wrong(raw) < 0.004, "{} of {} rows are wrong", raw.wrong, raw.rows);
+    assert!(wrong(raw) < 0.007, "{} of {} rows are wrong", raw.wrong, raw.rows);
     assert!(wrong(&tally.all) < 0.035, "{} of {} rows are wrong", tally.all.wrong, tally.all.rows);
     let (positions, rotations) = (raw.positions.of_one(), raw.rotations.of_one());
     assert!(positions > 0.65 && rotations > 0.65, "{positions:.2} of the positions, {rotations:.2} of the rotations");
