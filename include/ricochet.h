@@ -80,7 +80,7 @@ typedef struct {
     uint32_t method;
     uint32_t exposure_ns;
     uint32_t rotation_status;
-    uint32_t skipped;
+    uint32_t skipped_frames;
     double center_x_px;
     double center_y_px;
     double radius_px;

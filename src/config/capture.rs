@@ -55,7 +55,7 @@ pub struct Workers {
     pub mode: WorkerMode,
 }
 
-/// What the processes that measure are set up for. Results do not depend on it.
+/// The aim of the processes that measure. Results do not depend on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum WorkerMode {
     /// The most frames per second: processes sleep until they are woken, at most once per millisecond.

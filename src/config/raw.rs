@@ -434,8 +434,7 @@ tables! {
         /// to write.
         #[key("\"none\", \"zstd\"", "none")]
         compression: String,
-        /// Whether the frames are kept. If false, only the results are kept, and the recording cannot be analysed
-        /// again.
+        /// Whether the frames are kept. If false, the recording has results only and cannot be analysed again.
         #[key("true or false", "true")]
         raw_frames: bool,
         /// The maximum size of the ring of frames in memory. It must hold `trigger.pre_s`.
@@ -456,17 +455,14 @@ tables! {
     }
     /// The division of the work.
     "workers" RawWorkers {
-        /// The number of correlation processes. Results do not depend on it. With 0, frames are filmed and recorded,
-        /// but not measured.
+        /// The number of correlation processes. Results do not depend on it. With 0, frames are not measured.
         #[key("0 to 64", "one less than the machine has processors, but two if it has two")]
         count: i64,
-        /// The number of frames that a worker measures together. Results depend on it, because each block is measured
-        /// on its own.
+        /// The number of frames that a worker measures together, as a block on its own. Results depend on it.
         #[key("4 to 256 frames", "16")]
         block_frames: i64,
-        /// What the processes are set up for: the most frames per second, or the shortest time from a frame to its row. For
-        /// `latency`, each worker stays on a processor of its own, and workers and tracker look for work every 50 us instead
-        /// of sleeping until they are woken. That takes a few per cent of a processor each. Results do not depend on it.
+        /// The aim of the processes: the most frames per second, or the shortest time from a frame to its row. Results do not
+        /// depend on it. For `latency`, each worker keeps a processor of its own, and all look for work every 50 us.
         #[key("\"throughput\", \"latency\"", "throughput")]
         mode: String,
     }
@@ -493,8 +489,7 @@ tables! {
         /// is encrypted by TLS, and the broker must have a certificate for its name in `mqtt`.
         #[key("a text of one line that is not empty", "none: the connection is not encrypted")]
         mqtt_ca_file: String,
-        /// The address that each velocity is sent to as a UDP datagram, for controllers. It may be a broadcast address or a
-        /// multicast group.
+        /// The address that each velocity is sent to as a UDP datagram: of a controller, a broadcast or a multicast group.
         #[key("\"off\", or an address and a port, such as \"192.168.1.20:5005\"", "off")]
         udp: String,
         /// The file whose first line is the token that every request must carry, 16 to 256 printable characters without

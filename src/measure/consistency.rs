@@ -50,11 +50,11 @@ pub(super) struct OutlineMotion {
 /// The way in which the outline of a ball has moved on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Course {
-    /// As before.
+    /// The same as before.
     Even,
-    /// Otherwise than before, as where another object was taken for the ball.
+    /// Another than before, as where another object was taken for the ball.
     Uneven,
-    /// Not far enough to tell. A circle that stays in its place may belong to the scene.
+    /// Unknown: it has not moved far enough. A circle that stays in its place may belong to the scene.
     Open,
 }
 

@@ -43,7 +43,7 @@ described! {
         /// The number of the `PointStatus` of the rotation below.
         pub rotation_status: u32,
         /// 1 for a frame that was left out because the worker was too slow; then only frame, stamp and worker have a meaning.
-        pub skipped: u32,
+        pub skipped_frames: u32,
         /// The centre of the circle along x, px. The circle has no meaning when there is a rod.
         pub center_x_px: f64,
         /// The centre of the circle along y (down), px.
@@ -161,7 +161,7 @@ impl FieldHeader {
             stamp_ns: meta.stamp_ns,
             status: PointStatus::Lost as u32,
             worker,
-            skipped: 1,
+            skipped_frames: 1,
             ..Self::default()
         }
     }

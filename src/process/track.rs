@@ -191,7 +191,7 @@ impl Loop<'_> {
             if let Some(ordered) = &mut self.ordered {
                 let (live_trigger, arrival) = (&mut self.live_trigger, now());
                 let observe = |step: &BodyStep| live_trigger.observe(step, arrival);
-                let rows = match header.skipped {
+                let rows = match header.skipped_frames {
                     1 => ordered.skip_observed(step.frame, step.stamp_ns, observe),
                     _ => ordered.push_observed(step, observe),
                 };

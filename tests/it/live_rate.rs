@@ -9,7 +9,7 @@ use serde_json::Value;
 /// A rig whose only worker is several times slower than its camera, with a ring of a second.
 fn overloaded(rig: &Rig) -> std::path::PathBuf {
     let rest = "[correlation]\nsubset_size_px = 21\nstep_px = 1\n\
-                [trigger]\nmode = \"software\"\npre_s = 0.8\npost_s = 0.1\n[workers]\ncount = 1\n";
+                [trigger]\nmode = \"software\"\npre_s = 0.3\npost_s = 0.1\n[workers]\ncount = 1\n";
     drifting(rig, "endless = true\nframe_rate_hz = 2000.0", rest)
 }
 

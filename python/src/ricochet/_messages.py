@@ -93,7 +93,7 @@ class FieldHeader(ctypes.Structure):
         ("method", ctypes.c_uint32),
         ("exposure_ns", ctypes.c_uint32),
         ("rotation_status", ctypes.c_uint32),
-        ("skipped", ctypes.c_uint32),
+        ("skipped_frames", ctypes.c_uint32),
         ("center_x_px", ctypes.c_double),
         ("center_y_px", ctypes.c_double),
         ("radius_px", ctypes.c_double),

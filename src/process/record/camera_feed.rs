@@ -199,7 +199,7 @@ impl<'a> CameraFeed<'a> {
     /// Returns the next step of an accepted run and its field; `None` if there is no further step.
     pub(super) fn next_step(&mut self) -> Result<Option<(BodyStep, Option<PairField>)>, BusError> {
         while let Some((header, field)) = self.fields.take()? {
-            if header.skipped == 1 && self.takes(header.run_id) {
+            if header.skipped_frames == 1 && self.takes(header.run_id) {
                 self.newest_skipped = self.newest_skipped.max(Some(header.sequence));
                 continue;
             }

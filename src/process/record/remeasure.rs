@@ -19,8 +19,9 @@ use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// The amount by which the priority of the thread is lower than that of the rig.
-const NICENESS: i32 = 19;
+/// The amount by which the priority of the thread is lower than that of the rig. Beside workers that are always busy it gets a
+/// quarter of a processor.
+const NICENESS: i32 = 5;
 /// Maximum time at the end of the rig for the shot that is being measured.
 const END_TIMEOUT: Duration = Duration::from_secs(15);
 /// Interval of looking for its end.
