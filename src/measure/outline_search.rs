@@ -92,8 +92,8 @@ impl Measurer {
     /// Whether the outline can be predicted by the measured motion instead of being detected again.
     ///
     /// It can if the whole body was matched in this frame without occlusion, its outline was detected shortly before, and
-    /// no outline contradicted its motion. Outlines of neighbouring frames have mostly the same error. The motion between them is ten times more
-    /// certain.
+    /// no outline contradicted its motion. Outlines of neighbouring frames have mostly the same error. The motion between
+    /// them is ten times more certain.
     fn can_reuse_outline(&mut self, key: BodyKey, frame: u64) -> bool {
         // The motion over several frames says less about the last of them.
         self.params.intervals_frames.first() == Some(&1)

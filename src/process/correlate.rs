@@ -172,6 +172,7 @@ impl Worker<'_> {
         self.newest = FrameStamp::default();
         (self.shot, self.is_ended) = (0, true);
         (self.next, self.skipped) = (None, None);
+        self.thinning.iter_mut().for_each(Thinning::begin_run);
         self.is_late = std::mem::take(&mut self.is_restart) || stream.first.is_some();
         self.first_complete = 0;
         self.reporter.set_run(stream.run_id.unwrap_or(0));

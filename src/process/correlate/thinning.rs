@@ -56,6 +56,12 @@ impl Thinning {
         self.every
     }
 
+    /// Forgets the queue of the run before, whose frames may have had other numbers.
+    pub(super) fn begin_run(&mut self) {
+        self.started = None;
+        self.durations.clear();
+    }
+
     /// Begins the block with this number among those of the worker. Returns whether it is to be measured.
     pub(super) fn begin_block(&mut self, block: u64, queue: Queue) -> bool {
         if let Some(started) = self.started.take() {
@@ -63,7 +69,7 @@ impl Thinning {
             // Otherwise it may have waited for frames.
             if started.waiting.min(queue.waiting) >= self.block_frames {
                 // The longest time between two frames may contain a pause.
-                let came = queue.newest - started.newest - self.longest;
+                let came = queue.newest.saturating_sub(started.newest + self.longest);
                 self.durations.push_back(came as f64 / self.block_frames as f64);
                 self.durations.drain(..self.durations.len().saturating_sub(BLOCKS));
             }
