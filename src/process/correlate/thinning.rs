@@ -2,7 +2,8 @@
 //!
 //! A worker that only fell behind, by a pause, catches up and measures everything. One that is slower than the camera would
 //! lose frames wherever its queue overflows. It measures every k-th of its blocks instead, so that what it measures is
-//! complete. k follows from the number of frames that come while it measures a block.
+//! complete. k follows from the number of frames that come while it measures a block. A block for whose frames the queue
+//! has no room is left out as well: load that begins suddenly must not overflow the queue until k has followed.
 
 use crate::numeric::median;
 use std::collections::VecDeque;
@@ -10,6 +11,10 @@ use std::collections::VecDeque;
 /// The share of the queue from which blocks are left out, and the share below which fewer are.
 const THIN_SHARE: f64 = 0.5;
 const FULL_SHARE: f64 = 0.25;
+/// The share of the queue that stays free for the frames that come while a block is measured, and its least multiple of
+/// those that came during the longest of the last blocks.
+const SPARE_SHARE: f64 = 0.25;
+const SPARE_BLOCKS: f64 = 2.0;
 /// The number of measured blocks that k is computed from.
 const BLOCKS: usize = 8;
 /// The factor by which k exceeds what is just enough, so that the backlog shrinks.
@@ -74,11 +79,12 @@ impl Thinning {
                 self.durations.drain(..self.durations.len().saturating_sub(BLOCKS));
             }
         }
-        let every = self.adapted(queue.waiting as f64 / queue.capacity.max(1) as f64);
+        let has_room = self.has_room(queue);
+        let every = self.adapted(queue.waiting as f64 / queue.capacity.max(1) as f64).max(if has_room { 1 } else { 2 });
         if every != self.every {
             (self.every, self.settled) = (every, 0);
         }
-        let is_measured = block.is_multiple_of(self.every);
+        let is_measured = block.is_multiple_of(self.every) && has_room;
         self.started = is_measured.then_some(queue);
         (self.newest, self.longest) = (queue.newest, 0);
         is_measured
@@ -88,6 +94,15 @@ impl Thinning {
     pub(super) fn record_frame(&mut self, newest: u64) {
         self.longest = self.longest.max(newest.saturating_sub(self.newest));
         self.newest = newest;
+    }
+
+    /// Returns whether the frames that come while a block is measured fit into the queue.
+    fn has_room(&self, queue: Queue) -> bool {
+        let longest = self.durations.iter().copied().fold(0.0, f64::max);
+        let capacity = queue.capacity as f64;
+        let spare = (SPARE_BLOCKS * longest * self.block_frames as f64).max(SPARE_SHARE * capacity);
+        // A queue that is shorter than that of a slow block would never be measured.
+        (queue.waiting as f64) <= (capacity - spare).max(THIN_SHARE * capacity)
     }
 
     /// Returns k for a queue that is full by this share.
@@ -145,13 +160,26 @@ mod tests {
     }
 
     #[test]
+    fn load_that_begins_suddenly_overflows_no_queue() {
+        for ratio in [10.0, 20.0, 30.0] {
+            let mut thinning = Thinning::new(16);
+            let states = play(&mut thinning, 1.5, 0.0, 2000);
+            let (_, waiting) = states[1999];
+            let most = play(&mut thinning, ratio, waiting, 200).iter().map(|(_, waiting)| *waiting).fold(0.0, f64::max);
+            assert!(most < CAPACITY as f64, "{ratio}: {most}");
+        }
+    }
+
+    #[test]
     fn a_worker_that_only_paused_catches_up() {
         let mut thinning = Thinning::new(16);
         play(&mut thinning, 0.8, 100.0, 1);
         // The pause lies within a measured block.
         thinning.record_frame(thinning.newest + 1500);
         let states = play(&mut thinning, 0.8, 1590.0, 1000);
-        assert!(states.iter().all(|(every, _)| *every == 1));
+        // The queue was almost full at first.
+        let less = states.iter().filter(|(every, _)| *every > 1).count();
+        assert!(less < 150 && states.iter().all(|(every, _)| *every <= 2), "{less}");
         assert!(states[999].1 < 16.0);
     }
 
