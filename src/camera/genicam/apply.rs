@@ -220,11 +220,12 @@ fn set_rate(device: &Device, wanted_hz: f64) -> Result<(), String> {
 }
 
 impl Device {
-    /// Runs a call that changes the trigger selector, and restores the selector if the call succeeds.
+    /// Runs a call that changes the trigger selector, and restores the selector, even if the call fails.
     fn with_trigger_selector_kept(&self, act: impl FnOnce() -> Result<(), String>) -> Result<(), String> {
         let before = self.text("TriggerSelector").ok();
-        act()?;
-        before.map_or(Ok(()), |before| self.set_text("TriggerSelector", &before))
+        let result = act();
+        let restored = before.map_or(Ok(()), |before| self.set_text("TriggerSelector", &before));
+        result.and(restored)
     }
 
     /// Returns the range of frame rates at the present settings, Hz.

@@ -38,26 +38,28 @@ impl<'a> Key<'a> {
         }
     }
 
-    /// Runs `act` with the selector set to this key's entry, and restores the selector if `act` succeeds.
+    /// Runs `act` with the selector set to this key's entry, and restores the selector, even if `act` fails.
     ///
     /// Without a selector, only runs `act`.
     ///
     /// # Errors
     ///
-    /// That of `act`, or the reason why the selector cannot be set or restored.
+    /// That of `act`, else the reason why the selector cannot be set or restored.
     fn with_selector<R>(&self, device: &Device, act: impl FnOnce() -> Result<R, String>) -> Result<R, String> {
         let Some(Selector { name: selector, entry }) = self.selector else { return act() };
         match device.kind(selector) {
             Some(FeatureKind::Enumeration) => {
                 let before = device.text(selector)?;
                 device.set_enumeration(selector, entry)?;
-                act().and_then(|result| device.set_text(selector, &before).map(|()| result))
+                let (result, restored) = (act(), device.set_text(selector, &before));
+                result.and_then(|result| restored.map(|()| result))
             }
             Some(FeatureKind::Integer) => {
                 let before = device.integer(selector)?;
                 let value = entry.parse().map_err(|_| format!("the selector {selector} is an integer"))?;
                 device.set_checked_integer(selector, value)?;
-                act().and_then(|result| device.set_integer(selector, before).map(|()| result))
+                let (result, restored) = (act(), device.set_integer(selector, before));
+                result.and_then(|result| restored.map(|()| result))
             }
             Some(kind) => Err(format!("the selector {selector} is of type {}", kind.as_str())),
             None => Err(format!("the camera has no selector {selector}")),
