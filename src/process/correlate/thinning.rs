@@ -17,6 +17,8 @@ const SPARE_SHARE: f64 = 0.25;
 const SPARE_BLOCKS: f64 = 2.0;
 /// The number of measured blocks that k is computed from.
 const BLOCKS: usize = 8;
+/// The number of measured blocks below which k is at most 2.
+const MIN_BLOCKS: usize = 4;
 /// The factor by which k exceeds what is just enough, so that the backlog shrinks.
 const RESERVE: f64 = 1.1;
 /// The maximum k.
@@ -110,16 +112,18 @@ impl Thinning {
         match share {
             _ if share >= THIN_SHARE => self.every.max(self.enough().unwrap_or(1)),
             // The durations may be those of harder frames.
-            _ if share < FULL_SHARE && self.settled >= BLOCKS => (self.every - 1).max(1),
+            _ if share < FULL_SHARE && self.settled >= BLOCKS => (self.every / 2).max(1),
             _ => self.every,
         }
     }
 
-    /// Returns the k with which the backlog shrinks; `None` if no block was measured without a wait for frames.
+    /// Returns the k with which the backlog shrinks, at most 2 as long as few blocks were measured, since the first ones take
+    /// longer. `None` if no block was measured without a wait for frames.
     fn enough(&self) -> Option<u64> {
         let mut durations: Vec<f64> = self.durations.iter().copied().collect();
+        let max = if durations.len() < MIN_BLOCKS { 2 } else { MAX_EVERY };
         let typical = median(&mut durations)?;
-        Some(((RESERVE * typical).ceil() as u64).clamp(1, MAX_EVERY))
+        Some(((RESERVE * typical).ceil() as u64).clamp(1, max))
     }
 }
 
