@@ -61,6 +61,8 @@ pub struct ImpactContext {
     pub speed_bias: SpeedBias,
     /// The share by which light may have held back the spin.
     pub light_fraction: f64,
+    /// Whether the surface is fixed. Bodies do not fall by gravity alone relative to one that moves.
+    pub is_surface_fixed: bool,
 }
 
 /// Flights on both sides of the contact interval.
@@ -129,7 +131,9 @@ pub fn solve(
         nodes_between(nodes, f64::NEG_INFINITY, interval.before_to),
         nodes_between(nodes, interval.after_from, f64::INFINITY),
     ];
-    impact.gravity_m_s2 = free_fall_acceleration(&sides, context.gravity_px).map(|a| context.acceleration(a));
+    impact.gravity_m_s2 = free_fall_acceleration(&sides, context.gravity_px)
+        .filter(|_| context.is_surface_fixed)
+        .map(|a| context.acceleration(a));
     impact.status = physical_status(&impact, context);
     impact.slip_end_s = slip_end(nodes, &interval, &flights, context).map(|t| scaled(t, context.period_s, 0.0));
     Some(impact)

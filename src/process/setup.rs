@@ -308,6 +308,7 @@ pub fn analysis_params(config: &Config, format: &StreamFormat) -> (MeasureParams
         motion: bodies.map(motion).collect(),
         longer_frames: config.intervals_frames[1..].to_vec(),
         contact: true,
+        surface_body: config.surface.body,
     };
     (measure, tracker)
 }

@@ -1,13 +1,13 @@
 //! The tracker of one body.
 
+mod collisions;
 mod flights;
 
 use super::gating::ValidationGate;
-use super::pending_impact::{PendingImpact, REVISIONS_FRAMES, Revision, due_revisions};
+use super::moving_surface::MovingSurface;
+use super::pending_impact::{PendingImpact, Revision};
 use super::rows::TrackerRows;
-use crate::impact::{
-    Contact, Detector, DilatationRates, Event, ImpactContext, OutOfPlane, SurfaceNode, deepest_so_far, solve,
-};
+use crate::impact::{Detector, Event, SurfaceNode, deepest_so_far};
 use crate::measure::body_circle;
 use crate::motion::{
     Axes, Center, CenterFilter, Form, KnownMotion, LocalDrift, MotionParams, OutlineDrift, PixelRates, Pose,
@@ -18,18 +18,12 @@ use crate::results::{
     Alarm, AlarmKind, BodyStep, Estimate, Impact, MotionMethod, Phase, PointStatus, TrackSample, VelocitySample,
 };
 
-/// The number of frames after which a collision that could not be measured is tried again.
-const RETRY_FRAMES: f64 = 3.0;
 /// The distance from which an outline and the integrated motion place the centre differently, sigmas.
 const CONTRADICTION_SIGMAS: f64 = 8.0;
 /// The difference between measured and expected radius that an inaccurate scale explains, as a fraction.
 const RADIUS_TOLERANCE: f64 = 0.01;
 /// The same that noise explains, sigmas.
 const RADIUS_SIGMAS: f64 = 1.0;
-/// The share of the rotation held back by light that appears as a motion of a lopsided pattern.
-const LIGHT_PULL: f64 = 0.3;
-/// The time after the end of contact from which the first revision is final, s.
-const FINAL_AFTER_S: f64 = 0.035;
 /// The number of nodes kept beyond the reach of the local fits.
 const SPARE_NODES: u64 = 64;
 
@@ -62,6 +56,10 @@ pub struct BodyTracker {
     deepest_reported: bool,
     pending_impact: Option<PendingImpact>,
     collisions: u32,
+    /// The position in the newest frame along the surface's axes; `None` if there is none.
+    newest: Option<SurfaceNode>,
+    /// The body that is the surface; `None` for a fixed surface.
+    surface: Option<MovingSurface>,
 }
 
 impl BodyTracker {
@@ -91,7 +89,20 @@ impl BodyTracker {
             deepest_reported: false,
             pending_impact: None,
             collisions: 0,
+            newest: None,
+            surface: None,
         }
+    }
+
+    /// Adds a position of the body that is the surface, which impacts are measured relative to.
+    pub fn add_surface(&mut self, node: SurfaceNode) {
+        let kept_from = self.detector.as_ref().and_then(|detector| detector.nodes().first()).map_or(0, |n| n.frame);
+        self.surface.get_or_insert_default().push(node, kept_from);
+    }
+
+    /// Returns the position in the newest frame along the surface's axes; `None` if the body was not measured there.
+    pub fn newest(&self) -> Option<SurfaceNode> {
+        self.newest
     }
 
     /// Adds the next step and appends its impacts and alarms to `rows`; `origin_ns` is the first stamp of the stream.
@@ -111,6 +122,7 @@ impl BodyTracker {
     /// Adds a rectified step, `time_frames` after the first stamp, to the pose and everything that follows from it.
     fn integrate_step(&mut self, step: &BodyStep, time_frames: f64, rows: &mut TrackerRows) {
         self.newest_frame = step.frame;
+        self.newest = None;
         // An outline that was predicted by the motion holds no information of its own.
         let outline = body_circle(step).filter(|_| step.is_detected());
         if let Some(circle) = &outline {
@@ -141,6 +153,7 @@ impl BodyTracker {
         }
         let gravity = self.gravity().map(|g| self.axes.surface(g[0], g[1]).normal);
         let node_on_surface = SurfaceNode::new(&node, self.axes, step);
+        self.newest = Some(node_on_surface);
         let event = self.detector.as_mut().map_or(Event::None, |detector| {
             let may_be_in_contact = detector.may_be_in_contact();
             if let Some(circle) = outline.filter(|_| !may_be_in_contact) {
@@ -211,64 +224,6 @@ impl BodyTracker {
         Some(gravity_px(&self.params, scale.value))
     }
 
-    /// Begins, measures, revises or withdraws the collision after an event of the detector.
-    fn handle_event(&mut self, event: Event, time_frames: f64, impacts: &mut Vec<Impact>) {
-        let contact = self.detector.as_ref().and_then(|d| d.contact().copied());
-        match event {
-            Event::Began => {
-                // The flight after the previous collision is over, so this revision is the final one.
-                if let Some(next) = contact {
-                    self.measure_impact(next.flight_to_frames, Revision::Final, impacts);
-                }
-                self.rolling.touches();
-                self.pending_impact = None;
-            }
-            Event::Ended => {
-                let known = contact.and_then(|c| c.end_frames).map_or(0.0, |end| time_frames - end);
-                self.pending_impact = contact.map(|contact| PendingImpact {
-                    contact,
-                    number: self.collisions,
-                    revision: 0,
-                    measured_to_frames: f64::NEG_INFINITY,
-                    stage: due_revisions(known),
-                    sigma: f64::INFINITY,
-                    tried_frames: time_frames,
-                });
-                self.collisions += 1;
-                self.measure_impact(time_frames, Revision::Preliminary, impacts);
-            }
-            Event::Dismissed => self.pending_impact = None,
-            Event::None => self.revise(time_frames, impacts),
-        }
-    }
-
-    /// Measures the last collision again when a revision or a retry is due, and ends it with the final revision.
-    fn revise(&mut self, time_frames: f64, impacts: &mut Vec<Impact>) {
-        let Some(pending_impact) = &mut self.pending_impact else { return };
-        // The detector estimates the end again while the flight after it grows.
-        if let Some(contact) = self.detector.as_ref().and_then(|d| d.contact()) {
-            pending_impact.contact = *contact;
-        }
-        let Some(end) = pending_impact.contact.end_frames else { return };
-        let known = time_frames - end;
-        let stage = due_revisions(known).max(pending_impact.stage);
-        let late = known * self.params.frame_period_ns * 1e-9 >= FINAL_AFTER_S;
-        let last = stage == REVISIONS_FRAMES.len() || (stage > 0 && late);
-        let is_retry = pending_impact.revision == 0 && time_frames - pending_impact.tried_frames >= RETRY_FRAMES;
-        let is_due = stage > pending_impact.stage || is_retry;
-        pending_impact.stage = stage;
-        if is_due || last {
-            let revision = if last { Revision::Final } else { Revision::Preliminary };
-            self.measure_impact(time_frames, revision, impacts);
-        }
-        if last {
-            self.pending_impact = None;
-            if let Some(detector) = &mut self.detector {
-                detector.release();
-            }
-        }
-    }
-
     /// Returns the bounds of the relative error of measured speeds by the fixed pattern and by interpolation.
     fn speed_bias(&self) -> SpeedBias {
         let radius_px = self.radius.radius_px().filter(|_| self.params.form != Form::Rod);
@@ -280,101 +235,10 @@ impl BodyTracker {
         }
     }
 
-    /// Returns the scale, gravity, radius, mass and errors that a collision is solved with; `None` without a scale.
-    fn impact_context(&self) -> Option<ImpactContext> {
-        // The median of radii belongs to the middle of the observed time, whatever the radius was at contact.
-        let half = 0.5 * self.size_change.total_dilatation();
-        let metres_per_px = self.radius.metres_per_px(self.params.scale)?;
-        let metres_per_px = match self.params.scale {
-            Scale::BallDiameterMm(_) => metres_per_px.short_by(half),
-            Scale::MmPerPx(_) | Scale::Unknown => metres_per_px,
-        };
-        let [x, y] = gravity_px(&self.params, metres_per_px.value);
-        let gravity = self.axes.surface(x, y);
-        let radius_px = match self.params.scale {
-            _ if self.params.form != Form::Ball => None,
-            Scale::Unknown => None,
-            Scale::BallDiameterMm(mm) => Some(Estimate { value: mm * 5e-4 / metres_per_px.value, sigma: 0.0 }),
-            Scale::MmPerPx(_) => self.radius.radius_px().map(|radius| radius.short_by(half)),
-        };
-        let period_s = self.params.frame_period_ns * 1e-9;
-        let center = self.nodes.last().and_then(|node| self.center_filter.center(node));
-        let light_fraction = self.light_bias.significant();
-        let pulled_px = LIGHT_PULL * light_fraction * self.radius.radius_px().map_or(0.0, |radius| radius.value);
-        Some(ImpactContext {
-            metres_per_px,
-            period_s,
-            gravity_px: [gravity.normal, gravity.tangential],
-            radius_px,
-            mass_kg: self.params.mass_kg,
-            center_sigma_px: center.map_or(0.0, |center| center.sigma_px).hypot(pulled_px),
-            speed_bias: self.speed_bias(),
-            light_fraction,
-        })
-    }
-
     /// Returns the image position of the origin of poses, px; `None` before a centre or a rod was measured.
     fn origin_px(&self) -> Option<[f64; 2]> {
         let center = self.nodes.last().and_then(|node| Some((node.pose, self.center_filter.center(node)?)));
         center.map(|(pose, center)| [center.x_px - pose[0], center.y_px - pose[1]]).or(self.rod_px)
-    }
-
-    /// Returns the origin of poses relative to the principal point, along normal and tangent, px.
-    fn relative_position_px(&self) -> Option<[f64; 2]> {
-        let (origin_px, [x, y]) = (self.origin_px()?, self.params.view.middle_px);
-        let relative = self.axes.surface(origin_px[0] - x, origin_px[1] - y);
-        Some([relative.normal, relative.tangential])
-    }
-
-    /// Measures the last collision up to `time_frames`. Appends it if it is final, or no less certain than before.
-    fn measure_impact(&mut self, time_frames: f64, revision: Revision, impacts: &mut Vec<Impact>) {
-        let (context, place) = (self.impact_context(), self.relative_position_px());
-        let (Some(pending_impact), Some(detector), Some(context)) = (&mut self.pending_impact, &self.detector, context)
-        else {
-            return;
-        };
-        let known = impacts.len();
-        let newest = detector.nodes().last().map_or(f64::NEG_INFINITY, |n| n.time_frames).min(time_frames);
-        if newest.total_cmp(&pending_impact.measured_to_frames).is_eq() {
-            return;
-        }
-        pending_impact.measured_to_frames = newest;
-        pending_impact.tried_frames = newest;
-        let nodes = detector.nodes();
-        let (growth, drift, axes) = (&self.size_change, &self.outline_drift, self.axes);
-        let middle_sigma_px = self.params.view.sigma_px;
-        let out_of_plane = place.map(|place_px| OutOfPlane { growth, drift, axes, place_px, middle_sigma_px });
-        let approach =
-            out_of_plane.and_then(|motion| DilatationRates::estimate(&motion, &pending_impact.contact, newest));
-        let measured = match approach {
-            Some(approach) => solve(&approach.at_constant_distance(nodes), &pending_impact.contact, newest, &context)
-                .map(|impact| approach.correct(impact, nodes, &context)),
-            None => solve(nodes, &pending_impact.contact, newest, &context),
-        };
-        let measured = measured.map(|impact| self.rolling.widen_times(impact, context.period_s));
-        let sigma = measured.and_then(|i| i.restitution).map_or(f64::INFINITY, |e| e.sigma);
-        // A revision replaces an earlier one if it is more certain. The final one always does.
-        if let Some(impact) = measured.filter(|_| sigma <= pending_impact.sigma || revision == Revision::Final) {
-            pending_impact.sigma = sigma;
-            let (number, revision) = (pending_impact.number, pending_impact.revision);
-            pending_impact.revision += 1;
-            let impact = if self.params.form == Form::Rod { without_spin(impact) } else { impact };
-            impacts.push(Impact { body: self.body, number, revision, origin_ns: self.origin_ns, ..impact });
-        }
-        for impact in &mut impacts[known..] {
-            if self.contradicts_flights(impact) {
-                impact.status = PointStatus::Outlier;
-            }
-        }
-    }
-
-    /// Returns the impact of a contact that lasts beyond the end of the stream: its start, within one frame (sigma).
-    fn unfinished_impact(&self, contact: &Contact) -> Impact {
-        let period_s = self.params.frame_period_ns * 1e-9;
-        Impact {
-            start_s: Some(Estimate { value: contact.start_frames * period_s, sigma: period_s }),
-            ..Impact::unknown(self.body, self.collisions, self.origin_ns)
-        }
     }
 
     /// Corrects the velocity of the centre at a node for motion out of the image plane. `here` is the local drift of
@@ -492,9 +356,4 @@ impl BodyTracker {
 fn contradicts_motion(detected: &Center, by_motion: &Center) -> bool {
     let apart_px = (detected.x_px - by_motion.x_px).hypot(detected.y_px - by_motion.y_px);
     apart_px > CONTRADICTION_SIGMAS * detected.sigma_px.hypot(by_motion.sigma_px)
-}
-
-/// Removes the spin, which an upright rod does not have, however it tilts.
-fn without_spin(impact: Impact) -> Impact {
-    Impact { omega_before_rad_s: None, omega_after_rad_s: None, ..impact }
 }

@@ -5,6 +5,7 @@
 
 mod body_tracker;
 mod gating;
+mod moving_surface;
 mod ordered_tracker;
 mod pending_impact;
 mod reorder;

@@ -17,6 +17,8 @@ pub struct TrackerParams {
     pub longer_frames: Vec<u32>,
     /// Whether there is a surface to collide with; otherwise there are no phases and no impacts.
     pub contact: bool,
+    /// The index of the body that is the surface; `None` for a fixed surface.
+    pub surface_body: Option<u32>,
 }
 
 impl TrackerParams {
@@ -34,6 +36,8 @@ impl TrackerParams {
 #[derive(Debug, Clone)]
 pub struct Tracker {
     bodies: Vec<BodyTracker>,
+    /// The index of the body that is the surface.
+    surface_body: Option<u32>,
     lag_frames: u64,
     shortest_frames: u32,
     origin_ns: Option<u64>,
@@ -45,11 +49,15 @@ impl Tracker {
     pub fn new(params: &TrackerParams) -> Self {
         let bodies = (0_u32..)
             .zip(&params.motion)
-            .map(|(i, m)| BodyTracker::new(i, m, params.contact.then(Detector::new)))
+            .map(|(i, m)| {
+                let strikes = params.contact && params.surface_body != Some(i);
+                BodyTracker::new(i, m, strikes.then(Detector::new))
+            })
             .collect();
         let lag_frames = params.motion.iter().map(lag_frames).max().unwrap_or(0);
         let shortest_frames = params.intervals_frames().next().unwrap_or(1);
-        Self { bodies, lag_frames, shortest_frames, origin_ns: None, pending: VecDeque::new() }
+        let surface_body = params.surface_body;
+        Self { bodies, surface_body, lag_frames, shortest_frames, origin_ns: None, pending: VecDeque::new() }
     }
 
     /// Processes the next step in frame order and appends finished rows.
@@ -71,6 +79,12 @@ impl Tracker {
         let body = &mut self.bodies[step.body as usize];
         let accepted = body.add_step(step, origin_ns, rows);
         self.pending.push_back(accepted);
+        if self.surface_body == Some(step.body)
+            && let Some(node) = self.bodies[step.body as usize].newest()
+        {
+            let others = self.bodies.iter_mut().enumerate().filter(|(index, _)| *index != step.body as usize);
+            others.for_each(|(_, body)| body.add_surface(node));
+        }
     }
 
     /// Ends the stream: everything held back becomes final.

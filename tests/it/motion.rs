@@ -190,8 +190,12 @@ fn rows_come_in_order_with_the_stated_lag_and_depend_on_nothing_newer() {
     let truth = lacrosse(false).simulate(0.7);
     let steps = truth.steps(1, &mut Noise::new(8));
     let motion = truth.experiment.params();
-    let mut tracker =
-        Tracker::new(&TrackerParams { motion: vec![motion.clone()], longer_frames: vec![], contact: true });
+    let mut tracker = Tracker::new(&TrackerParams {
+        motion: vec![motion.clone()],
+        longer_frames: vec![],
+        contact: true,
+        surface_body: None,
+    });
     let lag = u64::from(tracker.lag_frames());
     let (mut all, mut rows) = (TrackerRows::default(), TrackerRows::default());
     for step in &steps {
@@ -212,7 +216,8 @@ fn rows_come_in_order_with_the_stated_lag_and_depend_on_nothing_newer() {
     // Rows that were published do not depend on later steps.
     let cut = 50;
     let mut head = TrackerRows::default();
-    let mut tracker = Tracker::new(&TrackerParams { motion: vec![motion], longer_frames: vec![], contact: true });
+    let mut tracker =
+        Tracker::new(&TrackerParams { motion: vec![motion], longer_frames: vec![], contact: true, surface_body: None });
     for step in &steps[..cut] {
         tracker.push(step, &mut head);
     }
@@ -227,7 +232,7 @@ fn two_bodies_do_not_affect_each_other() {
     let steps: Vec<_> = truths.iter().zip([21, 22]).map(|(t, seed)| t.steps(1, &mut Noise::new(seed))).collect();
     let alone: Vec<_> = steps.iter().zip(&truths).map(|(s, t)| track(s, &t.experiment.params())).collect();
     let motion = truths.iter().map(|t| t.experiment.params()).collect();
-    let mut tracker = Tracker::new(&TrackerParams { motion, longer_frames: vec![], contact: true });
+    let mut tracker = Tracker::new(&TrackerParams { motion, longer_frames: vec![], contact: true, surface_body: None });
     let mut rows = TrackerRows::default();
     for (a, b) in steps[0].iter().zip(&steps[1]) {
         tracker.push(a, &mut rows);
