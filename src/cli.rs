@@ -6,6 +6,8 @@ use crate::command::analyze::{self, AnalyzeOptions};
 use crate::command::batch;
 use crate::command::bench::{self, BenchOptions};
 use crate::command::bindings::{self, Language};
+#[cfg(feature = "zenoh")]
+use crate::command::bridge::{self, BridgeOptions};
 use crate::command::cameras::{self, CamerasOptions};
 use crate::command::check::{self, CheckOptions};
 use crate::command::config::{self, ConfigCommand};
@@ -91,6 +93,10 @@ pub enum Command {
     /// Serve the operator's page of a rig, and its topics as streams for other programs.
     #[command(after_help = "Example: ricochet serve rig.toml")]
     Serve(ServeOptions),
+    /// Publish the topics of a rig for other hosts by Zenoh, and take their commands.
+    #[cfg(feature = "zenoh")]
+    #[command(after_help = "Example: ricochet bridge rig.toml")]
+    Bridge(BridgeOptions),
     /// List the available cameras with their formats and frame rates.
     #[command(after_help = "Example: ricochet cameras --features 192.168.1.20")]
     Cameras(CamerasOptions),
@@ -270,6 +276,8 @@ impl Ending {
             | Command::Check(_)
             | Command::Trigger(_)
             | Command::Listen(_) => return Self::InOrder,
+            #[cfg(feature = "zenoh")]
+            Command::Bridge(_) => return Self::InOrder,
             // At a rate it measures a whole rig.
             Command::Bench(options) if options.rate.is_some() => return Self::InOrder,
             _ => return Self::AtOnce,
@@ -292,11 +300,13 @@ pub fn run(command: Command, stop: &Stop) -> Result<Outcome, Failure> {
         Command::Track(options) => rig::role(Role::Track, &options, stop),
         Command::Record(options) => rig::role(Role::Record, &options, stop),
         Command::Serve(options) => serve::run(&options, stop),
+        #[cfg(feature = "zenoh")]
+        Command::Bridge(options) => bridge::run(&options, stop),
         Command::Cameras(options) => cameras::run(&options),
         Command::Check(options) => check::run(&options, stop),
         Command::Status(options) => status::run(&options),
-        Command::Arm(options) => control::run(&options, Request::Arm),
-        Command::Disarm(options) => control::run(&options, Request::Disarm),
+        Command::Arm(options) => control::run(&options, Request::Arm, stop),
+        Command::Disarm(options) => control::run(&options, Request::Disarm, stop),
         Command::Trigger(options) => control::trigger(&options, stop),
         Command::Listen(options) => listen::run(&options, stop),
         Command::Replay(options) => replay::run(&options, stop),

@@ -14,7 +14,9 @@ fn main() -> ExitCode {
         Parsed::Run(command) => command,
         Parsed::Printed(code) => return ExitCode::from(code),
     };
-    env_logger::Builder::from_env(env_logger::Env::default().default_filter_or("warn")).format_timestamp(None).init();
+    // What Zenoh reports without being asked is in the errors that it returns.
+    let filter = env_logger::Env::default().default_filter_or("warn,zenoh=off");
+    env_logger::Builder::from_env(filter).format_timestamp(None).init();
     let ending = Ending::of(&command);
     let stop = Stop::default();
     if let Err(error) = handle_signals(ending, &stop) {

@@ -5,6 +5,7 @@ use crate::console::{Outcome, UsageError, print_line};
 use crate::failure::Failure;
 use crate::message::{Command, Event, EventKind, Reply, ReplyCode, Role};
 use crate::process::Stop;
+use serde_json::{Value, json};
 use std::time::Duration;
 
 /// The maximum wait for the reply of the rig.
@@ -20,6 +21,10 @@ pub struct RigOptions {
     /// Print JSON.
     #[arg(long)]
     pub json: bool,
+    /// The rig of another host.
+    #[cfg(feature = "zenoh")]
+    #[command(flatten)]
+    pub remote: super::bridge::RemoteOptions,
 }
 
 /// The options of `ricochet trigger`.
@@ -33,14 +38,22 @@ pub struct TriggerOptions {
     pub wait: bool,
 }
 
+/// What a command waits for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Waiting {
+    /// The reply of the rig.
+    No,
+    /// The recording of the shot that it has triggered.
+    ForRecording,
+}
+
 /// Sends a request to a running rig and prints the reply.
 ///
 /// # Errors
 ///
 /// When no such rig runs, nobody replies, or the rig refuses.
-pub fn run(options: &RigOptions, command: Command) -> Result<Outcome, Failure> {
-    let reply = ask(&Bus::join(&options.rig, "control")?, command)?;
-    report(options, &reply, None)
+pub fn run(options: &RigOptions, command: Command, stop: &Stop) -> Result<Outcome, Failure> {
+    command_rig(options, command, Waiting::No, stop)
 }
 
 /// Triggers a recording, and waits for it if that is wanted.
@@ -49,19 +62,39 @@ pub fn run(options: &RigOptions, command: Command) -> Result<Outcome, Failure> {
 ///
 /// When no such rig runs, nobody replies, the rig refuses, or it ends without a recording.
 pub fn trigger(options: &TriggerOptions, stop: &Stop) -> Result<Outcome, Failure> {
-    if !options.wait {
-        return run(&options.rig, Command::Trigger);
+    let waiting = if options.wait { Waiting::ForRecording } else { Waiting::No };
+    command_rig(&options.rig, Command::Trigger, waiting, stop)
+}
+
+/// Sends a command to a rig of this host or, by its bridge, of another one, and prints the reply.
+fn command_rig(options: &RigOptions, command: Command, waiting: Waiting, stop: &Stop) -> Result<Outcome, Failure> {
+    #[cfg(feature = "zenoh")]
+    if let Some(via) = &options.remote.via {
+        let wait = if waiting == Waiting::ForRecording { ";wait" } else { "" };
+        return report(options, &super::bridge::ask(via, &options.rig, &format!("{}{wait}", command.as_str()))?);
     }
-    let bus = Bus::join(&options.rig.rig, "control")?;
+    report(options, &execute(&options.rig, command, waiting, stop)?)
+}
+
+/// Sends a command to a rig of this host and returns the reply as JSON.
+///
+/// # Errors
+///
+/// When no such rig runs, nobody replies, or the rig ends without a recording that is waited for.
+pub(super) fn execute(rig: &str, command: Command, waiting: Waiting, stop: &Stop) -> Result<Value, Failure> {
+    let bus = Bus::join(rig, "control")?;
+    if waiting == Waiting::No {
+        return Ok(as_json(&ask(&bus, command)?, None));
+    }
     let events = bus.listen::<Event>()?;
     // Those of earlier shots.
     while events.take()?.is_some() {}
-    let reply = ask(&bus, Command::Trigger)?;
+    let reply = ask(&bus, command)?;
     let recording = match ReplyCode::from_number(reply.code) {
         Some(ReplyCode::Accepted) => Some(wait_for_recording(&bus, &events, reply.sequence, stop)?),
         _ => None,
     };
-    report(&options.rig, &reply, recording.as_deref())
+    Ok(as_json(&reply, recording))
 }
 
 /// Sends a command to a rig and returns its reply.
@@ -95,28 +128,33 @@ fn wait_for_recording(bus: &Bus, events: &Subscriber<Event>, newest: u64, stop: 
     Err(UsageError("stopped; the rig goes on with the recording".into()).into())
 }
 
+/// Returns a reply as JSON, with the recording of the shot if it was waited for.
+fn as_json(reply: &Reply, recording: Option<String>) -> Value {
+    let code = ReplyCode::from_number(reply.code).unwrap_or(ReplyCode::Unknown);
+    let mut answer = json!({
+        "accepted": code == ReplyCode::Accepted, "answer": code.as_str(), "armed": reply.armed == 1,
+        "recordings": reply.recordings, "sequence": reply.sequence,
+    });
+    if let Some(path) = recording {
+        answer["recording"] = path.into();
+    }
+    answer
+}
+
 /// Prints the reply of a rig as JSON, or the recording of a shot.
 ///
 /// # Errors
 ///
 /// [`UsageError`] when the rig did not accept the command.
-fn report(options: &RigOptions, reply: &Reply, recording: Option<&str>) -> Result<Outcome, Failure> {
-    let rig = &options.rig;
-    let code = ReplyCode::from_number(reply.code).unwrap_or(ReplyCode::Unknown);
+fn report(options: &RigOptions, answer: &Value) -> Result<Outcome, Failure> {
+    let text = |name: &str| answer[name].as_str();
     if options.json {
-        let mut answer = serde_json::json!({
-            "accepted": code == ReplyCode::Accepted, "answer": code.as_str(), "armed": reply.armed == 1,
-            "recordings": reply.recordings, "sequence": reply.sequence,
-        });
-        if let Some(path) = recording {
-            answer["recording"] = path.into();
-        }
         print_line(&answer.to_string());
-    } else if let Some(path) = recording {
+    } else if let Some(path) = text("recording") {
         print_line(path);
     }
-    if code != ReplyCode::Accepted {
-        return Err(UsageError(format!("rig {rig:?}: {}", code.as_str())).into());
+    if answer["accepted"] != true {
+        return Err(UsageError(format!("rig {:?}: {}", options.rig, text("answer").unwrap_or("no reply"))).into());
     }
     Ok(Outcome::Clean)
 }

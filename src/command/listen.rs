@@ -34,6 +34,10 @@ pub struct ListenOptions {
     /// Wait at most this long for a rig that is not running yet, s.
     #[arg(long = "wait", default_value_t = 0.0, value_name = "SECONDS")]
     pub wait_s: f64,
+    /// The rig of another host.
+    #[cfg(feature = "zenoh")]
+    #[command(flatten)]
+    pub remote: super::bridge::RemoteOptions,
 }
 
 /// Prints messages as they arrive, until the rig's stream ends, `count` is reached or a stop is requested.
@@ -42,12 +46,16 @@ pub struct ListenOptions {
 ///
 /// [`UsageError`] when there is no such topic, [`BusError::NoRig`] when there is no such rig.
 pub fn run(options: &ListenOptions, stop: &Stop) -> Result<Outcome, Failure> {
+    #[cfg(feature = "zenoh")]
+    if let Some(via) = &options.remote.via {
+        return super::bridge::listen(options, via, stop);
+    }
     if !TOPICS.split(", ").any(|topic| topic == options.topic) {
         return Err(UsageError(format!("topic {:?} is not one of {TOPICS}", options.topic)).into());
     }
     let bus = Bus::join(&options.rig, "listen")?;
     wait_for_rig(&bus, options, stop)?;
-    let mut printer = Printer { json: options.json, left: options.count, columns: Vec::new() };
+    let mut printer = Printer::new(options);
     let mut follow = |take: &mut dyn FnMut() -> Result<Option<Rows>, BusError>| follow(&bus, &mut printer, stop, take);
     match options.topic.as_str() {
         "track" => follow(&mut rows_of(bus.listen()?, track_row)),
@@ -161,7 +169,7 @@ fn follow(
 }
 
 /// Prints rows as CSV or as one JSON object per line.
-struct Printer {
+pub(super) struct Printer {
     json: bool,
     /// The number of rows still to print; `None` without a limit.
     left: Option<u64>,
@@ -170,11 +178,16 @@ struct Printer {
 }
 
 impl Printer {
+    /// Creates a printer that has printed nothing.
+    pub(super) fn new(options: &ListenOptions) -> Self {
+        Self { json: options.json, left: options.count, columns: Vec::new() }
+    }
+
     /// Prints a row and returns whether more are wanted.
     ///
     /// The CSV header has the columns of the first row. A row with others, as of a rod after a ball, prints a header
     /// again; a column that a row lacks is empty.
-    fn print(&mut self, row: &Map<String, Value>) -> bool {
+    pub(super) fn print(&mut self, row: &Map<String, Value>) -> bool {
         if self.left == Some(0) {
             return false;
         }
@@ -222,7 +235,7 @@ fn frame_cells<R: Sample>(row: &R) -> impl Iterator<Item = (&'static str, Value)
 }
 
 /// Returns the row of a track message, with the columns of a rod if the body is one.
-fn track_row(message: &TrackMessage) -> Option<Map<String, Value>> {
+pub(super) fn track_row(message: &TrackMessage) -> Option<Map<String, Value>> {
     let sample = message.sample()?;
     let of_rod = sample.rod.as_ref().map(|of_rod| {
         let numbers = rod::number_cells(Some(of_rod)).into_iter().map(|(name, number)| (name, json!(number)));
@@ -235,13 +248,13 @@ fn track_row(message: &TrackMessage) -> Option<Map<String, Value>> {
 }
 
 /// Returns the row of a velocity message.
-fn velocity_row(message: &VelocityMessage) -> Option<Map<String, Value>> {
+pub(super) fn velocity_row(message: &VelocityMessage) -> Option<Map<String, Value>> {
     let sample = message.sample()?;
     Some(row_from_cells(frame_cells(&sample).chain(json_cells(&sample, VelocitySample::COLUMNS))))
 }
 
 /// Returns the row of an impact message, each number next to its uncertainty.
-fn impact_row(message: &ImpactMessage) -> Option<Map<String, Value>> {
+pub(super) fn impact_row(message: &ImpactMessage) -> Option<Map<String, Value>> {
     let impact = message.impact()?;
     let place = [
         ("body", json!(impact.body)),
@@ -253,7 +266,7 @@ fn impact_row(message: &ImpactMessage) -> Option<Map<String, Value>> {
 }
 
 /// Returns the row of a status message.
-fn status_row(message: &StatusMessage) -> Option<Map<String, Value>> {
+pub(super) fn status_row(message: &StatusMessage) -> Option<Map<String, Value>> {
     Some(row_from_cells([
         ("process", json!(Role::from_number(message.role).map(Role::as_str))),
         ("index", json!(message.index)),
@@ -275,7 +288,7 @@ fn status_row(message: &StatusMessage) -> Option<Map<String, Value>> {
 }
 
 /// Returns the row of an event.
-fn event_row(message: &Event) -> Option<Map<String, Value>> {
+pub(super) fn event_row(message: &Event) -> Option<Map<String, Value>> {
     Some(row_from_cells([
         ("stamp_ns", json!(message.stamp_ns)),
         ("frame", json!(message.sequence)),

@@ -5,6 +5,8 @@ pub mod batch;
 pub mod bench;
 pub mod bindings;
 mod body_summary;
+#[cfg(feature = "zenoh")]
+pub mod bridge;
 pub mod cameras;
 pub mod check;
 pub mod config;

@@ -21,6 +21,10 @@ pub struct StatusOptions {
     /// Print JSON.
     #[arg(long)]
     pub json: bool,
+    /// The rig of another host, which `--rig` names.
+    #[cfg(feature = "zenoh")]
+    #[command(flatten)]
+    pub remote: super::bridge::RemoteOptions,
 }
 
 /// The state of a rig's processes.
@@ -38,6 +42,12 @@ struct RigStatus {
 ///
 /// When no such rig runs.
 pub fn run(options: &StatusOptions) -> Result<Outcome, Failure> {
+    #[cfg(feature = "zenoh")]
+    if let Some(via) = &options.remote.via {
+        let (json, table) = super::bridge::status(via, options.rig.as_deref().unwrap_or("rig"))?;
+        print_line(if options.json { &json } else { &table });
+        return Ok(Outcome::Clean);
+    }
     let rigs = match &options.rig {
         Some(rig) => vec![rig.clone()],
         None => Bus::running_rigs(),
@@ -67,6 +77,18 @@ pub fn run(options: &StatusOptions) -> Result<Outcome, Failure> {
         return Err(UsageError("no rig of this user runs on this computer; `ricochet run` starts one".into()).into());
     }
     Ok(Outcome::Clean)
+}
+
+/// Returns the state of a rig as JSON and as a table.
+///
+/// # Errors
+///
+/// [`BusError::NoRig`] when no such rig runs.
+#[cfg(feature = "zenoh")]
+pub(super) fn describe(rig: &str) -> Result<(String, String), Failure> {
+    let none = || BusError::NoRig { rig: rig.to_owned(), service: format!("ricochet/{rig}/status") };
+    let status = RigStatus::collect(rig)?.ok_or_else(none)?;
+    Ok((status.json(), status.table()))
 }
 
 impl RigStatus {

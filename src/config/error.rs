@@ -62,9 +62,6 @@ pub enum Problem {
         /// The settings that the key belongs to.
         owners: String,
     },
-    /// This version does not support the table.
-    #[error("the table [{0}] is not supported by this version; leave it out")]
-    Unsupported(String),
 }
 
 impl std::error::Error for ConfigError {}

@@ -1,6 +1,6 @@
 //! `[scale]`, `[surface]`, `[rotation]`, `[velocity]`: from pixels to physical quantities.
 
-use super::body::DIAMETER;
+use super::body::{Body, DIAMETER};
 use super::check::{Bounds, Table};
 use super::error::ConfigError;
 use super::raw::{RawRotation, RawScale, RawSurface, RawVelocity};
@@ -17,6 +17,8 @@ pub struct Surface {
     /// Two points of the edge that bodies touch, `[[x, y], [x, y]]` in px, -65535 to 65535, at least 1 px apart, within
     /// 2 deg of `angle_deg`. Triggers on the gap or a predicted contact need it. A contact counts only between the points.
     pub edge: Option<[[f64; 2]; 2]>,
+    /// The index of the body that is the surface, from its name in `body`; `None` for a fixed surface.
+    pub body: Option<u32>,
 }
 
 /// `[velocity]`: the fit of velocities to positions.
@@ -64,10 +66,16 @@ pub(super) fn check_scale(
     }
 }
 
-/// Checks the surface, and that its edge agrees with its angle. Without an angle it has that of the edge.
-pub(super) fn check_surface(table: &Table<'_>, raw: &RawSurface) -> Result<Surface, ConfigError> {
+/// Checks the surface, and that its edge agrees with its angle. Without an angle it has that of the edge. A surface that is
+/// a body needs another one that strikes it.
+pub(super) fn check_surface(table: &Table<'_>, raw: &RawSurface, bodies: &[Body]) -> Result<Surface, ConfigError> {
     let angle_deg = table.number("angle_deg", raw.angle_deg, ANGLE)?;
-    let Some(edge) = &raw.edge else { return Ok(Surface { angle_deg: angle_deg.unwrap_or(0.0), edge: None }) };
+    let named = |name: &String| bodies.iter().position(|body| body.name == *name).filter(|_| bodies.len() > 1);
+    let body = match raw.body.as_ref().map(named) {
+        Some(None) => return Err(table.refuse("body", "the name of a [[body]] that others strike")),
+        found => found.flatten().and_then(|index| u32::try_from(index).ok()),
+    };
+    let Some(edge) = &raw.edge else { return Ok(Surface { angle_deg: angle_deg.unwrap_or(0.0), edge: None, body }) };
     let refusal = || table.refuse("edge", "two points [[x, y], [x, y]] in px, -65535 to 65535, at least 1 px apart");
     let point = |point: &Vec<f64>| <[f64; 2]>::try_from(point.as_slice()).map_err(|_| refusal());
     let points = edge.iter().map(point).collect::<Result<Vec<_>, _>>()?;
@@ -87,7 +95,7 @@ pub(super) fn check_surface(table: &Table<'_>, raw: &RawSurface) -> Result<Surfa
             );
             Err(table.refuse("edge", allowed))
         }
-        angle_deg => Ok(Surface { angle_deg: angle_deg.unwrap_or(edge_deg), edge: Some([first, second]) }),
+        angle_deg => Ok(Surface { angle_deg: angle_deg.unwrap_or(edge_deg), edge: Some([first, second]), body }),
     }
 }
 

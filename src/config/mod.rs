@@ -23,6 +23,7 @@
 //! ```
 
 mod body;
+mod bridge;
 mod calibration;
 mod camera;
 mod capture;
@@ -44,6 +45,7 @@ mod view;
 pub use crate::dic::CorrelationParams;
 pub use crate::motion::{Rectifier, Rotation, Scale};
 pub use body::{Body, BodyKind};
+pub use bridge::Bridge;
 pub use camera::{Camera, FeatureValue, Pulse, Source};
 pub use capture::{Compression, Record, WorkerMode, Workers};
 pub use drawing::{DrawingError, Shape, ShapeKey};
@@ -113,6 +115,8 @@ pub struct Config {
     pub workers: Workers,
     /// `[serve]`: the operator's page and the streams.
     pub serve: Serve,
+    /// `[bridge]`: the topics for other hosts.
+    pub bridge: Bridge,
     /// `[view.NAME]`: further cameras, at most 8, in order of their names.
     pub views: Vec<View>,
     /// The text of the file, with calibration files replaced by their numbers. It is attached to every recording.
@@ -160,9 +164,6 @@ impl Config {
     pub fn parse(text: &str, origin: &str) -> Result<Self, ConfigError> {
         let file = Text::new(text, origin)?;
         let raw = file.raw()?;
-        if raw.bridge.is_some() {
-            return Err(file.unsupported_error("bridge"));
-        }
         let record =
             raw.record.map(|record| capture::check_record(&Table::new(&file, "record"), record)).transpose()?;
         let rig = check_rig(&Table::new(&file, "rig"), raw.rig.name)?;
@@ -190,6 +191,7 @@ impl Config {
             velocity: picture.velocity,
             workers: capture::check_workers(&Table::new(&file, "workers"), &raw.workers)?,
             serve: serve::check_serve(&Table::new(&file, "serve"), raw.serve)?,
+            bridge: bridge::check_bridge(&Table::new(&file, "bridge"), raw.bridge.unwrap_or_default())?,
             camera: picture.camera,
             record,
             calibration: picture.calibration,
@@ -226,12 +228,13 @@ impl Picture {
             None => None,
             Some(raw) => Some(calibration::check_calibration(&Table::new(file, "calibration"), raw, corner_px)?),
         };
-        let surface = geometry::check_surface(&Table::new(file, "surface"), &raw.surface)?;
+        let bodies = body::check_bodies(file, raw.body, image_px)?;
+        let surface = geometry::check_surface(&Table::new(file, "surface"), &raw.surface, &bodies)?;
         geometry::check_edge(file, &surface, calibration.as_ref())?;
         let picture = Self {
             scale: geometry::check_scale(&Table::new(file, "scale"), &raw.scale, calibration.as_ref())?,
             surface,
-            bodies: body::check_bodies(file, raw.body, image_px)?,
+            bodies,
             correlation: correlation::check_correlation(&Table::new(file, "correlation"), &raw.correlation, image_px)?,
             intervals_frames: correlation::check_intervals(&Table::new(file, "correlation"), &raw.correlation)?,
             rotation: geometry::check_rotation(&Table::new(file, "rotation"), &raw.rotation)?,

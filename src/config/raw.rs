@@ -45,13 +45,6 @@ pub(super) struct RawView {
     pub velocity: RawVelocity,
 }
 
-/// A table that this version does not support.
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields, default, expecting = "a table")]
-pub(super) struct RawBridge {
-    pub zenoh: Option<toml::Value>,
-}
-
 /// One number or a list.
 #[derive(Debug, Deserialize)]
 #[serde(untagged, expecting = "a whole number or a list of them")]
@@ -136,12 +129,10 @@ tables! {
         /// The start of playing a `recording`, from its first frame.
         #[key("0 to 1000000 s", "0")]
         from_s: f64,
-        /// The end of playing a `recording`, from its first frame, above `from_s`. The frame at this time is not
-        /// played.
+        /// The end of playing a `recording`, from its first frame, above `from_s`. Its frame is not played.
         #[key("above 0 and at most 1000000 s", "the end of the recording")]
         to_s: f64,
-        /// The further recordings of the stream that `id` begins. Their frames follow in order of time. For `recording`
-        /// only.
+        /// Further recordings of the stream that `id` begins, in order of time. For `recording` only.
         #[key("a list of texts", "none")]
         parts: Vec<String>,
         /// The camera within a `recording`, by the name of its view.
@@ -189,8 +180,7 @@ tables! {
         /// from their neighbours. Recordings keep the pixels that the camera delivered.
         #[key("at most 10000 pairs of column and row, each 0 to 65534", "none")]
         defective_px: Vec<Vec<i64>>,
-        /// The trigger that each frame waits for, by its GenICam name, such as `Line1` or `Software`. For `genicam`
-        /// only.
+        /// The trigger of each frame, by its GenICam name, such as `Line1` or `Software`. For `genicam` only.
         #[key("a text of one line that is not empty", "the camera runs freely")]
         trigger_source: String,
         /// The time between the pulses of a simulated trigger line. For `simulated` and paced only.
@@ -253,6 +243,10 @@ tables! {
         /// contact need it. A contact counts only between the points.
         #[key("two points [[x, y], [x, y]] in px, -65535 to 65535, at least 1 px apart", "unknown")]
         edge: Vec<Vec<f64>>,
+        /// The body that is the surface, if it moves, such as a racket with a speckled patch near the point of contact. The
+        /// velocities, restitution and energy of an impact are then relative to it.
+        #[key("the name of a [[body]] that others strike", "none: the surface is fixed")]
+        body: String,
     }
     /// A body to follow, 1 to 16 of them. A file without any has a ball named `ball`.
     "body" RawBody {
@@ -282,8 +276,7 @@ tables! {
         /// marked boundary and Hough transform of the paper, accurate to some tenths.
         #[key("\"edges\", \"marked\"", "edges")]
         outline: String,
-        /// The number of tape edges to follow on a rod, from the top. All of them must be visible for the rod to be
-        /// found.
+        /// The number of tape edges to follow on a rod, from the top. A rod is found if all of them are visible.
         #[key("2 to 4", "4")]
         edges: i64,
         /// The distance from the lowest followed edge down to the end of a rod. Triggers on its gap or its predicted
@@ -382,8 +375,7 @@ tables! {
         /// Noise of standard deviation s alone gives 1.13 s. For mode `motion`.
         #[key("above 0 and at most 65535 DN", "5")]
         threshold_dn: f64,
-        /// The watched region, inside the image. Mode `motion` compares its grey levels. Mode `enter` waits for the
-        /// centre of a body in it.
+        /// The watched region of the image: of its grey levels (mode `motion`) or for a body's centre (mode `enter`).
         #[key("[x, y, width, height] inside an image of at most 65535 x 65535 px", "the whole image")]
         roi_px: Vec<i64>,
         /// The body that may start a shot. For the modes `enter`, `speed`, `gap` and `predicted-contact`.
@@ -430,8 +422,7 @@ tables! {
         /// The folder of the recordings, created if missing. A relative path starts at the working directory.
         #[key("the path of a folder", "required")]
         directory: String,
-        /// The compression of the frames. `zstd` makes noisy images about a quarter smaller and is several times slower
-        /// to write.
+        /// The compression of the frames. `zstd` makes noisy images a quarter smaller and takes several times longer.
         #[key("\"none\", \"zstd\"", "none")]
         compression: String,
         /// Whether the frames are kept. If false, the recording has results only and cannot be analysed again.
@@ -496,5 +487,14 @@ tables! {
         /// blanks. The token has a file of its own because the rig file is attached to every recording.
         #[key("a text of one line that is not empty", "required if other computers reach http")]
         token_file: String,
+    }
+    /// The topics for other hosts, which `ricochet bridge` publishes if it is built with the feature `zenoh`.
+    "bridge" RawBridge {
+        /// The Zenoh endpoint to listen at, or the path of a file of Zenoh's configuration, with routers, TLS and users.
+        #[key("\"off\", an endpoint such as \"tcp/127.0.0.1:7447\", or a path that ends in .json5", "off")]
+        zenoh: String,
+        /// Whether other hosts may arm, disarm and trigger the rig.
+        #[key("true or false", "false")]
+        control: bool,
     }
 }

@@ -87,11 +87,6 @@ impl<'t> Text<'t> {
         self.key_error(&key, Problem::Foreign { key: key.clone(), value, chosen: chosen.into(), owners: owners.into() })
     }
 
-    /// Returns the error for a table that this version does not support.
-    pub fn unsupported_error(&self, path: &str) -> ConfigError {
-        self.key_error(&self.full_path(path), Problem::Unsupported(self.full_path(path)))
-    }
-
     /// Returns the error of a key, with its line if the file has it.
     fn key_error(&self, key: &str, problem: Problem) -> ConfigError {
         let line = self.find_place(key).map(|place| line_at(self.text, place.value.start));

@@ -38,6 +38,7 @@ mod topics;
 mod watcher;
 
 pub use access::TokenError;
+pub(crate) use picture::PictureEncoder;
 pub use rows::json_cells;
 
 use crate::config::Config;

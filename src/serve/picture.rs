@@ -46,7 +46,7 @@ impl Picture {
 
 /// Scales and compresses frames; reuses its memory.
 #[derive(Debug)]
-pub(super) struct PictureEncoder {
+pub(crate) struct PictureEncoder {
     /// The maximum side of a picture, px. Larger frames are averaged down to it.
     max_side_px: usize,
     /// The unpacked frame.
@@ -57,11 +57,11 @@ pub(super) struct PictureEncoder {
 
 /// A compressed frame.
 #[derive(Debug)]
-pub(super) struct Encoded {
+pub(crate) struct Encoded {
     /// A grey JPEG file.
-    pub(super) jpeg: Vec<u8>,
+    pub(crate) jpeg: Vec<u8>,
     /// Pixels of the frame per pixel of the picture.
-    pub(super) scale: usize,
+    pub(crate) scale: usize,
     /// The share of blocks with a saturated pixel, 0 to 1.
     pub(super) saturated_fraction: f64,
     /// The RMS difference of neighbouring pixels in a row over the standard deviation of all, which is highest in focus.
@@ -70,7 +70,7 @@ pub(super) struct Encoded {
 
 impl PictureEncoder {
     /// Creates an encoder of pictures whose sides are at most this long, px.
-    pub(super) fn new(max_side_px: usize) -> Self {
+    pub(crate) fn new(max_side_px: usize) -> Self {
         Self { max_side_px, image: Image::default(), grey: Vec::new() }
     }
 
@@ -79,7 +79,7 @@ impl PictureEncoder {
     /// Each pixel of the picture is the mean of a block of `scale` x `scale` pixels, scaled from the full range to 0 to
     /// [`UNSATURATED_MAX`], or [`SATURATED`] if a pixel of the block is. Incomplete blocks at the right and lower edges
     /// are left out.
-    pub(super) fn encode(&mut self, frame: &Frame<'_>) -> Option<Encoded> {
+    pub(crate) fn encode(&mut self, frame: &Frame<'_>) -> Option<Encoded> {
         frame.unpack(&mut self.image).ok()?;
         let view = self.image.view();
         let scale = view.width().max(view.height()).div_ceil(self.max_side_px).max(1);

@@ -12,6 +12,8 @@ mod accuracy;
 mod allocation;
 mod ball;
 mod bench_live;
+#[cfg(feature = "zenoh")]
+mod bridge;
 mod browser;
 mod bus;
 mod calibration;
@@ -54,6 +56,7 @@ mod manual;
 mod measured_world;
 mod misleading_marks;
 mod motion;
+mod moving_surface;
 mod multi_file;
 mod newcomer;
 mod not_measured;

@@ -150,7 +150,12 @@ pub struct Listener {
 impl Listener {
     /// Listens to a topic from the start of the rig on.
     pub fn start(topic: &str, rig: &str) -> Self {
-        let mut program = Background::start(ricochet(["listen", topic, "--rig", rig, "--json", "--wait", "60"]));
+        Self::run(ricochet(["listen", topic, "--rig", rig, "--json", "--wait", "60"]))
+    }
+
+    /// Reads the rows that a command prints as JSON.
+    pub fn run(command: Command) -> Self {
+        let mut program = Background::start(command);
         let lines = BufReader::new(program.0.stdout.take().unwrap()).lines();
         let stamped =
             move || lines.map(|line| (Instant::now(), serde_json::from_str(&line.unwrap()).unwrap())).collect();
@@ -158,9 +163,14 @@ impl Listener {
     }
 
     /// Waits for the end of the stream and returns every sample with the time of its arrival.
-    pub fn end(mut self) -> Vec<(Instant, serde_json::Value)> {
-        wait_until("the listener ends", || self.program.0.try_wait().unwrap());
-        self.samples.join().unwrap()
+    pub fn end(self) -> Vec<(Instant, serde_json::Value)> {
+        self.end_with_code().0
+    }
+
+    /// Waits for the end of the stream and returns every sample with the time of its arrival, and the exit code.
+    pub fn end_with_code(mut self) -> (Vec<(Instant, serde_json::Value)>, Option<i32>) {
+        let status = wait_until("the listener ends", || self.program.0.try_wait().unwrap());
+        (self.samples.join().unwrap(), status.code())
     }
 }
 

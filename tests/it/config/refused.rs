@@ -299,7 +299,11 @@ fn tables_that_this_version_does_not_offer_are_refused_by_name() {
             "[serve]\nhttp = \"off\"\nudp = \"127.0.0.1:5005\"",
             ", line 5: serve.udp = \"127.0.0.1:5005\": must be \"off\" or left out, because serve.http is \"off\"",
         ),
-        ("[bridge]\nzenoh = {}", ", line 3: the table [bridge] is not supported by this version; leave it out"),
+        (
+            "[bridge]\nzenoh = \"here\"",
+            ", line 4: bridge.zenoh = \"here\": must be \"off\", an endpoint such as \"tcp/127.0.0.1:7447\", or a path that \
+             ends in .json5",
+        ),
     ]);
 }
 

@@ -1,0 +1,163 @@
+//! The commands that reach the rig of another host: its topics, its state and its control.
+
+use super::super::listen::{ListenOptions, Printer};
+use super::CONTROL;
+use super::error::{BridgeError, RemoteError};
+use super::publish::OTHER_ROWS;
+use super::session::{Side, key, open};
+use crate::bus::Topic;
+use crate::console::{Outcome, UsageError, print_note};
+use crate::failure::{ExitCode, Failure};
+use crate::message::{Event, EventKind, TrackMessage, VelocityMessage};
+use crate::process::Stop;
+use serde_json::{Map, Value};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::time::Duration;
+use zenoh::sample::Sample;
+use zenoh::{Session, Wait};
+use zenoh_ext::{AdvancedSubscriberBuilderExt, HistoryConfig, RecoveryConfig};
+
+/// The topics that a bridge publishes as rows.
+const TOPICS: [&str; 5] = ["velocity", "track", "impact", "status", "events"];
+/// The maximum wait for the reply to a request. A recording may take as long as its shot.
+const PATIENCE: Duration = Duration::from_secs(600);
+/// Interval of looking for a request to stop.
+const PAUSE: Duration = Duration::from_millis(100);
+/// The number of looks without a row after the end of the stream, within which rows that were missed are fetched.
+const LAST_LOOKS: u32 = 10;
+
+/// Sends a request to the rig of another host and returns its reply.
+///
+/// # Errors
+///
+/// [`BridgeError`] when the host is not reached, [`UsageError`] when no such rig is there, and the error of the rig.
+pub(in crate::command) fn ask(via: &str, rig: &str, request: &str) -> Result<Value, Failure> {
+    let session = open(via, Side::Remote)?;
+    require_bridge(&session, via, rig, 0)?;
+    let fail = |source: &dyn std::fmt::Display| BridgeError::new("ask", via, source);
+    let selector = format!("{}?command={request}", key(rig, CONTROL));
+    let replies = session.get(&selector).timeout(PATIENCE).wait().map_err(|error| fail(&error))?;
+    let reply = replies.recv().map_err(|_| fail(&"no reply"))?;
+    match reply.result() {
+        Ok(sample) => serde_json::from_slice(&sample.payload().to_bytes()).map_err(|error| fail(&error).into()),
+        Err(refusal) => Err(remote_error(&refusal.payload().to_bytes()).into()),
+    }
+}
+
+/// Returns the state of the rig of another host, as JSON and as a table.
+///
+/// # Errors
+///
+/// As [`ask`].
+pub(in crate::command) fn status(via: &str, rig: &str) -> Result<(String, String), Failure> {
+    let reply = ask(via, rig, "status")?;
+    let text = |name: &str| reply[name].as_str().unwrap_or_default().to_owned();
+    Ok((text("json"), text("table")))
+}
+
+/// Prints a topic of the rig of another host until its stream ends, `count` is reached or a stop is requested.
+///
+/// Rows that were missed while the link was away are fetched. Those that no cache has any more are counted and reported.
+///
+/// # Errors
+///
+/// [`UsageError`] when there is no such topic or rig, [`BridgeError`] when the host is not reached.
+pub(in crate::command) fn listen(options: &ListenOptions, via: &str, stop: &Stop) -> Result<Outcome, Failure> {
+    let (rig, topic) = (options.rig.as_str(), options.topic.as_str());
+    if !TOPICS.contains(&topic) {
+        return Err(UsageError(format!("topic {topic:?} is not one of {} of another host", TOPICS.join(", "))).into());
+    }
+    let session = open(via, Side::Remote)?;
+    require_bridge(&session, via, rig, (options.wait_s.max(0.0) * 1000.0 / PAUSE.as_millis() as f64) as u64)?;
+    let fail = |error: zenoh::Error| BridgeError::new("listen", via, &error);
+    let is_over = watch_end(&session, rig).map_err(fail)?;
+    let (sender, rows) = channel();
+    let of_frames = [VelocityMessage::NAME, TrackMessage::NAME].contains(&topic);
+    let late_rows = if of_frames { 1 } else { OTHER_ROWS };
+    let subscriber = session
+        .declare_subscriber(key(rig, topic))
+        .callback(move |sample: Sample| drop(sender.send(sample.payload().to_bytes().into_owned())))
+        .history(HistoryConfig::default().detect_late_publishers().max_samples(late_rows))
+        .recovery(RecoveryConfig::default().heartbeat())
+        .wait()
+        .map_err(fail)?;
+    let lost = Arc::new(AtomicU64::new(0));
+    let count = Arc::clone(&lost);
+    let _misses = subscriber
+        .sample_miss_listener()
+        .callback(move |miss| {
+            count.fetch_add(u64::from(miss.nb()), Ordering::Relaxed);
+            print_note(&format!("ricochet: {} rows were lost on the way", miss.nb()));
+        })
+        .wait()
+        .map_err(fail)?;
+    print_rows(Printer::new(options), &rows, &is_over, stop);
+    let count = lost.load(Ordering::Relaxed);
+    let cause = format!("rows of {topic} on the way from {via}");
+    Ok(if count == 0 { Outcome::Clean } else { Outcome::Lost { count, cause: Some(cause) } })
+}
+
+/// Prints rows until the stream is over, enough are printed or a stop is requested.
+fn print_rows(mut printer: Printer, rows: &Receiver<Vec<u8>>, is_over: &AtomicBool, stop: &Stop) {
+    let mut looks = 0;
+    while !stop.requested() && looks < LAST_LOOKS {
+        match rows.recv_timeout(PAUSE) {
+            Ok(text) => {
+                looks = 0;
+                let Ok(row) = serde_json::from_slice::<Map<String, Value>>(&text) else { continue };
+                if !printer.print(&row) {
+                    return;
+                }
+            }
+            Err(RecvTimeoutError::Timeout) => looks += u32::from(is_over.load(Ordering::Relaxed)),
+            Err(RecvTimeoutError::Disconnected) => return,
+        }
+    }
+}
+
+/// Returns a flag that is set when the stream of the rig ends.
+fn watch_end(session: &Session, rig: &str) -> zenoh::Result<Arc<AtomicBool>> {
+    let is_over = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&is_over);
+    let note = move |sample: Sample| {
+        let row: Value = serde_json::from_slice(&sample.payload().to_bytes()).unwrap_or_default();
+        match row["kind"].as_str() {
+            Some(kind) if kind == EventKind::Tracked.as_str() => flag.store(true, Ordering::Relaxed),
+            Some(kind) if kind == EventKind::Prepared.as_str() => flag.store(false, Ordering::Relaxed),
+            _ => {}
+        }
+    };
+    session.declare_subscriber(key(rig, Event::NAME)).callback(note).background().wait()?;
+    Ok(is_over)
+}
+
+/// Waits until a bridge of the rig is there, for `tries` more looks at most.
+///
+/// # Errors
+///
+/// [`UsageError`] when there is none, [`BridgeError`] when the session fails.
+fn require_bridge(session: &Session, via: &str, rig: &str, tries: u64) -> Result<(), Failure> {
+    for left in (0..=tries).rev() {
+        let tokens = session.liveliness().get(key(rig, "bridge")).wait();
+        let tokens = tokens.map_err(|error| BridgeError::new("connect", via, &error))?;
+        if tokens.recv().is_ok() {
+            return Ok(());
+        }
+        if left > 0 {
+            std::thread::sleep(PAUSE);
+        }
+    }
+    let text = format!("no bridge of rig {rig:?} at {via}; `ricochet bridge` on its host starts one");
+    Err(UsageError(text).into())
+}
+
+/// Reads the error of a rig.
+fn remote_error(payload: &[u8]) -> RemoteError {
+    let error: Value = serde_json::from_slice(payload).unwrap_or_default();
+    RemoteError {
+        text: error["error"].as_str().unwrap_or("the rig refused without a reason").to_owned(),
+        code: error["exit_code"].as_i64().and_then(|code| i32::try_from(code).ok()).unwrap_or(ExitCode::Bus as i32),
+    }
+}
