@@ -50,6 +50,23 @@ impl PendingRequest {
 }
 
 /// The client side, which sends requests.
+///
+/// # Examples
+///
+/// ```no_run
+/// use ricochet::bus::Bus;
+/// use ricochet::message::Command;
+/// use std::time::Duration;
+///
+/// let bus = Bus::join("lacrosse", "example")?;
+/// let client = bus.control_client()?;
+/// match client.ask(Command::Status, Duration::from_secs(2))? {
+///     Some(reply) => println!("armed: {}, recordings: {}", reply.armed == 1, reply.recordings),
+///     // The rig exists, but nobody answered in time.
+///     None => println!("no answer"),
+/// }
+/// # Ok::<(), ricochet::bus::BusError>(())
+/// ```
 #[derive(Debug)]
 pub struct ControlClient {
     port: Client<ipc::Service, Request, (), Reply, ()>,
@@ -78,6 +95,22 @@ impl ControlClient {
 }
 
 /// The answer to a request that was sent.
+///
+/// # Examples
+///
+/// ```no_run
+/// use ricochet::bus::Bus;
+/// use ricochet::message::Command;
+/// use std::time::Duration;
+///
+/// let bus = Bus::join("lacrosse", "example")?;
+/// let client = bus.control_client()?;
+/// let pending = client.send(Command::Trigger)?;
+/// // The request is on its way; other work can be done here.
+/// let reply = pending.wait(Duration::from_secs(2))?;
+/// assert!(reply.is_some(), "no answer in time");
+/// # Ok::<(), ricochet::bus::BusError>(())
+/// ```
 #[derive(Debug)]
 pub struct PendingReply(PendingResponse<ipc::Service, Request, (), Reply, ()>);
 
@@ -122,6 +155,7 @@ impl Bus {
     /// # Errors
     ///
     /// [`BusError::Service`] when shared memory cannot be used.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn control_server(&self) -> Result<ControlServer, BusError> {
         let service = self.control_service()?;
         let port = service.server_builder().create().map_err(self.failure("answer", TOPIC))?;

@@ -3,6 +3,23 @@
 use crate::failure::{ExitCode, Fatal};
 
 /// The reason why shared memory could not be used.
+///
+/// # Examples
+///
+/// ```no_run
+/// use ricochet::bus::{Bus, BusError};
+/// use ricochet::message::VelocityMessage;
+///
+/// let bus = Bus::join("lacrosse", "example")?;
+/// // Waits until somebody starts the rig; other errors do not pass by themselves.
+/// let velocities = loop {
+///     match bus.listen::<VelocityMessage>() {
+///         Err(BusError::NoRig { .. }) => std::thread::sleep(std::time::Duration::from_millis(10)),
+///         answer => break answer?,
+///     }
+/// };
+/// # Ok::<(), ricochet::bus::BusError>(())
+/// ```
 #[derive(Debug, thiserror::Error)]
 pub enum BusError {
     /// iceoryx2 refused.
@@ -77,6 +94,7 @@ impl Fatal for BusError {
 
 impl BusError {
     /// Returns the error of an action on a service that failed, with the debug text of the reason.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn new(action: &'static str, service: &str, reason: impl std::fmt::Debug) -> Self {
         Self::Service { action, service: service.to_owned(), reason: format!("{reason:?}") }
     }

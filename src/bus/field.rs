@@ -48,6 +48,22 @@ impl FieldPublisher {
 }
 
 /// Receives fields.
+///
+/// # Examples
+///
+/// ```no_run
+/// use ricochet::bus::Bus;
+///
+/// let bus = Bus::join("lacrosse", "example")?;
+/// let fields = bus.listen_field()?;
+/// while let Some((header, field)) = fields.take()? {
+///     // A step has no field where nothing was matched with a later frame.
+///     let Some(field) = field else { continue };
+///     let measured = field.points.iter().filter(|point| point.displacement.is_some()).count();
+///     println!("body {} in frame {}: {measured} subsets measured", header.body, header.sequence);
+/// }
+/// # Ok::<(), ricochet::bus::BusError>(())
+/// ```
 #[derive(Debug)]
 pub struct FieldSubscriber {
     port: Subscriber<ipc::Service, [FieldPointMessage], FieldHeader>,
@@ -70,6 +86,7 @@ impl FieldSubscriber {
     /// # Errors
     ///
     /// [`BusError::Service`] when shared memory cannot be used.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn take_of(&self, frame: u64) -> Result<Option<(FieldHeader, Option<PairField>)>, BusError> {
         let sample = self.port.receive().map_err(failure("read", TOPIC))?;
         Ok(sample.map(|sample| {
@@ -79,6 +96,7 @@ impl FieldSubscriber {
     }
 
     /// Connects to writers that joined since the last call; consumes nothing.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn update_connections(&self) {
         let _ = self.port.update_connections();
     }
@@ -107,6 +125,7 @@ impl Bus {
     /// # Errors
     ///
     /// [`BusError::Service`] when shared memory cannot be used.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn field_publisher(&self, limits: &Limits) -> Result<FieldPublisher, BusError> {
         let service = self.field_service(limits)?;
         let chunks = 2 * limits.field_depth() + 64;
@@ -126,6 +145,7 @@ impl Bus {
     /// # Errors
     ///
     /// [`BusError::Service`] when shared memory cannot be used.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn field_subscriber(&self, limits: &Limits) -> Result<FieldSubscriber, BusError> {
         self.subscribe_to_field(self.field_service(limits)?, limits.field_depth())
     }

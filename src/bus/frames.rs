@@ -104,6 +104,23 @@ impl FramePublisher {
 }
 
 /// A frame in the ring; the slot is free again when it is dropped.
+///
+/// # Examples
+///
+/// ```no_run
+/// use ricochet::bus::Bus;
+/// use ricochet::image::{Frame, Image};
+///
+/// let bus = Bus::join("lacrosse", "example")?;
+/// let frames = bus.listen_newest_frame()?;
+/// let mut image = Image::default();
+/// if let Some(sample) = frames.take()? {
+///     let meta = sample.header().meta().ok_or("unknown pixel format")?;
+///     Frame { meta, bytes: sample.bytes() }.unpack(&mut image)?;
+/// }
+/// // The slot is free again; `image` is a copy.
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct FrameSample(Sample<ipc::Service, [u8], FrameHeader>);
 
@@ -120,6 +137,21 @@ impl FrameSample {
 }
 
 /// Receives frames from the ring.
+///
+/// # Examples
+///
+/// ```no_run
+/// use ricochet::bus::Bus;
+///
+/// let bus = Bus::join("lacrosse", "example")?;
+/// let frames = bus.listen_newest_frame()?;
+/// // `None` means that no frame came since the last call.
+/// if let Some(sample) = frames.take()? {
+///     let header = sample.header();
+///     println!("frame {}: {} x {} px", header.sequence, header.width_px, header.height_px);
+/// }
+/// # Ok::<(), ricochet::bus::BusError>(())
+/// ```
 #[derive(Debug)]
 pub struct FrameSubscriber {
     port: Subscriber<ipc::Service, [u8], FrameHeader>,
@@ -139,6 +171,7 @@ impl FrameSubscriber {
     /// Connects to writers that joined since the last call; consumes nothing.
     ///
     /// Without it, a reader that only waits loses all frames when the writer dies.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn update_connections(&self) {
         let _ = self.port.update_connections();
     }
@@ -167,6 +200,7 @@ impl Bus {
     /// # Errors
     ///
     /// [`BusError::Memory`] when the ring does not fit, [`BusError::Service`] when shared memory cannot be used.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn frame_publisher(&self, limits: &Limits, slot_bytes: usize) -> Result<FramePublisher, BusError> {
         let chunks = limits.frame_chunks();
         memory::require(limits.ring_bytes(slot_bytes))?;
@@ -187,6 +221,7 @@ impl Bus {
     /// # Errors
     ///
     /// [`BusError::Service`] when shared memory cannot be used.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn frame_subscriber(&self, limits: &Limits) -> Result<FrameSubscriber, BusError> {
         let service = self.frames_service(limits)?;
         let port = service

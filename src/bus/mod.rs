@@ -1,11 +1,13 @@
 //! Shared memory between the processes of a rig. This is the only room that opens iceoryx2.
 //!
 //! Services are named `ricochet/RIG/TOPIC`. All limits are set here and never left to a default, because all processes
-//! must request the same. The processes of a rig derive them from one configuration ([`Limits`]); other programs open
+//! must request the same. The processes of a rig derive them from one configuration (`Limits`); other programs open
 //! the services that exist.
 //!
 //! Each topic overflows safely. A slow, dead or absent reader loses its own oldest messages, detects that by the
 //! sequence numbers, and never slows a writer.
+//!
+//! Another program joins a rig with [`Bus::join`] and reads its topics with [`Bus::listen`].
 
 mod claim;
 mod control;
@@ -19,16 +21,30 @@ mod notification;
 mod runtime;
 mod topic;
 
-pub use control::{ControlClient, ControlServer, PendingReply, PendingRequest};
+pub use control::{ControlClient, PendingReply};
+#[cfg_attr(all(doc, not(internals)), doc(hidden))]
+pub use control::{ControlServer, PendingRequest};
+#[cfg_attr(all(doc, not(internals)), doc(hidden))]
 pub use domain::{Domain, TakenRole};
 pub use error::BusError;
-pub use field::{FieldPublisher, FieldSubscriber};
-pub use frames::{FramePublisher, FrameSample, FrameSubscriber};
+#[cfg_attr(all(doc, not(internals)), doc(hidden))]
+pub use field::FieldPublisher;
+pub use field::FieldSubscriber;
+#[cfg_attr(all(doc, not(internals)), doc(hidden))]
+pub use frames::FramePublisher;
+pub use frames::{FrameSample, FrameSubscriber};
+#[cfg_attr(all(doc, not(internals)), doc(hidden))]
 pub use limits::Limits;
+#[cfg_attr(all(doc, not(internals)), doc(hidden))]
 pub use memory::{check_room, free_bytes, lock_if_unlimited};
-pub use notification::{TopicListener, TopicNotifier};
+pub use notification::TopicListener;
+#[cfg_attr(all(doc, not(internals)), doc(hidden))]
+pub use notification::TopicNotifier;
+#[cfg_attr(all(doc, not(internals)), doc(hidden))]
 pub use runtime::{FolderFault, examine_runtime_folder};
-pub use topic::{Publisher, Subscriber, Topic};
+#[cfg_attr(all(doc, not(internals)), doc(hidden))]
+pub use topic::Publisher;
+pub use topic::{Subscriber, Topic};
 
 use claim::Claim;
 use domain::{Member, Renewal};
@@ -41,6 +57,27 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 /// The membership of a process in a rig.
+///
+/// # Examples
+///
+/// ```no_run
+/// use ricochet::bus::Bus;
+/// use ricochet::message::VelocityMessage;
+///
+/// // All rigs of this user that run, or one by its name.
+/// for rig in Bus::running_rigs() {
+///     // The second name only shows who has joined.
+///     let bus = Bus::join(&rig, "example")?;
+///     let velocities = bus.listen::<VelocityMessage>()?;
+///     while bus.is_alive() {
+///         while let Some(message) = velocities.take()? {
+///             println!("{} frame {}", bus.rig(), message.sequence);
+///         }
+///     }
+/// }
+/// assert!(!Bus::is_running("no-such-rig"));
+/// # Ok::<(), ricochet::bus::BusError>(())
+/// ```
 #[derive(Debug)]
 pub struct Bus {
     link: RefCell<Link>,
@@ -107,6 +144,7 @@ impl Bus {
     ///
     /// [`BusError::Taken`] when another process keeps the role, [`BusError::Folder`] when the run of that domain is
     /// over. Otherwise as in [`join`](Self::join).
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn join_as(rig: &str, role: &str, timeout: Duration, domain: Option<&Domain>) -> Result<Self, BusError> {
         let member = match domain {
             Some(domain) => domain.join().ok_or_else(|| domain::ended_error(domain))?,
@@ -122,6 +160,7 @@ impl Bus {
     /// # Errors
     ///
     /// [`BusError::Taken`] when the rig runs already. Otherwise as in [`join`](Self::join).
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn supervise(rig: &str, role: &str, first: Option<&Self>) -> Result<Self, BusError> {
         memory::require(memory::JOIN_BYTES)?;
         let domain = first.map(Self::domain);
@@ -131,6 +170,7 @@ impl Bus {
     }
 
     /// Returns the domain of the rig, for processes that this one starts.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn domain(&self) -> Domain {
         self.link.borrow().member.domain().clone()
     }
@@ -138,6 +178,7 @@ impl Bus {
     /// Returns the path of a file of this rig in the private folder of its domain; the file need not exist.
     ///
     /// No other user can reach it, and it lasts as long as the domain.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn private_file(&self, name: &str) -> PathBuf {
         self.domain().folder().join(format!("{}-{name}", self.rig))
     }
@@ -147,6 +188,7 @@ impl Bus {
     /// # Errors
     ///
     /// [`BusError::Memory`] when there is not enough.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn reserve(&self) -> Result<(), BusError> {
         memory::reserve(&self.domain().memory_files())
     }
@@ -171,6 +213,7 @@ impl Bus {
     }
 
     /// Frees the resources of processes that were killed.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn clean_up_dead(&self) {
         let _ = self.node().try_cleanup_dead_nodes();
     }
@@ -193,6 +236,7 @@ impl Bus {
     }
 
     /// Returns the roles of this rig that processes have, with or without a heartbeat, in alphabetical order.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn roles(&self) -> Vec<TakenRole> {
         let mut roles = self.domain().claims(&self.rig);
         roles.sort();
@@ -230,6 +274,7 @@ impl Bus {
     /// # Errors
     ///
     /// [`BusError::Service`] when a service exists with other limits, or shared memory cannot be used.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn open_services(&self, limits: &Limits) -> Result<Vec<Box<dyn Any>>, BusError> {
         use crate::message::{Event, ImpactMessage, Progress, StatusMessage, TrackMessage, VelocityMessage};
         Ok(vec![

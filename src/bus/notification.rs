@@ -37,6 +37,26 @@ impl TopicNotifier {
 }
 
 /// Waits for the notifications of a topic.
+///
+/// # Examples
+///
+/// ```no_run
+/// use ricochet::bus::Bus;
+/// use ricochet::message::VelocityMessage;
+/// use std::time::Duration;
+///
+/// let bus = Bus::join("lacrosse", "example")?;
+/// let velocities = bus.listen::<VelocityMessage>()?;
+/// // `frames`, `field` and `velocity` have notifications.
+/// let listener = bus.listener("velocity")?;
+/// while bus.is_alive() {
+///     listener.wait(Duration::from_millis(5));
+///     while let Some(message) = velocities.take()? {
+///         println!("frame {}", message.sequence);
+///     }
+/// }
+/// # Ok::<(), ricochet::bus::BusError>(())
+/// ```
 #[derive(Debug)]
 pub struct TopicListener {
     port: Listener<ipc::Service>,
@@ -71,6 +91,7 @@ impl Bus {
     /// # Errors
     ///
     /// [`BusError::Service`] when shared memory cannot be used.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn notifier(&self, topic: &str) -> Result<TopicNotifier, BusError> {
         let service = self.notification_service(topic)?;
         let port = service.notifier_builder().create().map_err(self.failure("notify readers of", topic))?;

@@ -10,6 +10,17 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use std::fmt::Debug;
 
 /// A message that has a topic of its own.
+///
+/// # Examples
+///
+/// ```
+/// use ricochet::bus::Topic;
+/// use ricochet::message::{Event, VelocityMessage};
+///
+/// assert_eq!(VelocityMessage::NAME, "velocity");
+/// // A listener that comes late still receives the last events.
+/// assert_eq!((Event::NAME, Event::HISTORY), ("events", 16));
+/// ```
 pub trait Topic: ZeroCopySend + Debug + Copy + 'static {
     /// The last part of the service's name.
     const NAME: &'static str;
@@ -68,6 +79,26 @@ impl<T: Topic> Publisher<T> {
 }
 
 /// Receives a topic.
+///
+/// # Examples
+///
+/// ```no_run
+/// use ricochet::bus::Bus;
+/// use ricochet::message::VelocityMessage;
+///
+/// let bus = Bus::join("lacrosse", "example")?;
+/// let velocities = bus.listen::<VelocityMessage>()?;
+/// let mut next_frame = None;
+/// // `None` means that there is no message now. Another one may come.
+/// while let Some(message) = velocities.take()? {
+///     // With one body, a jump of the frame numbers is a loss.
+///     if next_frame.is_some_and(|expected| message.sequence > expected) {
+///         eprintln!("frames before {} were lost", message.sequence);
+///     }
+///     next_frame = Some(message.sequence + 1);
+/// }
+/// # Ok::<(), ricochet::bus::BusError>(())
+/// ```
 #[derive(Debug)]
 pub struct Subscriber<T: Topic> {
     port: SubscriberPort<ipc::Service, T, ()>,
@@ -109,6 +140,7 @@ impl Bus {
     /// # Errors
     ///
     /// [`BusError::Service`] when shared memory cannot be used.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn publisher<T: Topic>(&self, limits: &Limits) -> Result<Publisher<T>, BusError> {
         self.publish_to(self.topic_service::<T>(limits)?)
     }
@@ -118,6 +150,7 @@ impl Bus {
     /// # Errors
     ///
     /// [`BusError::NoRig`] when the rig is not running, [`BusError::Service`] when shared memory cannot be used.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn guest_publisher<T: Topic>(&self) -> Result<Publisher<T>, BusError> {
         self.publish_to(self.existing_service::<T>()?)
     }
@@ -138,6 +171,7 @@ impl Bus {
     /// # Errors
     ///
     /// [`BusError::Service`] when shared memory cannot be used.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn subscriber<T: Topic>(&self, limits: &Limits) -> Result<Subscriber<T>, BusError> {
         self.subscribe_to(self.topic_service::<T>(limits)?)
     }

@@ -7,6 +7,18 @@ named_enum! {
     ///
     /// The numbers are the codes of the GenICam Pixel Format Naming Convention, so that a header can be read without
     /// this library. The names are GenICam's.
+    ///
+    /// # Examples
+    ///
+    /// ```
+    /// use ricochet::image::PixelFormat;
+    ///
+    /// let format: PixelFormat = "Mono12".parse()?;
+    /// assert_eq!((format.bytes_per_pixel(), format.bits()), (2, 12));
+    /// let max_level_dn = (1 << format.bits()) - 1;
+    /// assert_eq!(max_level_dn, 4095);
+    /// # Ok::<(), ricochet::results::UnknownName>(())
+    /// ```
     #[derive(Default)]
     PixelFormat: "pixel format" {
         /// One byte per pixel.

@@ -8,11 +8,37 @@ use multiversion::multiversion;
 const FIRST_DATE_NS: u64 = 365 * 86_400 * 1_000_000_000;
 
 /// Whether a stamp is a date, and not the time since the first frame.
+///
+/// # Examples
+///
+/// ```
+/// use ricochet::image::is_dated;
+/// # let recording = ricochet::recording::Recording::open("recordings/lacrosse.mcap".as_ref())?;
+///
+/// assert!(is_dated(recording.first_frame()?.stamp_ns));
+/// // 9.9 ms after the first frame of a film without a date.
+/// assert!(!is_dated(9_900_000));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn is_dated(stamp_ns: u64) -> bool {
     stamp_ns >= FIRST_DATE_NS
 }
 
 /// The header of a frame: everything but its pixels.
+///
+/// # Examples
+///
+/// ```
+/// # let recording = ricochet::recording::Recording::open("recordings/lacrosse.mcap".as_ref())?;
+/// let [first, last] = [recording.first_frame()?, recording.last_frame()?];
+/// assert_eq!((first.width_px, first.height_px), (256, 192));
+/// assert_eq!(first.size_bytes(), 256 * 192);
+/// // Lost frames would have taken numbers too.
+/// let expected = last.sequence - first.sequence + 1;
+/// assert_eq!(recording.frame_count(), expected);
+/// assert_eq!(last.stamp_ns - first.stamp_ns, 9_900_000);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct FrameMeta {
     /// The number of the frame, counting lost ones too. A jump is a loss.
@@ -41,6 +67,23 @@ impl FrameMeta {
 }
 
 /// A frame whose pixels are borrowed.
+///
+/// # Examples
+///
+/// ```
+/// use ricochet::image::{Frame, Image};
+/// # let recording = ricochet::recording::Recording::open("recordings/lacrosse.mcap".as_ref())?;
+///
+/// let (meta, bytes) = recording.frames()?.next().unwrap()?;
+/// let mut image = Image::default();
+/// Frame { meta, bytes: &bytes }.unpack(&mut image)?;
+/// assert_eq!((image.view().width(), image.view().height()), (256, 192));
+/// // Grey levels in digital numbers: 0 to 255 in a frame of 8 bits.
+/// assert_eq!(image.view().at(0, 0), Some(f32::from(bytes[0])));
+/// // Too few bytes are refused.
+/// assert!(Frame { meta, bytes: &bytes[1..] }.check().is_err());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy)]
 pub struct Frame<'a> {
     /// The header.
@@ -69,6 +112,7 @@ impl Frame<'_> {
     /// # Errors
     ///
     /// See [`Self::check`].
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn unpack_part(&self, part: PixelRect, image: &mut Image) -> Result<(), ShapeError> {
         self.check()?;
         let (width, height) = (self.meta.width_px as usize, self.meta.height_px as usize);

@@ -1,6 +1,15 @@
 //! Grey-level images: owned and borrowed.
 
 /// The data do not fit the shape.
+///
+/// # Examples
+///
+/// ```
+/// use ricochet::image::Image;
+///
+/// let error = Image::from_vec(vec![0.0; 5], 3, 2).unwrap_err();
+/// assert_eq!((error.expected, error.actual), (6, 5));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("expected {expected} values, got {actual}")]
 pub struct ShapeError {
@@ -13,6 +22,20 @@ pub struct ShapeError {
 impl crate::failure::Fatal for ShapeError {}
 
 /// An image of grey levels in digital numbers (DN), row-major, borrowed.
+///
+/// # Examples
+///
+/// ```
+/// use ricochet::image::ImageView;
+///
+/// let levels_dn = [10.0, 20.0, 30.0, 40.0, 50.0, 60.0];
+/// let view = ImageView::new(&levels_dn, 3, 2)?;
+/// assert_eq!(view.row(1), &levels_dn[3..]);
+/// assert_eq!(view.at(2, 1), Some(60.0));
+/// // There is no pixel outside the image.
+/// assert_eq!(view.at(3, 0), None);
+/// # Ok::<(), ricochet::image::ShapeError>(())
+/// ```
 #[derive(Debug, Clone, Copy)]
 pub struct ImageView<'a> {
     data: &'a [f32],
@@ -64,6 +87,24 @@ impl<'a> ImageView<'a> {
 }
 
 /// An image of grey levels in digital numbers (DN), row-major, owned.
+///
+/// # Examples
+///
+/// ```
+/// use ricochet::image::Image;
+///
+/// let mut image = Image::from_vec(vec![10.0, 20.0, 30.0, 40.0, 50.0, 60.0], 3, 2)?;
+/// for row in image.rows_mut() {
+///     row[0] = 0.0;
+/// }
+/// image.data_mut()[1] = 25.0;
+/// assert_eq!(image.view().data(), [0.0, 25.0, 30.0, 0.0, 50.0, 60.0]);
+/// // A new image is black; another shape leaves its content unspecified.
+/// let mut buffer = Image::new(3, 2);
+/// assert_eq!(buffer.view().at(2, 1), Some(0.0));
+/// buffer.reshape(640, 480);
+/// # Ok::<(), ricochet::image::ShapeError>(())
+/// ```
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Image {
     data: Vec<f32>,

@@ -6,6 +6,18 @@ use iceoryx2::prelude::ZeroCopySend;
 
 named_enum! {
     /// A request to a running rig.
+    ///
+    /// # Examples
+    ///
+    /// ```
+    /// use ricochet::message::Command;
+    ///
+    /// // The names are those of the subcommands.
+    /// let command: Command = "trigger".parse()?;
+    /// assert_eq!(command, Command::Trigger);
+    /// assert_eq!(Command::Disarm.as_str(), "disarm");
+    /// # Ok::<(), ricochet::results::UnknownName>(())
+    /// ```
     Command: "request" {
         /// Wait for a trigger.
         Arm = 1 "arm",
@@ -20,6 +32,16 @@ named_enum! {
 
 named_enum! {
     /// The answer to a request; its name is a sentence for the person who asked.
+    ///
+    /// # Examples
+    ///
+    /// ```
+    /// use ricochet::message::ReplyCode;
+    ///
+    /// assert_eq!(ReplyCode::NotArmed.as_str(), "the rig is disarmed; arm it first");
+    /// // A number that this version does not know.
+    /// assert_eq!(ReplyCode::from_number(99), None);
+    /// ```
     ReplyCode: "answer" {
         /// Done, or under way.
         Accepted = 1 "accepted",
@@ -54,6 +76,24 @@ described! {
 described! {
     "ricochet.Reply.v1"
     /// The answer to a request.
+    ///
+    /// # Examples
+    ///
+    /// ```no_run
+    /// use ricochet::bus::Bus;
+    /// use ricochet::message::{Command, ReplyCode};
+    /// use std::time::Duration;
+    ///
+    /// let bus = Bus::join("lacrosse", "example")?;
+    /// if let Some(reply) = bus.control_client()?.ask(Command::Trigger, Duration::from_secs(2))? {
+    ///     match ReplyCode::from_number(reply.code) {
+    ///         Some(ReplyCode::Accepted) => println!("triggered; {} shots were recorded before", reply.recordings),
+    ///         Some(refused) => println!("{}", refused.as_str()),
+    ///         None => println!("answer {}", reply.code),
+    ///     }
+    /// }
+    /// # Ok::<(), ricochet::bus::BusError>(())
+    /// ```
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ZeroCopySend)]
     #[repr(C)]
     pub struct Reply {

@@ -10,6 +10,25 @@ const VERSION: u32 = 1;
 described! {
     "ricochet.VelocityDatagram.v1"
     /// A velocity as a UDP datagram: 128 bytes without padding, each number with its lowest byte first.
+    ///
+    /// # Examples
+    ///
+    /// ```
+    /// use ricochet::message::{VelocityDatagram, VelocityMessage};
+    /// # let recording = ricochet::recording::Recording::open("recordings/lacrosse.mcap".as_ref())?;
+    /// # let sample = recording.truth()?.next().unwrap()?;
+    /// # let received = VelocityDatagram::new(&VelocityMessage::new(&sample, 0), 7).bytes();
+    ///
+    /// // The bytes as a controller receives them.
+    /// let number = u64::from_le_bytes(received[8..16].try_into()?);
+    /// let known = u32::from_le_bytes(received[4..8].try_into()?);
+    /// let vy_m_s = f64::from_le_bytes(received[80..88].try_into()?);
+    /// assert_eq!((received.len(), number), (128, 7));
+    /// // Bit 3 is set if the velocity along y was measured.
+    /// assert_eq!(VelocityDatagram::NUMBERS[3], "vy_m_s");
+    /// assert!(known & 1 << 3 != 0 && vy_m_s < 0.0);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
     #[repr(C)]
     pub struct VelocityDatagram {

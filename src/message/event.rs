@@ -5,10 +5,29 @@ use crate::results::named_enum;
 use iceoryx2::prelude::ZeroCopySend;
 
 /// The maximum length of the text of an event, bytes of UTF-8.
+///
+/// # Examples
+///
+/// ```
+/// use ricochet::message::{EVENT_TEXT_BYTES, Event, EventKind};
+///
+/// let event = Event::new(EventKind::Lost, 0, 0, 0, &"x".repeat(300));
+/// assert_eq!(event.text().len(), EVENT_TEXT_BYTES);
+/// ```
 pub const EVENT_TEXT_BYTES: usize = 200;
 
 named_enum! {
     /// The kind of an event.
+    ///
+    /// # Examples
+    ///
+    /// ```
+    /// use ricochet::message::EventKind;
+    ///
+    /// assert_eq!(EventKind::from_number(7), Some(EventKind::Recorded));
+    /// assert_eq!("contact".parse::<EventKind>(), Ok(EventKind::Contact));
+    /// assert_eq!(EventKind::Contact.as_str(), "contact");
+    /// ```
     EventKind: "event" {
         /// The ring exists and readers may attach. `sequence` is 0, or the first frame of a stream that continues after its
         /// camera's process died.
@@ -65,6 +84,17 @@ named_enum! {
 described! {
     "ricochet.Event.v1"
     /// An event.
+    ///
+    /// # Examples
+    ///
+    /// ```
+    /// use ricochet::message::{Event, EventKind};
+    ///
+    /// // The rig publishes this when frame 4200 triggers a shot.
+    /// let event = Event::new(EventKind::Triggered, 0, 4200, 1_700_000_000_420_000_000, "by the motion");
+    /// assert_eq!(event.kind(), Some(EventKind::Triggered));
+    /// assert_eq!((event.sequence, event.text().as_str()), (4200, "by the motion"));
+    /// ```
     #[derive(Debug, Clone, Copy, PartialEq, Eq, ZeroCopySend)]
     #[repr(C)]
     pub struct Event {

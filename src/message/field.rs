@@ -12,6 +12,24 @@ use iceoryx2::prelude::ZeroCopySend;
 described! {
     "ricochet.FieldHeader.v9"
     /// One body in one frame, with its outline and its motion to the target frame.
+    ///
+    /// # Examples
+    ///
+    /// ```no_run
+    /// use ricochet::bus::Bus;
+    /// use ricochet::results::PointStatus;
+    ///
+    /// let bus = Bus::join("lacrosse", "example")?;
+    /// let fields = bus.listen_field()?;
+    /// while let Some((header, field)) = fields.take()? {
+    ///     match field {
+    ///         Some(field) => println!("frame {}: {} subsets", header.sequence, field.points.len()),
+    ///         None if header.skipped_frames == 1 => println!("frame {}: left out", header.sequence),
+    ///         None => println!("frame {}: {:?}", header.sequence, PointStatus::from_number(header.status)),
+    ///     }
+    /// }
+    /// # Ok::<(), ricochet::bus::BusError>(())
+    /// ```
     #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
     #[repr(C)]
     pub struct FieldHeader {
@@ -101,6 +119,7 @@ impl FieldHeader {
     /// Creates the header of a measured step and its field, `None` if it has none.
     ///
     /// `run_id` is the start of the acquire process, `worker` the index of the worker, from 0.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn new(step: &BodyStep, field: Option<&PairField>, run_id: u64, worker: u32) -> Self {
         let mut header = Self {
             run_id,
@@ -153,6 +172,7 @@ impl FieldHeader {
     }
 
     /// Creates the header of a frame that was left out by worker `worker`, from 0, because it was too slow.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn skipped(meta: &FrameMeta, run_id: u64, worker: u32) -> Self {
         Self {
             run_id,
@@ -167,6 +187,7 @@ impl FieldHeader {
     }
 
     /// Returns the step; `None` when the number of one of its statuses, of the origin or of the method is unknown.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn step(&self) -> Option<BodyStep> {
         let outline = match self.outline.checked_sub(1) {
             Some(kind) => Some(Outline {
@@ -240,6 +261,7 @@ impl FieldHeader {
     /// Returns the field of this header with these points, the payload of the message.
     ///
     /// `None` when the step has no field.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn field(&self, points: &[FieldPointMessage]) -> Option<PairField> {
         (self.target_sequence != self.sequence).then(|| PairField {
             frame: self.sequence,

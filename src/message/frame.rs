@@ -7,6 +7,21 @@ use iceoryx2::prelude::ZeroCopySend;
 described! {
     "ricochet.FrameHeader.v1"
     /// The header in front of the pixels of each frame: 64 bytes, aligned to 64.
+    ///
+    /// # Examples
+    ///
+    /// ```
+    /// use ricochet::message::FrameHeader;
+    /// # let recording = ricochet::recording::Recording::open("recordings/lacrosse.mcap".as_ref())?;
+    ///
+    /// let meta = recording.first_frame()?;
+    /// let header = FrameHeader::new(&meta, 0, 20.0);
+    /// assert_eq!(header.exposure_ns, 20_000);
+    /// // `None` for a pixel format that this version does not know.
+    /// assert_eq!(header.meta(), Some(meta));
+    /// assert_eq!(FrameHeader { pixel_format: 0, ..header }.meta(), None);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ZeroCopySend)]
     #[repr(C)]
     #[repr(align(64))]

@@ -7,6 +7,18 @@ use iceoryx2::prelude::ZeroCopySend;
 described! {
     "ricochet.Estimate.v1"
     /// A number that may be missing, with its standard uncertainty.
+    ///
+    /// # Examples
+    ///
+    /// ```
+    /// use ricochet::message::EstimateMessage;
+    /// use ricochet::results::Estimate;
+    ///
+    /// let measured = EstimateMessage { value: 0.798, sigma: 0.004, known: 1 };
+    /// assert_eq!(Option::from(measured), Some(Estimate { value: 0.798, sigma: 0.004 }));
+    /// // A missing number is zero in memory, but not a measured zero.
+    /// assert_eq!(Option::<Estimate>::from(EstimateMessage::default()), None);
+    /// ```
     #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
     #[repr(C)]
     pub struct EstimateMessage {
@@ -37,6 +49,23 @@ macro_rules! impact_message {
         described! {
             "ricochet.Impact.v4"
             /// One collision of one body. It is published again with a higher revision when its numbers improve.
+            ///
+            /// # Examples
+            ///
+            /// ```
+            /// use ricochet::message::ImpactMessage;
+            /// # let recording = ricochet::recording::Recording::open("recordings/lacrosse.mcap".as_ref())?;
+            /// # let impact = recording.truth_impacts()?.next().unwrap()?;
+            ///
+            /// let message = ImpactMessage::new(&impact, 0);
+            /// // The first publication of the first collision of the first body.
+            /// assert_eq!((message.body, message.number, message.revision), (0, 0, 0));
+            /// // Numbers that were not measured are `None` in the row.
+            /// assert_eq!(message.force_max_n.known, 0);
+            /// let row = message.impact().unwrap();
+            /// assert_eq!((row.start_s, row.force_max_n), (impact.start_s, None));
+            /// # Ok::<(), Box<dyn std::error::Error>>(())
+            /// ```
             #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
             #[repr(C)]
             pub struct ImpactMessage {

@@ -18,19 +18,27 @@ mod rod;
 mod sample;
 mod status;
 
-pub use control::{Command, Reply, ReplyCode, Request};
+#[cfg_attr(all(doc, not(internals)), doc(hidden))]
+pub use control::Request;
+pub use control::{Command, Reply, ReplyCode};
 pub use datagram::VelocityDatagram;
 pub use event::{EVENT_TEXT_BYTES, Event, EventKind};
-pub use field::{FieldHeader, FieldPointMessage};
+pub use field::FieldHeader;
+#[cfg_attr(all(doc, not(internals)), doc(hidden))]
+pub use field::FieldPointMessage;
 pub use frame::FrameHeader;
 pub use impact::{EstimateMessage, ImpactMessage};
+#[cfg_attr(all(doc, not(internals)), doc(hidden))]
 pub use layout::{Described, Field, FieldKind, LayoutField, MessageLayout};
 pub use number::Number;
 pub use rod::RodMessage;
 pub use sample::{TrackMessage, VelocityMessage};
-pub use status::{Progress, Role, StatusMessage};
+#[cfg_attr(all(doc, not(internals)), doc(hidden))]
+pub use status::Progress;
+pub use status::{Role, StatusMessage};
 
 /// Returns the layouts of all messages; each comes after those that it contains.
+#[cfg_attr(all(doc, not(internals)), doc(hidden))]
 pub fn layouts() -> Vec<MessageLayout> {
     vec![
         Number::layout(),

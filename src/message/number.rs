@@ -6,6 +6,16 @@ use iceoryx2::prelude::ZeroCopySend;
 described! {
     "ricochet.Number.v1"
     /// A number that may be missing.
+    ///
+    /// # Examples
+    ///
+    /// ```
+    /// use ricochet::message::Number;
+    ///
+    /// assert_eq!(Option::<f64>::from(Number { value: -1.69, known: 1 }), Some(-1.69));
+    /// // A missing number is zero in memory, but not a measured zero.
+    /// assert_eq!(Option::<f64>::from(Number::default()), None);
+    /// ```
     #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
     #[repr(C)]
     pub struct Number {

@@ -7,6 +7,20 @@ use iceoryx2::prelude::ZeroCopySend;
 described! {
     "ricochet.Rod.v1"
     /// A rod in one frame.
+    ///
+    /// # Examples
+    ///
+    /// ```
+    /// use ricochet::message::RodMessage;
+    /// use ricochet::results::Rod;
+    ///
+    /// let message = RodMessage { known: 1, edges: 2, x_px: 128.0, sigma_x_px: 0.02, ..RodMessage::default() };
+    /// let rod = Option::<Rod>::from(message).unwrap();
+    /// assert_eq!((rod.x_px.value, rod.edges.iter().flatten().count()), (128.0, 2));
+    /// // A position of an edge that is not known is missing, never 0.
+    /// assert!(rod.edges.iter().flatten().all(|edge| edge.y_px.is_none()));
+    /// assert_eq!(Option::<Rod>::from(RodMessage::default()), None);
+    /// ```
     #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
     #[repr(C)]
     pub struct RodMessage {

@@ -6,6 +6,15 @@ use iceoryx2::prelude::ZeroCopySend;
 
 named_enum! {
     /// A process of a rig; its name is the subcommand that runs it.
+    ///
+    /// # Examples
+    ///
+    /// ```
+    /// use ricochet::message::Role;
+    ///
+    /// assert_eq!(Role::from_number(2), Some(Role::Correlate));
+    /// assert_eq!(Role::Supervise.as_str(), "run");
+    /// ```
     Role: "role" {
         /// Fills the ring.
         Acquire = 1 "acquire",
@@ -25,6 +34,21 @@ named_enum! {
 described! {
     "ricochet.Status.v2"
     /// The state of one process of the rig, a few times per second. All counts begin with the process.
+    ///
+    /// # Examples
+    ///
+    /// ```no_run
+    /// use ricochet::bus::Bus;
+    /// use ricochet::message::{Role, StatusMessage};
+    ///
+    /// let bus = Bus::join("lacrosse", "example")?;
+    /// let statuses = bus.listen::<StatusMessage>()?;
+    /// while let Some(status) = statuses.take()? {
+    ///     let role = Role::from_number(status.role).map_or("?", Role::as_str);
+    ///     println!("{role} {}: {} Hz, {} lost", status.index, status.rate_hz, status.lost + status.dropped);
+    /// }
+    /// # Ok::<(), ricochet::bus::BusError>(())
+    /// ```
     #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
     #[repr(C)]
     pub struct StatusMessage {

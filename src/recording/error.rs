@@ -4,6 +4,18 @@ use crate::failure::{ExitCode, Fatal};
 use std::path::{Path, PathBuf};
 
 /// The reason why a recording cannot be written or read.
+///
+/// # Examples
+///
+/// ```
+/// use ricochet::recording::{Recording, RecordingError};
+///
+/// let error = Recording::open("no-such-file.mcap".as_ref()).unwrap_err();
+/// assert!(matches!(error, RecordingError::Io { action: "open", .. }));
+/// // A file that is no recording.
+/// let error = Recording::open("Cargo.lock".as_ref()).unwrap_err();
+/// assert!(matches!(error, RecordingError::Invalid { .. }));
+/// ```
 #[derive(Debug, thiserror::Error)]
 pub enum RecordingError {
     /// The operating system returned an error.

@@ -22,15 +22,23 @@ mod schema;
 mod split;
 mod writer;
 
+#[cfg_attr(all(doc, not(internals)), doc(hidden))]
 pub use annotations::Annotations;
 pub use container::Compression;
 pub use error::RecordingError;
+#[cfg_attr(all(doc, not(internals)), doc(hidden))]
 pub use extract::{copy_as_ros2, copy_results};
+#[cfg_attr(all(doc, not(internals)), doc(hidden))]
 pub use part_file::part_path;
+#[cfg_attr(all(doc, not(internals)), doc(hidden))]
 pub use png_attachment::{from_png, to_png, to_png_of_bits};
-pub use reader::{Attachment, Frames, Recording, Rows, TopicSummary, files_of};
+#[cfg_attr(all(doc, not(internals)), doc(hidden))]
+pub use reader::files_of;
+pub use reader::{Attachment, Frames, Recording, Rows, TopicSummary};
+#[cfg_attr(all(doc, not(internals)), doc(hidden))]
 pub use recover::{Recovered, recover, recover_with_progress};
 pub use rows::{EventRow, StatusRow};
+#[cfg_attr(all(doc, not(internals)), doc(hidden))]
 pub use schema::Topic;
 pub use writer::{FinishedRecording, RecordingInfo, RecordingWriter, ViewInfo, WriterOptions};
 

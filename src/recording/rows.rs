@@ -14,9 +14,36 @@ use crate::results::UnknownName;
 use std::collections::BTreeMap;
 
 /// An event: a trigger, a change of state, a loss.
+///
+/// # Examples
+///
+/// ```no_run
+/// use ricochet::recording::Recording;
+///
+/// for event in Recording::open("shot.mcap".as_ref())?.events()? {
+///     let event = event?;
+///     println!("{} ns: {} {}", event.stamp_ns, event.kind, event.text);
+/// }
+/// # Ok::<(), ricochet::recording::RecordingError>(())
+/// ```
 pub type EventRow = proto::Event;
 
 /// The state of a process of the rig.
+///
+/// # Examples
+///
+/// ```no_run
+/// use ricochet::recording::Recording;
+///
+/// for status in Recording::open("shot.mcap".as_ref())?.statuses()? {
+///     let status = status?;
+///     for (name, reading) in &status.readings {
+///         let reading = reading.map_or("-".into(), |reading| reading.to_string());
+///         println!("{}: {name} = {reading}", status.process);
+///     }
+/// }
+/// # Ok::<(), ricochet::recording::RecordingError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct StatusRow {
     /// The time, ns since the Unix epoch.

@@ -1,6 +1,7 @@
 //! Writer of a recording.
 
 mod info;
+mod options;
 mod rows;
 mod split_state;
 
@@ -14,6 +15,7 @@ use super::{RecordingError, VIEW_KEY, frame_message, part_file};
 use crate::image::Frame;
 use crate::interrupt::{self, Unfinished};
 pub use info::{RecordingInfo, ViewInfo};
+pub use options::{FinishedRecording, WriterOptions};
 use split_state::SplitState;
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -33,38 +35,31 @@ const FIELDS_BYTES: usize = 4 << 20;
 
 /// The channels of a camera before its first message.
 const NO_CHANNELS: [Option<u16>; Topic::ALL.len()] = [None; Topic::ALL.len()];
-/// Options of a recording writer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct WriterOptions {
-    /// The compression of chunks.
-    pub compression: Compression,
-    /// Size at which a chunk is closed, bytes. A reader that seeks loads one chunk.
-    pub chunk_bytes: u64,
-    /// Maximum size of a file, bytes; then the recording continues in a next one. A larger message exceeds it.
-    pub split_bytes: Option<u64>,
-}
-
-impl Default for WriterOptions {
-    fn default() -> Self {
-        Self { compression: Compression::None, chunk_bytes: 1 << 20, split_bytes: None }
-    }
-}
-
-/// A finished recording.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct FinishedRecording {
-    /// Its final name; that of the first file when it was split.
-    pub path: PathBuf,
-    /// The number of frames in it.
-    pub frames: u64,
-    /// Its size, all files together.
-    pub bytes: u64,
-}
 
 /// Writes a recording as `<path>.part` and renames it when it is complete.
 ///
 /// Frames, fields and all other rows go into separate chunks. Every call may block on the disk. A writer that is
 /// dropped without [`finish`](Self::finish) leaves the part file, which is readable up to the last call.
+///
+/// # Examples
+///
+/// ```
+/// use ricochet::image::{Frame, FrameMeta};
+/// use ricochet::recording::{Recording, RecordingInfo, RecordingWriter, WriterOptions};
+/// # let folder = tempfile::tempdir()?;
+/// # let path = folder.path().join("shot.mcap");
+///
+/// let mut writer = RecordingWriter::create(&path, &RecordingInfo::default(), &WriterOptions::default())?;
+/// let meta = FrameMeta { width_px: 4, height_px: 2, stride_bytes: 4, ..FrameMeta::default() };
+/// for sequence in 0..3 {
+///     // The time of a frame is that of the start of its exposure.
+///     let meta = FrameMeta { sequence, stamp_ns: 100_000 * sequence, ..meta };
+///     writer.write_frame(&Frame { meta, bytes: &[50; 8] })?;
+/// }
+/// assert_eq!(writer.finish()?.frames, 3);
+/// assert_eq!(Recording::open(&path)?.frame_rate_hz()?, Some(10_000.0));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct RecordingWriter {
     path: PathBuf,
     part: PathBuf,
@@ -256,27 +251,32 @@ impl RecordingWriter {
     }
 
     /// Returns the path of the part file.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn part(&self) -> &Path {
         &self.part
     }
 
     /// Returns the size of the files so far, bytes, without messages that are held back.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn written_bytes(&self) -> u64 {
         let finished = self.split.as_ref().map_or(0, |split| split.finished_bytes);
         finished + self.handle.metadata().map_or(0, |about| about.len())
     }
 
     /// Returns the final name of the recording; that of its first file when it is split.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn path(&self) -> &Path {
         self.split.as_ref().map_or(&self.path, |split| split.first())
     }
 
     /// Returns the number of frames added so far.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn frames(&self) -> u64 {
         self.frames
     }
 
     /// Returns the number of frames that stay readable if this process dies; of a removed part file none.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn safe_frames(&self) -> u64 {
         let finished = self.split.as_ref().map_or(0, |split| split.finished_frames);
         if part_file::is_in_place(&self.part, &self.handle) { self.safe_frames } else { finished }
@@ -289,6 +289,7 @@ impl RecordingWriter {
     /// # Errors
     ///
     /// [`RecordingError::Io`] when the disk is full or gone.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn write_buffered(&mut self) -> Result<(), RecordingError> {
         self.with_container(Container::write_buffered)?;
         self.count_safe(0);
@@ -300,6 +301,7 @@ impl RecordingWriter {
     /// # Errors
     ///
     /// [`RecordingError::Io`] when the disk is full or gone, or the file was removed.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn sync(&mut self) -> Result<(), RecordingError> {
         self.start_sync()?;
         self.disk_sync.wait().map_err(|error| RecordingError::io("sync", &self.part, error))

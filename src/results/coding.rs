@@ -20,6 +20,19 @@ const INDEPENDENT: &str = "\
     yuv4 zlib zmbv";
 
 /// The form in which frames were stored before they came here.
+///
+/// # Examples
+///
+/// ```
+/// use ricochet::results::FrameCoding;
+/// # let recording = ricochet::recording::Recording::open("recordings/lacrosse.mcap".as_ref())?;
+///
+/// assert_eq!(recording.coding(), FrameCoding::Independent);
+/// // The codec of an imported film decides, by its name in ffmpeg.
+/// assert_eq!(FrameCoding::of_codec("h264"), FrameCoding::Predicted);
+/// assert_eq!(FrameCoding::of_codec("ffv1"), FrameCoding::Independent);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum FrameCoding {
     /// Each frame by itself, as cameras and most formats of high-speed footage do.
@@ -33,6 +46,7 @@ pub enum FrameCoding {
 impl FrameCoding {
     /// Returns the coding that the metadata of a recording state: of an imported film by its codec, and of what was
     /// recorded or measured from such a film by itself.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn of_metadata(metadata: &BTreeMap<String, String>) -> Self {
         match (metadata.get(KEY).map(String::as_str), metadata.get(CODEC)) {
             (Some(PREDICTED), _) => Self::Predicted,
@@ -42,6 +56,7 @@ impl FrameCoding {
     }
 
     /// Returns the metadata that state it; `None` for frames stored by themselves.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn metadata(self) -> Option<(String, String)> {
         (self == Self::Predicted).then(|| (KEY.to_owned(), PREDICTED.to_owned()))
     }

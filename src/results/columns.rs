@@ -161,7 +161,10 @@ macro_rules! sample_row {
             /// The start of the exposure, ns since the Unix epoch.
             pub stamp_ns: u64,
             $($(#[$number_doc])* pub $number: Option<f64>,)*
-            $($(#[$group_doc])* pub $group: Option<$Group>,)*
+            $(
+                #[doc = concat!("The [`", stringify!($Group), "`]; `None` where it was not measured.")]
+                pub $group: Option<$Group>,
+            )*
             $($(#[$later_doc])* pub $later: Option<f64>,)*
             $($(#[$name_doc])* pub $name: $Name,)*
             $($(#[$reason_doc])* pub $reason: $crate::results::PointStatus,)*

@@ -47,6 +47,18 @@ macro_rules! field_structs {
         status = $status_tag:tt,
     ) => {
         /// The displacement of one point, with its standard uncertainty.
+        ///
+        /// # Examples
+        ///
+        /// ```
+        /// use ricochet::results::Displacement;
+        ///
+        /// let displacement = Displacement { u_px: 1.5, v_px: -0.25, sigma_u_px: 0.01, sigma_v_px: 0.01 };
+        /// // y points down, so this subset has moved up.
+        /// assert!(displacement.v_px < 0.0);
+        /// // It has certainly moved: by far more than its standard uncertainty.
+        /// assert!(displacement.v_px.abs() > 5.0 * displacement.sigma_v_px);
+        /// ```
         #[derive(Debug, Clone, Copy, PartialEq)]
         pub struct Displacement {
             $($(#[$part_doc])* pub $part: f32,)*
@@ -54,6 +66,24 @@ macro_rules! field_structs {
         }
 
         /// The result of one subset: its position in the reference frame and its displacement.
+        ///
+        /// # Examples
+        ///
+        /// ```
+        /// use ricochet::results::{Displacement, FieldPoint, PointStatus};
+        ///
+        /// let point = FieldPoint {
+        ///     x_px: 40.0,
+        ///     y_px: 25.0,
+        ///     displacement: Some(Displacement { u_px: 1.5, v_px: -0.25, sigma_u_px: 0.01, sigma_v_px: 0.01 }),
+        ///     zncc: Some(0.98),
+        ///     peak_ratio: Some(3.1),
+        ///     status: PointStatus::Valid,
+        /// };
+        /// // A subset at x in the reference frame is at x + u in the target frame.
+        /// let target_px = point.displacement.map(|moved| [point.x_px + moved.u_px, point.y_px + moved.v_px]);
+        /// assert_eq!(target_px, Some([41.5, 24.75]));
+        /// ```
         #[derive(Debug, Clone, Copy, PartialEq)]
         pub struct FieldPoint {
             $($(#[$position_doc])* pub $position: f32,)*
@@ -66,6 +96,7 @@ macro_rules! field_structs {
 
         impl FieldPoint {
             /// The columns of the table behind the frame.
+            #[cfg_attr(all(doc, not(internals)), doc(hidden))]
             pub const COLUMNS: &'static [Column<Self>] = &[
                 $(Column::single(stringify!($position), |row| Cell::Single(Some(row.$position))),)*
                 $(Column::single(stringify!($part), |row| Cell::Single(row.displacement.map(|d| d.$part))),)*
@@ -80,6 +111,24 @@ macro_rules! field_structs {
 field_row!(field_structs);
 
 /// The displacement field of one body from one frame to a later one.
+///
+/// # Examples
+///
+/// ```no_run
+/// use ricochet::recording::Recording;
+///
+/// for field in Recording::open("shot.mcap".as_ref())?.fields()? {
+///     let field = field?;
+///     let interval_frames = field.target_frame - field.frame;
+///     for point in &field.points {
+///         match point.displacement {
+///             Some(moved) => println!("{} px/frame", moved.u_px / interval_frames as f32),
+///             None => println!("not measured: {}", point.status.as_str()),
+///         }
+///     }
+/// }
+/// # Ok::<(), ricochet::recording::RecordingError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct PairField {
     /// The sequence number of the reference frame.

@@ -6,6 +6,19 @@ use super::{Estimate, PointStatus};
 
 named_enum! {
     /// The contact law that describes the collision best.
+    ///
+    /// # Examples
+    ///
+    /// ```
+    /// use ricochet::results::ForceLaw;
+    /// # let recording = ricochet::recording::Recording::open("recordings/lacrosse.mcap".as_ref())?;
+    ///
+    /// let impact = recording.truth_impacts()?.next().unwrap()?;
+    /// assert_eq!(impact.force_law, ForceLaw::KelvinVoigt);
+    /// // Without a law, the times of a collision come from the motion alone.
+    /// assert_eq!(ForceLaw::default().as_str(), "none");
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     #[derive(Default)]
     ForceLaw: "force_law" {
         /// No law was accepted; the times come from the motion alone.
@@ -89,9 +102,42 @@ enum Meaning {
 macro_rules! impact_struct {
     ($($(#[$doc:meta])* $number:ident: $Meaning:ident = $tag:tt, $sigma:ident = $sigma_tag:tt;)+) => {
         /// The number of measured numbers of an [`Impact`].
+        ///
+        /// # Examples
+        ///
+        /// ```
+        /// use ricochet::results::IMPACT_NUMBERS;
+        /// # let recording = ricochet::recording::Recording::open("recordings/lacrosse.mcap".as_ref())?;
+        /// # let impact = recording.truth_impacts()?.next().unwrap()?;
+        ///
+        /// assert_eq!(impact.numbers().len(), IMPACT_NUMBERS);
+        /// let measured = impact.numbers().into_iter().filter(|(_, number)| number.is_some()).count();
+        /// // A simulation states no force. A measured collision has one if the rig file has the mass.
+        /// assert!(measured < IMPACT_NUMBERS);
+        /// # Ok::<(), Box<dyn std::error::Error>>(())
+        /// ```
         pub const IMPACT_NUMBERS: usize = [$(stringify!($number)),+].len();
 
         /// One collision of one body.
+        ///
+        /// # Examples
+        ///
+        /// ```
+        /// use ricochet::results::Impact;
+        /// # let recording = ricochet::recording::Recording::open("recordings/lacrosse.mcap".as_ref())?;
+        ///
+        /// let impact = recording.truth_impacts()?.next().unwrap()?;
+        /// // Moments are in s after the first frame of the stream, velocities in m/s.
+        /// let [start, velocity] = [impact.start_s, impact.vn_before_m_s].map(Option::unwrap);
+        /// assert_eq!(impact.origin_ns + (1e9 * start.value).round() as u64, 1_700_000_000_001_400_000);
+        /// // The ball moves towards the surface.
+        /// assert!(velocity.value < 0.0);
+        /// // The same numbers by the names of their columns; `None` for one that was not measured.
+        /// assert_eq!(impact.get("start_s"), Some(start));
+        /// assert_eq!(impact.get("energy_lost_j"), None);
+        /// assert!(Impact::is_moment("start_s") && !Impact::is_moment("contact_time_s"));
+        /// # Ok::<(), Box<dyn std::error::Error>>(())
+        /// ```
         #[derive(Debug, Clone, Copy, PartialEq)]
         pub struct Impact {
             /// The index of the body in the configuration.
@@ -123,6 +169,7 @@ macro_rules! impact_struct {
             /// Returns revision 0 of a collision of which nothing is known yet, with the status [`PointStatus::Lost`].
             ///
             /// `body` is the index of the body, `number` that of its collision, both from 0.
+            #[cfg_attr(all(doc, not(internals)), doc(hidden))]
             pub fn unknown(body: u32, number: u32, origin_ns: u64) -> Self {
                 Self {
                     body,
@@ -139,6 +186,7 @@ macro_rules! impact_struct {
             /// Adds `shift_s` to every measured moment, to count it from that much earlier.
             ///
             /// Durations and `origin_ns` stay as they are.
+            #[cfg_attr(all(doc, not(internals)), doc(hidden))]
             #[must_use]
             pub fn shifted(mut self, shift_s: f64) -> Self {
                 $(
@@ -185,6 +233,7 @@ impl Impact {
     }
 
     /// Returns the columns of the table behind those of the body and the collision's number, in their order.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn table() -> Vec<Column<Self>> {
         let [values, sigmas] = [Self::VALUES, Self::SIGMAS];
         let (first, later) = values.split_at(FIRST_NUMBERS);
@@ -198,6 +247,7 @@ impl Impact {
 
     /// Returns the columns of a JSON object: each number next to its uncertainty, then the law, its probability, the
     /// status.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn json_columns() -> Vec<Column<Self>> {
         let pairs = Self::VALUES.into_iter().zip(Self::SIGMAS).flat_map(|(value, sigma)| [value, sigma]);
         pairs.chain([Self::FORCE_LAW, Self::PROBABILITY, Self::STATUS]).collect()

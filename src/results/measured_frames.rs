@@ -4,6 +4,19 @@ use super::{PointStatus, VelocitySample};
 use std::collections::BTreeMap;
 
 /// The most frequent status of the frames in which a body was not measured.
+///
+/// # Examples
+///
+/// ```
+/// use ricochet::results::{MeasuredFrames, PointStatus};
+/// # let recording = ricochet::recording::Recording::open("recordings/lacrosse.mcap".as_ref())?;
+///
+/// let mut rows = recording.truth()?.collect::<Result<Vec<_>, _>>()?;
+/// rows[10..13].iter_mut().for_each(|row| row.status = PointStatus::Occluded);
+/// let reason = MeasuredFrames::count(rows.iter()).reason.unwrap();
+/// assert_eq!((reason.status, reason.count_frames, reason.frame), (PointStatus::Occluded, 3, 10));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FrequentStatus {
     /// The status.
@@ -15,6 +28,20 @@ pub struct FrequentStatus {
 }
 
 /// The frames of one body, counted.
+///
+/// # Examples
+///
+/// ```
+/// use ricochet::results::MeasuredFrames;
+/// # let recording = ricochet::recording::Recording::open("recordings/lacrosse.mcap".as_ref())?;
+///
+/// let rows = recording.truth()?.collect::<Result<Vec<_>, _>>()?;
+/// let frames = MeasuredFrames::count(rows.iter().filter(|row| row.body == 0));
+/// assert_eq!((frames.measured_frames, frames.total_frames), (100, 100));
+/// // The ball was measured in every frame, so there is no reason why not.
+/// assert_eq!(frames.reason, None);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct MeasuredFrames {
     /// The number of frames.

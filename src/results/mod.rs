@@ -20,10 +20,12 @@ mod step;
 mod track;
 mod velocity;
 
+#[cfg_attr(all(doc, not(internals)), doc(hidden))]
 pub use alarm::{Alarm, AlarmKind};
 pub use body_kind::BodyKind;
 pub use coding::FrameCoding;
 pub(crate) use columns::Part;
+#[cfg_attr(all(doc, not(internals)), doc(hidden))]
 pub use columns::{Cell, Column, Heading, Kind, Sample};
 pub use estimate::Estimate;
 pub(crate) use field::field_row;
@@ -35,8 +37,10 @@ pub use named::UnknownName;
 pub(crate) use named::named_enum;
 pub use reason::Reason;
 pub use rod::{ROD_EDGES, Rod, RodEdge};
+#[cfg_attr(all(doc, not(internals)), doc(hidden))]
 pub use rod_lines::{Segment, segments};
 pub use status::{Phase, PointStatus};
+#[cfg_attr(all(doc, not(internals)), doc(hidden))]
 pub use step::{BodyStep, Circle, MotionMethod, Outline, OutlineOrigin, OutlineShape, RigidStep};
 pub use track::TrackSample;
 pub(crate) use track::track_row;

@@ -60,6 +60,16 @@ macro_rules! named_enum {
 pub(crate) use named_enum;
 
 /// A name that is none of those of an enum.
+///
+/// # Examples
+///
+/// ```
+/// use ricochet::results::PointStatus;
+///
+/// let error = "seen".parse::<PointStatus>().unwrap_err();
+/// assert_eq!((error.noun, error.name.as_str()), ("status", "seen"));
+/// assert!(error.known.contains(&"occluded"));
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct UnknownName {
     /// The thing that was to be named: `status`, `phase`, ...

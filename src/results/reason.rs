@@ -3,6 +3,18 @@
 use super::{BodyKind, PointStatus};
 
 /// The reason why a body was not measured in a frame.
+///
+/// # Examples
+///
+/// ```
+/// use ricochet::results::{BodyKind, PointStatus};
+///
+/// let reason = PointStatus::Occluded.reason(BodyKind::Ball).unwrap();
+/// assert_eq!(reason.text, "something covers the body");
+/// println!("{}; {} ({})", reason.text, reason.advice, reason.keys.join(", "));
+/// // A valid measurement needs no reason.
+/// assert_eq!(PointStatus::Valid.reason(BodyKind::Ball), None);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Reason {
     /// The reason in a few words.

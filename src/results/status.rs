@@ -4,6 +4,22 @@ use super::named::named_enum;
 
 named_enum! {
     /// The status of a measurement at one point or of one body.
+    ///
+    /// # Examples
+    ///
+    /// ```
+    /// use ricochet::results::PointStatus;
+    /// # let recording = ricochet::recording::Recording::open("recordings/lacrosse.mcap".as_ref())?;
+    ///
+    /// // Only valid rows are measured; the others have a reason instead of numbers, or a predicted position.
+    /// let rows = recording.truth()?.collect::<Result<Vec<_>, _>>()?;
+    /// assert!(rows.iter().all(|row| row.status == PointStatus::Valid));
+    /// // A status has a name in tables and files, and a number on the bus.
+    /// assert_eq!("out-of-frame".parse::<PointStatus>(), Ok(PointStatus::OutOfFrame));
+    /// assert_eq!(PointStatus::from_number(8), Some(PointStatus::Predicted));
+    /// assert_eq!(PointStatus::ALL.map(PointStatus::as_str).len(), 9);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     #[derive(Default)]
     PointStatus: "status" {
         /// Measured; the numbers in the row hold.
@@ -30,6 +46,19 @@ named_enum! {
 
 named_enum! {
     /// The phase of a collision a body was in when its sample was published.
+    ///
+    /// # Examples
+    ///
+    /// ```
+    /// use ricochet::results::Phase;
+    /// # let recording = ricochet::recording::Recording::open("recordings/lacrosse.mcap".as_ref())?;
+    ///
+    /// let rows = recording.truth()?.collect::<Result<Vec<_>, _>>()?;
+    /// let contact: Vec<u64> = rows.iter().filter(|row| row.phase == Phase::Contact).map(|row| row.frame).collect();
+    /// // At 10 000 frames per second, the contact begins 1.4 ms after the first frame.
+    /// assert_eq!(contact.first(), Some(&14));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     #[derive(Default)]
     Phase: "phase" {
         /// Not known: no surface, or too few samples yet.

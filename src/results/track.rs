@@ -8,6 +8,32 @@ macro_rules! track_row {
     ($derive:ident) => {
         $derive! {
             /// A row of the `track` table: the position of one body in one frame.
+            ///
+            /// # Examples
+            ///
+            /// ```
+            /// use ricochet::message::TrackMessage;
+            /// use ricochet::results::{PointStatus, TrackSample};
+            ///
+            /// let sample = TrackSample {
+            ///     frame: 12,
+            ///     body: 0,
+            ///     stamp_ns: 1_700_000_000_001_200_000,
+            ///     center_x_px: Some(122.8),
+            ///     // y points down, from the centre of the top-left pixel.
+            ///     center_y_px: Some(96.0),
+            ///     // Nothing on this body turns visibly.
+            ///     angle_deg: None,
+            ///     radius_px: Some(61.5),
+            ///     sigma_center_px: Some(0.01),
+            ///     sigma_angle_deg: None,
+            ///     visible_fraction: Some(1.0),
+            ///     rod: None,
+            ///     status: PointStatus::Valid,
+            /// };
+            /// // A running rig publishes it as a message with the same content.
+            /// assert_eq!(TrackMessage::new(&sample, 0).sample(), Some(sample));
+            /// ```
             TrackSample(TrackMessage, "ricochet.Track.v2", Track) {
                 numbers {
                     /// The centre along x, px.

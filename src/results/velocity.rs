@@ -8,6 +8,24 @@ macro_rules! velocity_row {
     ($derive:ident) => {
         $derive! {
             /// A row of the `velocity` table: one body in one frame.
+            ///
+            /// # Examples
+            ///
+            /// ```
+            /// use ricochet::message::VelocityMessage;
+            /// use ricochet::results::{Phase, PointStatus};
+            /// # let recording = ricochet::recording::Recording::open("recordings/lacrosse.mcap".as_ref())?;
+            ///
+            /// // The true velocities of a simulated shot; `velocities` reads the measured ones.
+            /// let sample = recording.truth()?.nth(30).unwrap()?;
+            /// assert_eq!((sample.frame, sample.phase, sample.status), (30, Phase::Contact, PointStatus::Valid));
+            /// // `None` where the velocity was not measured; `status` holds the reason.
+            /// let velocity = sample.velocity.unwrap();
+            /// assert!(velocity.vn_m_s < 0.0, "towards the surface");
+            /// // A running rig publishes it as a message with the same content.
+            /// assert_eq!(VelocityMessage::new(&sample, 0).sample(), Some(sample));
+            /// # Ok::<(), Box<dyn std::error::Error>>(())
+            /// ```
             VelocitySample(VelocityMessage, "ricochet.Velocity.v2", Velocity) {
                 numbers {
                     /// The centre along x, px.
@@ -21,6 +39,21 @@ macro_rules! velocity_row {
                     /// The unsmoothed motion of a body from one frame to the next.
                     ///
                     /// It is measured over `interval_frames` and divided by it, so it is always per frame.
+                    ///
+                    /// # Examples
+                    ///
+                    /// ```
+                    /// # let recording = ricochet::recording::Recording::open("recordings/lacrosse.mcap".as_ref())?;
+                    /// let sample = recording.truth()?.next().unwrap()?;
+                    /// let (motion, velocity) = (sample.motion.unwrap(), sample.velocity.unwrap());
+                    /// // Image axes: y points down, so a falling ball moves along positive y, in px/frame.
+                    /// assert!(motion.dy_px > 0.0 && velocity.vy_m_s < 0.0);
+                    /// // The rate and the scale of the film, 0.5142 mm/px, lead from one to the other.
+                    /// let rate_hz = recording.frame_rate_hz()?.unwrap();
+                    /// let vy_m_s = -motion.dy_px * 0.5142e-3 * rate_hz;
+                    /// assert!((vy_m_s - velocity.vy_m_s).abs() < 0.001);
+                    /// # Ok::<(), Box<dyn std::error::Error>>(())
+                    /// ```
                     motion: MotionSample {
                         numbers {
                             /// The motion of the body's centre along x, px/frame.
@@ -43,6 +76,19 @@ macro_rules! velocity_row {
                         }
                     }
                     /// The smoothed physical velocity of a body.
+                    ///
+                    /// # Examples
+                    ///
+                    /// ```
+                    /// # let recording = ricochet::recording::Recording::open("recordings/lacrosse.mcap".as_ref())?;
+                    /// let velocity = recording.truth()?.last().unwrap()?.velocity.unwrap();
+                    /// // World axes: y points up, so a ball that leaves the floor has a positive velocity, in m/s.
+                    /// assert!(velocity.vy_m_s > 1.3);
+                    /// // The spin is `None` where nothing on the body turns visibly, which is not the same as 0.
+                    /// let spin = velocity.omega_rad_s.map_or("unknown".into(), |omega| format!("{omega:.1} rad/s"));
+                    /// assert_eq!(spin, "-15.3 rad/s");
+                    /// # Ok::<(), Box<dyn std::error::Error>>(())
+                    /// ```
                     velocity: BodyVelocity {
                         numbers {
                             /// The velocity along x (right), m/s.

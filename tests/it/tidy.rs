@@ -2,6 +2,7 @@
 
 mod blank;
 mod counts;
+mod examples;
 mod functions;
 mod graph;
 mod licences;

@@ -20,6 +20,23 @@ use std::io;
 use summary::{AttachmentIndex, MetadataIndex, Summary};
 
 /// The compression of chunks.
+///
+/// # Examples
+///
+/// ```
+/// use ricochet::image::{Frame, FrameMeta};
+/// use ricochet::recording::{Compression, RecordingInfo, RecordingWriter, WriterOptions};
+/// # let folder = tempfile::tempdir()?;
+/// # let path = folder.path().join("shot.mcap");
+///
+/// let options = WriterOptions { compression: Compression::Zstd1, ..WriterOptions::default() };
+/// let mut writer = RecordingWriter::create(&path, &RecordingInfo::default(), &options)?;
+/// let meta = FrameMeta { width_px: 256, height_px: 256, stride_bytes: 256, ..FrameMeta::default() };
+/// writer.write_frame(&Frame { meta, bytes: &[50; 256 * 256] })?;
+/// // An even picture compresses to a part of its 65 536 bytes.
+/// assert!(writer.finish()?.bytes < 30_000);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Compression {
     /// None, the only way to keep up with a camera.

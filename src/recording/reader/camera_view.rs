@@ -43,6 +43,7 @@ impl Recording {
     /// # Errors
     ///
     /// The errors of [`view`](Self::view).
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn select_view(self, name: Option<&str>) -> Result<Self, RecordingError> {
         name.map_or(Ok(self.clone()), |name| self.view(name))
     }

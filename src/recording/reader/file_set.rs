@@ -64,6 +64,7 @@ impl Recording {
     /// # Errors
     ///
     /// The errors of [`open`](Self::open).
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn open_all(paths: &[PathBuf]) -> Result<Vec<Self>, RecordingError> {
         let all = paths.iter().map(|path| Self::open(path)).collect::<Result<Vec<_>, _>>()?;
         let place = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
@@ -74,6 +75,7 @@ impl Recording {
     /// Joins several recordings to one, with messages in the order of their time; `None` without any.
     ///
     /// The caller decides whether they belong together.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn joined(recordings: Vec<Self>) -> Option<Self> {
         let missing = recordings.iter().find_map(|recording| recording.rest.truncated.clone());
         let singles = recordings.iter().flat_map(Self::singles).collect::<Vec<_>>();

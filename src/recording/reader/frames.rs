@@ -18,6 +18,24 @@ const MAX_SEQUENCE: u64 = 1 << 62;
 ///
 /// Frames of our own files have their full header. Those of other programs are numbered from 0, and their stamp is the
 /// timestamp of the image, or its log time without one.
+///
+/// # Examples
+///
+/// ```
+/// use ricochet::image::{Frame, Image};
+/// # let recording = ricochet::recording::Recording::open("recordings/lacrosse.mcap".as_ref())?;
+///
+/// let mut frames = recording.frames()?;
+/// frames.skip_frames(98);
+/// assert!(frames.left() >= 2);
+/// let mut image = Image::default();
+/// for frame in frames {
+///     let (meta, bytes) = frame?;
+///     assert!(meta.sequence >= 98);
+///     Frame { meta, bytes: &bytes }.unpack(&mut image)?;
+/// }
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct Frames {
     messages: Messages,

@@ -32,6 +32,17 @@ use std::sync::Arc;
 const ATTACHMENT_BYTES: u64 = 64 << 20;
 
 /// An attachment: name, type and size.
+///
+/// # Examples
+///
+/// ```
+/// # let recording = ricochet::recording::Recording::open("recordings/lacrosse.mcap".as_ref())?;
+/// let attachment = &recording.attachments()[0];
+/// assert_eq!((attachment.name.as_str(), attachment.bytes), ("config.toml", 3091));
+/// let content = recording.attachment(&attachment.name)?;
+/// assert_eq!(content, recording.config_toml().unwrap().as_bytes());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Attachment {
     /// File name.
@@ -45,6 +56,26 @@ pub struct Attachment {
 /// A recording opened for reading, of one file or of several that continue each other; cheap to clone.
 ///
 /// Metadata, configuration and attachments are those of the first file.
+///
+/// # Examples
+///
+/// ```
+/// use ricochet::recording::Recording;
+///
+/// let recording = Recording::open("recordings/lacrosse.mcap".as_ref())?;
+/// // The file is complete and undamaged.
+/// assert_eq!(recording.truncated(), None);
+/// assert!(recording.damage().is_empty() && recording.verify()?.is_empty());
+/// assert_eq!((recording.frame_count(), recording.frame_rate_hz()?), (100, Some(10_000.0)));
+/// assert_eq!(recording.metadata()["scale"], "0.5142 mm/px");
+/// // It does not record an exposure time.
+/// assert_eq!(recording.exposure_us(), 0.0);
+/// // Rows name a body by its index.
+/// assert_eq!(recording.body_name(0), "ball");
+/// let impact = recording.truth_impacts()?.next().unwrap()?;
+/// assert_eq!((impact.body, impact.status.as_str()), (0, "valid"));
+/// # Ok::<(), ricochet::recording::RecordingError>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Recording {
     /// The first file.
@@ -81,6 +112,7 @@ impl Recording {
     /// # Errors
     ///
     /// The errors of [`open`](Self::open).
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn open_one(path: &Path) -> Result<Self, RecordingError> {
         let io = |error| RecordingError::io("open", path, error);
         let file = crate::input::open(path).map_err(io)?;
@@ -107,6 +139,7 @@ impl Recording {
     /// # Errors
     ///
     /// [`RecordingError::Io`] when there is no such file or the system fails. Damage counts as no metadata.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn peek_metadata(path: &Path) -> Result<Option<BTreeMap<String, String>>, RecordingError> {
         let io = |error| RecordingError::io("open", path, error);
         let file = File::open(path).map_err(io)?;
@@ -128,6 +161,7 @@ impl Recording {
     }
 
     /// Returns the name and version of the program that wrote the first file, as its header states them.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn library(&self) -> &str {
         &self.inner.structure.library
     }

@@ -12,6 +12,16 @@ use std::marker::PhantomData;
 use std::sync::Arc;
 
 /// The content of a topic.
+///
+/// # Examples
+///
+/// ```
+/// # let recording = ricochet::recording::Recording::open("recordings/lacrosse.mcap".as_ref())?;
+/// let topics = recording.topics();
+/// let truth = topics.iter().find(|topic| topic.topic == "/truth").unwrap();
+/// assert_eq!((truth.schema.as_str(), truth.messages), ("ricochet.Velocity", 100));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct TopicSummary {
     /// Its name.
@@ -25,6 +35,19 @@ pub struct TopicSummary {
 }
 
 /// Rows of one topic in the order of their time, read on demand.
+///
+/// # Examples
+///
+/// ```
+/// # let recording = ricochet::recording::Recording::open("recordings/lacrosse.mcap".as_ref())?;
+/// let mut truth = recording.truth()?;
+/// assert_eq!(truth.next().unwrap()?.frame, 0);
+/// // Damage is an error of one item; the next one may be intact.
+/// assert!(truth.all(|sample| sample.is_ok()));
+/// // A topic that the recording does not have has no rows.
+/// assert_eq!((recording.velocities()?.count(), recording.tracks()?.count()), (0, 0));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct Rows<T> {
     messages: Messages,
@@ -97,6 +120,21 @@ impl Recording {
     /// # Errors
     ///
     /// [`RecordingError`]; the iterator's items too.
+    ///
+    /// # Examples
+    ///
+    /// ```no_run
+    /// use ricochet::recording::Recording;
+    /// use std::collections::BTreeMap;
+    ///
+    /// // A later revision of a collision replaces the earlier ones.
+    /// let mut latest = BTreeMap::new();
+    /// for impact in Recording::open("shot.mcap".as_ref())?.impacts()? {
+    ///     let impact = impact?;
+    ///     latest.insert((impact.body, impact.number), impact);
+    /// }
+    /// # Ok::<(), ricochet::recording::RecordingError>(())
+    /// ```
     pub fn impacts(&self) -> Result<Rows<Impact>, RecordingError> {
         self.rows(Topic::Impact)
     }

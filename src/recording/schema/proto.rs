@@ -74,7 +74,7 @@ message! {
     Event {
         /// The time, ns since the Unix epoch.
         [fixed64] stamp_ns: u64 = 1,
-        /// The kind: `trigger`, `armed`, `lost-frames`, ...
+        /// The kind: `triggered`, `armed`, `lost`, ... as on the bus.
         [string] kind: String = 2,
         /// The rest, for people.
         [string] text: String = 3,

@@ -3,6 +3,25 @@
 use std::collections::BTreeMap;
 
 /// The description of a recording, written at its beginning.
+///
+/// # Examples
+///
+/// ```
+/// use ricochet::recording::{Recording, RecordingInfo, RecordingWriter, WriterOptions};
+/// # let folder = tempfile::tempdir()?;
+/// # let path = folder.path().join("shot.mcap");
+///
+/// let info = RecordingInfo {
+///     metadata: [("scale".into(), "0.5 mm/px".into())].into(),
+///     bodies: vec!["ball".into()],
+///     ..RecordingInfo::default()
+/// };
+/// let writer = RecordingWriter::create(&path, &info, &WriterOptions::default())?;
+/// let recording = Recording::open(&writer.finish()?.path)?;
+/// assert_eq!(recording.metadata()["scale"], "0.5 mm/px");
+/// assert_eq!((recording.bodies(), recording.config_toml()), (&["ball".to_owned()][..], None));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct RecordingInfo {
     /// The rig's configuration, attached as `config.toml`; empty for none.
@@ -18,6 +37,28 @@ pub struct RecordingInfo {
 }
 
 /// The description of an additional camera: metadata `ricochet/NAME` and attachment `NAME/config.toml`.
+///
+/// # Examples
+///
+/// ```
+/// use ricochet::image::{Frame, FrameMeta};
+/// use ricochet::recording::{Recording, RecordingInfo, RecordingWriter, ViewInfo, WriterOptions};
+/// # let folder = tempfile::tempdir()?;
+/// # let path = folder.path().join("shot.mcap");
+///
+/// let side = ViewInfo { name: "side".into(), ..ViewInfo::default() };
+/// let info = RecordingInfo { views: vec![side], ..RecordingInfo::default() };
+/// let mut writer = RecordingWriter::create(&path, &info, &WriterOptions::default())?;
+/// # let meta = FrameMeta { width_px: 4, height_px: 2, stride_bytes: 4, ..FrameMeta::default() };
+/// for camera in 0..=1 {
+///     writer.select_camera(camera);
+///     writer.write_frame(&Frame { meta, bytes: &[50; 8] })?;
+/// }
+/// let recording = Recording::open(&writer.finish()?.path)?;
+/// assert_eq!(recording.views(), ["side"]);
+/// assert_eq!(recording.view("side")?.frame_count(), 1);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ViewInfo {
     /// The name of the camera. The topics of its frames and results begin with `/NAME`.

@@ -23,11 +23,39 @@ impl RecordingWriter {
     }
 
     /// Writes a velocity. Errors as [`write_field`](Self::write_field).
+    ///
+    /// # Examples
+    ///
+    /// ```
+    /// use ricochet::recording::{Recording, RecordingInfo, RecordingWriter, WriterOptions};
+    /// # let recording = ricochet::recording::Recording::open("recordings/lacrosse.mcap".as_ref())?;
+    /// # let folder = tempfile::tempdir()?;
+    /// # let path = folder.path().join("shot.mcap");
+    ///
+    /// // Rows without frames are a recording too.
+    /// let mut writer = RecordingWriter::create(&path, &RecordingInfo::default(), &WriterOptions::default())?;
+    /// for sample in recording.truth()? {
+    ///     writer.write_velocity(&sample?)?;
+    /// }
+    /// for impact in recording.truth_impacts()? {
+    ///     writer.write_impact(&impact?)?;
+    /// }
+    /// # for track in recording.tracks()? {
+    /// #     writer.write_track(&track?)?;
+    /// # }
+    /// # for field in recording.fields()? {
+    /// #     writer.write_field(&field?)?;
+    /// # }
+    /// writer.finish()?;
+    /// assert_eq!(Recording::open(&path)?.velocities()?.count(), 100);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn write_velocity(&mut self, sample: &VelocitySample) -> Result<(), RecordingError> {
         self.push_row(Topic::Velocity, sample.stamp_ns, sample)
     }
 
     /// Writes a true velocity of a simulated shot. Errors as [`write_field`](Self::write_field).
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn write_truth(&mut self, sample: &VelocitySample) -> Result<(), RecordingError> {
         self.push_row(Topic::Truth, sample.stamp_ns, sample)
     }
@@ -38,11 +66,13 @@ impl RecordingWriter {
     }
 
     /// Writes a true collision of a simulated shot. Errors as [`write_field`](Self::write_field).
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn write_truth_impact(&mut self, impact: &Impact) -> Result<(), RecordingError> {
         self.push_row(Topic::TruthImpact, impact_time_ns(impact), impact)
     }
 
     /// Writes an event. Errors as [`write_field`](Self::write_field).
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn write_event(&mut self, event: &EventRow) -> Result<(), RecordingError> {
         // Events belong to the whole rig.
         self.rows.push(0, Topic::Events, event.stamp_ns, &event.to_message());
@@ -50,11 +80,13 @@ impl RecordingWriter {
     }
 
     /// Writes the status of a process. Errors as [`write_field`](Self::write_field).
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn write_status(&mut self, status: &StatusRow) -> Result<(), RecordingError> {
         self.push_row(Topic::Status, status.stamp_ns, status)
     }
 
     /// Writes the annotations of the frame with this stamp. Errors as [`write_field`](Self::write_field).
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     pub fn write_annotations(&mut self, stamp_ns: u64, annotations: &Annotations) -> Result<(), RecordingError> {
         self.fields.push(self.camera, Topic::Annotations, stamp_ns, &annotations.to_message(stamp_ns));
         self.write_due_batches(stamp_ns)
