@@ -286,12 +286,31 @@ impl Ending {
     }
 }
 
+/// Runs a command with the rig of another host; `None` if it is for one of this host.
+#[cfg(feature = "zenoh")]
+fn run_elsewhere(command: &Command, stop: &Stop) -> Option<Result<Outcome, Failure>> {
+    match command {
+        Command::Listen(options) => options.remote.via.as_ref().map(|via| bridge::listen(options, via, stop)),
+        Command::Status(options) => options.remote.via.as_ref().map(|via| bridge::status(options, via)),
+        Command::Arm(options) => options.remote.via.as_ref().map(|via| bridge::command(options, Request::Arm, via)),
+        Command::Disarm(options) => {
+            options.remote.via.as_ref().map(|via| bridge::command(options, Request::Disarm, via))
+        }
+        Command::Trigger(options) => options.rig.remote.via.as_ref().map(|via| bridge::trigger(options, via)),
+        _ => None,
+    }
+}
+
 /// Runs a command.
 ///
 /// # Errors
 ///
 /// Any error of the command.
 pub fn run(command: Command, stop: &Stop) -> Result<Outcome, Failure> {
+    #[cfg(feature = "zenoh")]
+    if let Some(outcome) = run_elsewhere(&command, stop) {
+        return outcome;
+    }
     match command {
         Command::Demo(options) => demo::run(&options, stop),
         Command::Run { config } => rig::run(&config, stop),

@@ -7,6 +7,7 @@ use iceoryx2::pending_response::PendingResponse;
 use iceoryx2::port::client::Client;
 use iceoryx2::port::server::Server;
 use iceoryx2::prelude::ipc;
+use iceoryx2::service::builder::request_response::RequestResponseOpenError;
 use iceoryx2::service::port_factory::request_response::PortFactory;
 use std::time::{Duration, Instant};
 
@@ -123,13 +124,15 @@ impl PendingReply {
     pub fn wait(&self, timeout: Duration) -> Result<Option<Reply>, BusError> {
         #[expect(clippy::disallowed_methods, reason = "limits how long a person waits")]
         let asked = Instant::now();
-        while asked.elapsed() < timeout {
+        loop {
             if let Some(reply) = self.0.receive().map_err(failure("ask", TOPIC))? {
                 return Ok(Some(*reply));
             }
+            if asked.elapsed() >= timeout {
+                return Ok(None);
+            }
             std::thread::sleep(Duration::from_millis(1));
         }
-        Ok(None)
     }
 }
 
@@ -175,7 +178,13 @@ impl Bus {
             .service_builder(&self.service_name(TOPIC)?)
             .request_response::<Request, Reply>()
             .open()
-            .map_err(|_| BusError::NoRig { rig: self.rig.clone(), service: self.full_name(TOPIC) })?;
+            .map_err(|error| match error {
+                // The last two: its processes have just been killed or are ending.
+                RequestResponseOpenError::DoesNotExist
+                | RequestResponseOpenError::IsMarkedForDestruction
+                | RequestResponseOpenError::ServiceInCorruptedState => self.no_rig_error(TOPIC),
+                other => BusError::new("open", &self.full_name(TOPIC), other),
+            })?;
         let port = service.client_builder().create().map_err(self.failure("ask", TOPIC))?;
         Ok(ControlClient { port, _service: service })
     }

@@ -164,7 +164,7 @@ impl Bus {
             .publish_subscribe::<[FieldPointMessage]>()
             .user_header::<FieldHeader>()
             .open()
-            .map_err(|_| BusError::NoRig { rig: self.rig.clone(), service: self.full_name(TOPIC) })?;
+            .map_err(|error| self.open_error(TOPIC, error))?;
         self.subscribe_to_field(service, 64)
     }
 

@@ -246,7 +246,7 @@ impl Bus {
             .publish_subscribe::<[u8]>()
             .user_header::<FrameHeader>()
             .open()
-            .map_err(|_| BusError::NoRig { rig: self.rig.clone(), service: self.full_name(TOPIC) })?;
+            .map_err(|error| self.open_error(TOPIC, error))?;
         let port = service.subscriber_builder().buffer_size(1).create().map_err(self.failure("read", TOPIC))?;
         Ok(FrameSubscriber { port, _service: service })
     }

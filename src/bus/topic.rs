@@ -6,6 +6,7 @@ use iceoryx2::port::publisher::Publisher as Port;
 use iceoryx2::port::subscriber::Subscriber as SubscriberPort;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::{ZeroCopySend, ipc};
+use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use std::fmt::Debug;
 
@@ -193,14 +194,24 @@ impl Bus {
     ///
     /// [`BusError::NoRig`] if it does not exist, [`BusError::Service`] if it cannot be opened.
     fn existing_service<T: Topic>(&self) -> Result<Service<T>, BusError> {
-        use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
         let opened = self.node().service_builder(&self.service_name(T::NAME)?).publish_subscribe::<T>().open();
-        opened.map_err(|error| match error {
-            PublishSubscribeOpenError::DoesNotExist => {
-                BusError::NoRig { rig: self.rig.clone(), service: self.full_name(T::NAME) }
-            }
-            other => BusError::new("open", &self.full_name(T::NAME), other),
-        })
+        opened.map_err(|error| self.open_error(T::NAME, error))
+    }
+
+    /// Returns the error of a topic that cannot be opened: no rig runs, or it has another version of the topic.
+    pub(super) fn open_error(&self, topic: &str, error: PublishSubscribeOpenError) -> BusError {
+        match error {
+            // The last two: its processes have just been killed or are ending.
+            PublishSubscribeOpenError::DoesNotExist
+            | PublishSubscribeOpenError::IsMarkedForDestruction
+            | PublishSubscribeOpenError::ServiceInCorruptedState => self.no_rig_error(topic),
+            other => BusError::new("open", &self.full_name(topic), other),
+        }
+    }
+
+    /// Returns the error of a rig that does not run.
+    pub(super) fn no_rig_error(&self, topic: &str) -> BusError {
+        BusError::NoRig { rig: self.rig.clone(), service: self.full_name(topic) }
     }
 
     /// Creates a subscriber on an open service, which first receives the history.

@@ -24,7 +24,7 @@ pub struct RigOptions {
     /// The rig of another host.
     #[cfg(feature = "zenoh")]
     #[command(flatten)]
-    pub remote: super::bridge::RemoteOptions,
+    pub remote: super::via::RemoteOptions,
 }
 
 /// The options of `ricochet trigger`.
@@ -38,7 +38,7 @@ pub struct TriggerOptions {
     pub wait: bool,
 }
 
-/// What a command waits for.
+/// The event that a command waits for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Waiting {
     /// The reply of the rig.
@@ -53,7 +53,7 @@ pub(super) enum Waiting {
 ///
 /// When no such rig runs, nobody replies, or the rig refuses.
 pub fn run(options: &RigOptions, command: Command, stop: &Stop) -> Result<Outcome, Failure> {
-    command_rig(options, command, Waiting::No, stop)
+    report(options, &execute(&options.rig, command, Waiting::No, stop)?)
 }
 
 /// Triggers a recording, and waits for it if that is wanted.
@@ -63,17 +63,7 @@ pub fn run(options: &RigOptions, command: Command, stop: &Stop) -> Result<Outcom
 /// When no such rig runs, nobody replies, the rig refuses, or it ends without a recording.
 pub fn trigger(options: &TriggerOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let waiting = if options.wait { Waiting::ForRecording } else { Waiting::No };
-    command_rig(&options.rig, Command::Trigger, waiting, stop)
-}
-
-/// Sends a command to a rig of this host or, by its bridge, of another one, and prints the reply.
-fn command_rig(options: &RigOptions, command: Command, waiting: Waiting, stop: &Stop) -> Result<Outcome, Failure> {
-    #[cfg(feature = "zenoh")]
-    if let Some(via) = &options.remote.via {
-        let wait = if waiting == Waiting::ForRecording { ";wait" } else { "" };
-        return report(options, &super::bridge::ask(via, &options.rig, &format!("{}{wait}", command.as_str()))?);
-    }
-    report(options, &execute(&options.rig, command, waiting, stop)?)
+    report(&options.rig, &execute(&options.rig.rig, Command::Trigger, waiting, stop)?)
 }
 
 /// Sends a command to a rig of this host and returns the reply as JSON.
@@ -146,7 +136,7 @@ fn as_json(reply: &Reply, recording: Option<String>) -> Value {
 /// # Errors
 ///
 /// [`UsageError`] when the rig did not accept the command.
-fn report(options: &RigOptions, answer: &Value) -> Result<Outcome, Failure> {
+pub(super) fn report(options: &RigOptions, answer: &Value) -> Result<Outcome, Failure> {
     let text = |name: &str| answer[name].as_str();
     if options.json {
         print_line(&answer.to_string());

@@ -37,7 +37,7 @@ pub struct ListenOptions {
     /// The rig of another host.
     #[cfg(feature = "zenoh")]
     #[command(flatten)]
-    pub remote: super::bridge::RemoteOptions,
+    pub remote: super::via::RemoteOptions,
 }
 
 /// Prints messages as they arrive, until the rig's stream ends, `count` is reached or a stop is requested.
@@ -46,10 +46,6 @@ pub struct ListenOptions {
 ///
 /// [`UsageError`] when there is no such topic, [`BusError::NoRig`] when there is no such rig.
 pub fn run(options: &ListenOptions, stop: &Stop) -> Result<Outcome, Failure> {
-    #[cfg(feature = "zenoh")]
-    if let Some(via) = &options.remote.via {
-        return super::bridge::listen(options, via, stop);
-    }
     if !TOPICS.split(", ").any(|topic| topic == options.topic) {
         return Err(UsageError(format!("topic {:?} is not one of {TOPICS}", options.topic)).into());
     }

@@ -36,6 +36,8 @@ mod shard;
 pub mod shell;
 pub mod simulate;
 pub mod status;
+#[cfg(feature = "zenoh")]
+pub mod via;
 
 use crate::config::Config;
 use crate::console::UsageError;

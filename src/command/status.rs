@@ -24,7 +24,7 @@ pub struct StatusOptions {
     /// The rig of another host, which `--rig` names.
     #[cfg(feature = "zenoh")]
     #[command(flatten)]
-    pub remote: super::bridge::RemoteOptions,
+    pub remote: super::via::RemoteOptions,
 }
 
 /// The state of a rig's processes.
@@ -42,12 +42,6 @@ struct RigStatus {
 ///
 /// When no such rig runs.
 pub fn run(options: &StatusOptions) -> Result<Outcome, Failure> {
-    #[cfg(feature = "zenoh")]
-    if let Some(via) = &options.remote.via {
-        let (json, table) = super::bridge::status(via, options.rig.as_deref().unwrap_or("rig"))?;
-        print_line(if options.json { &json } else { &table });
-        return Ok(Outcome::Clean);
-    }
     let rigs = match &options.rig {
         Some(rig) => vec![rig.clone()],
         None => Bus::running_rigs(),

@@ -22,11 +22,13 @@ pub struct Bridge {
 
 /// Checks the place of the bridge.
 pub(super) fn check_bridge(table: &Table<'_>, raw: RawBridge) -> Result<Bridge, ConfigError> {
-    let zenoh = table.single_line("zenoh", raw.zenoh)?.filter(|place| place != OFF);
+    let zenoh = raw.zenoh.filter(|place| place != OFF);
     let is_file = |place: &str| FILE_ENDINGS.iter().any(|ending| place.ends_with(ending));
     // Zenoh itself checks the address, whose form depends on the protocol.
     let is_endpoint = |place: &str| {
-        place.split_once('/').is_some_and(|(protocol, address)| !protocol.is_empty() && address.contains(':'))
+        let parts = place.split_once('/');
+        parts.is_some_and(|(protocol, address)| !protocol.is_empty() && address.contains(':'))
+            && !place.chars().any(char::is_control)
     };
     if zenoh.as_deref().is_some_and(|place| !is_file(place) && !is_endpoint(place)) {
         return Err(table.refuse("zenoh", ALLOWED));

@@ -38,6 +38,7 @@ mod topics;
 mod watcher;
 
 pub use access::TokenError;
+#[cfg(feature = "zenoh")]
 pub(crate) use picture::PictureEncoder;
 pub use rows::json_cells;
 

@@ -11,7 +11,7 @@ use crate::impact::{Detector, Event, SurfaceNode, deepest_so_far};
 use crate::measure::body_circle;
 use crate::motion::{
     Axes, Center, CenterFilter, Form, KnownMotion, LocalDrift, MotionParams, OutlineDrift, PixelRates, Pose,
-    PoseIntegrator, Regime, RollingShutter, RunningBias, RunningRadius, Scale, Scatter, SizeChange, SpeedBias, View,
+    PoseIntegrator, Regime, RollingShutter, RunningBias, RunningRadius, Scatter, SizeChange, SpeedBias, View,
     ViewPosition, gravity_px, lag_frames, physical, smooth,
 };
 use crate::results::{

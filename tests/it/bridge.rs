@@ -133,8 +133,8 @@ impl OtherHost {
 
 impl Drop for OtherHost {
     fn drop(&mut self) {
+        // The pair of interfaces goes with it.
         let _ = Command::new("ip").args(["netns", "del", Self::NAME]).status();
-        let _ = Command::new("ip").args(["link", "del", "ric-near"]).status();
     }
 }
 

@@ -6,17 +6,15 @@ use ricochet::track::{Tracker, TrackerParams, TrackerRows};
 
 use crate::synth_physics::{Experiment, Law, Noise, Ripple, Truth, lacrosse, rod, steps, tennis};
 
+/// The parameters of a tracker of one body above a fixed surface, if there is one.
+fn one_body(motion: &MotionParams, contact: bool) -> TrackerParams {
+    TrackerParams { motion: vec![motion.clone()], longer_frames: vec![], contact, surface_body: None }
+}
+
 pub fn track(steps: &[BodyStep], params: &MotionParams) -> TrackerRows {
     let mut rows = TrackerRows::default();
-    let mut tracker = Tracker::new(&TrackerParams {
-        motion: vec![params.clone()],
-        longer_frames: vec![],
-        contact: true,
-        surface_body: None,
-    });
-    for step in steps {
-        tracker.push(step, &mut rows);
-    }
+    let mut tracker = Tracker::new(&one_body(params, true));
+    steps.iter().for_each(|step| tracker.push(step, &mut rows));
     tracker.finish(&mut rows);
     rows
 }
@@ -382,12 +380,7 @@ fn revisions_come_in_time_and_get_sharper() {
     for experiment in [lacrosse(true), tennis(false), rod(true)] {
         let truth = Experiment { after_frames: 100, ..experiment }.simulate(0.6);
         let steps = truth.steps(1, &mut Noise::new(77));
-        let mut tracker = Tracker::new(&TrackerParams {
-            motion: vec![experiment.params()],
-            longer_frames: vec![],
-            contact: true,
-            surface_body: None,
-        });
+        let mut tracker = Tracker::new(&one_body(&experiment.params(), true));
         let mut rows = TrackerRows::default();
         let mut reported = Vec::new();
         for step in &steps {
@@ -462,12 +455,7 @@ fn the_deepest_moment_of_a_spinning_ball_includes_the_uncertainty_of_its_centre(
 fn without_a_surface_there_are_no_phases_and_no_impacts() {
     let truth = lacrosse(true).simulate(0.5);
     let mut rows = TrackerRows::default();
-    let mut tracker = Tracker::new(&TrackerParams {
-        motion: vec![truth.experiment.params()],
-        longer_frames: vec![],
-        contact: false,
-        surface_body: None,
-    });
+    let mut tracker = Tracker::new(&one_body(&truth.experiment.params(), false));
     truth.steps(1, &mut Noise::new(1)).iter().for_each(|s| tracker.push(s, &mut rows));
     tracker.finish(&mut rows);
     assert!(rows.impacts.is_empty());

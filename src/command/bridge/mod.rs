@@ -11,7 +11,7 @@ mod publish;
 mod remote;
 mod session;
 
-pub(super) use remote::{ask, listen, status};
+pub use remote::{command, listen, status, trigger};
 
 use super::control::{Waiting, execute};
 use super::rig::load;
@@ -23,7 +23,7 @@ use crate::message::Command;
 use crate::process::Stop;
 use error::BridgeError;
 use serde_json::{Value, json};
-use session::{Side, key, open};
+use session::{CONTROL, Side, key, open};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -31,8 +31,6 @@ use std::time::Duration;
 use zenoh::Wait;
 use zenoh::query::Query;
 
-/// The last part of the key that requests are sent to.
-const CONTROL: &str = "control";
 /// The maximum number of requests at a time. A trigger that waits for its recording may last.
 const MAX_REQUESTS: usize = 16;
 /// Interval of looking for a request to stop.
@@ -43,15 +41,6 @@ const PAUSE: Duration = Duration::from_millis(50);
 pub struct BridgeOptions {
     /// Rig file.
     pub config: PathBuf,
-}
-
-/// The option of the commands that also reach rigs of other hosts.
-#[derive(Debug, Clone, PartialEq, Eq, clap::Args)]
-pub struct RemoteOptions {
-    /// Reach the rig of another host, where `ricochet bridge` runs: a Zenoh endpoint such as tcp/10.0.0.5:7447, or a file of
-    /// Zenoh's configuration.
-    #[arg(long, value_name = "ENDPOINT")]
-    pub via: Option<String>,
 }
 
 /// Publishes the topics of a rig and answers requests until a stop is requested. The rig may start and end meanwhile.

@@ -1,14 +1,15 @@
 //! The commands that reach the rig of another host: its topics, its state and its control.
 
+use super::super::control::{RigOptions, TriggerOptions, report};
 use super::super::listen::{ListenOptions, Printer};
-use super::CONTROL;
+use super::super::status::StatusOptions;
 use super::error::{BridgeError, RemoteError};
 use super::publish::OTHER_ROWS;
-use super::session::{Side, key, open};
+use super::session::{CONTROL, Side, key, open};
 use crate::bus::Topic;
-use crate::console::{Outcome, UsageError, print_note};
+use crate::console::{Outcome, UsageError, print_line, print_note};
 use crate::failure::{ExitCode, Failure};
-use crate::message::{Event, EventKind, TrackMessage, VelocityMessage};
+use crate::message::{Command, Event, EventKind, TrackMessage, VelocityMessage};
 use crate::process::Stop;
 use serde_json::{Map, Value};
 use std::sync::Arc;
@@ -33,7 +34,7 @@ const LAST_LOOKS: u32 = 10;
 /// # Errors
 ///
 /// [`BridgeError`] when the host is not reached, [`UsageError`] when no such rig is there, and the error of the rig.
-pub(in crate::command) fn ask(via: &str, rig: &str, request: &str) -> Result<Value, Failure> {
+fn ask(via: &str, rig: &str, request: &str) -> Result<Value, Failure> {
     let session = open(via, Side::Remote)?;
     require_bridge(&session, via, rig, 0)?;
     let fail = |source: &dyn std::fmt::Display| BridgeError::new("ask", via, source);
@@ -46,15 +47,34 @@ pub(in crate::command) fn ask(via: &str, rig: &str, request: &str) -> Result<Val
     }
 }
 
-/// Returns the state of the rig of another host, as JSON and as a table.
+/// Sends a command to the rig of another host and prints the reply.
 ///
 /// # Errors
 ///
-/// As [`ask`].
-pub(in crate::command) fn status(via: &str, rig: &str) -> Result<(String, String), Failure> {
-    let reply = ask(via, rig, "status")?;
-    let text = |name: &str| reply[name].as_str().unwrap_or_default().to_owned();
-    Ok((text("json"), text("table")))
+/// As those of [`control::run`](super::super::control::run), and [`BridgeError`] when the host is not reached.
+pub fn command(options: &RigOptions, command: Command, via: &str) -> Result<Outcome, Failure> {
+    report(options, &ask(via, &options.rig, command.as_str())?)
+}
+
+/// Triggers a recording at another host, and waits for it if that is wanted.
+///
+/// # Errors
+///
+/// As [`command`], or when the rig ends without a recording.
+pub fn trigger(options: &TriggerOptions, via: &str) -> Result<Outcome, Failure> {
+    let wait = if options.wait { ";wait" } else { "" };
+    report(&options.rig, &ask(via, &options.rig.rig, &format!("{}{wait}", Command::Trigger.as_str()))?)
+}
+
+/// Prints the state of the rig of another host.
+///
+/// # Errors
+///
+/// As [`command`].
+pub fn status(options: &StatusOptions, via: &str) -> Result<Outcome, Failure> {
+    let reply = ask(via, options.rig.as_deref().unwrap_or("rig"), "status")?;
+    print_line(reply[if options.json { "json" } else { "table" }].as_str().unwrap_or_default());
+    Ok(Outcome::Clean)
 }
 
 /// Prints a topic of the rig of another host until its stream ends, `count` is reached or a stop is requested.
@@ -64,7 +84,7 @@ pub(in crate::command) fn status(via: &str, rig: &str) -> Result<(String, String
 /// # Errors
 ///
 /// [`UsageError`] when there is no such topic or rig, [`BridgeError`] when the host is not reached.
-pub(in crate::command) fn listen(options: &ListenOptions, via: &str, stop: &Stop) -> Result<Outcome, Failure> {
+pub fn listen(options: &ListenOptions, via: &str, stop: &Stop) -> Result<Outcome, Failure> {
     let (rig, topic) = (options.rig.as_str(), options.topic.as_str());
     if !TOPICS.contains(&topic) {
         return Err(UsageError(format!("topic {topic:?} is not one of {} of another host", TOPICS.join(", "))).into());

@@ -4,6 +4,8 @@ use super::error::BridgeError;
 use std::path::Path;
 use zenoh::{Config, Session, Wait};
 
+/// The last part of the key that requests are sent to.
+pub(super) const CONTROL: &str = "control";
 /// The maximum time to connect to an endpoint, ms.
 const CONNECT_MS: u32 = 3000;
 

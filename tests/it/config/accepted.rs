@@ -87,7 +87,7 @@ fn every_key_of_the_camera_is_used() {
     assert_eq!(camera.features["Gain"], FeatureValue::Float(1.5));
     assert_eq!(camera.features["Mode"], FeatureValue::Text("Off".into()));
     assert_eq!(config.scale, Some(Scale::BallDiameterMm(40.0)));
-    assert_eq!(config.surface, Surface { angle_deg: 19.5, edge: None });
+    assert_eq!(config.surface, Surface { angle_deg: 19.5, edge: None, body: None });
 }
 
 #[test]
@@ -156,7 +156,7 @@ fn an_edge_gives_the_angle_and_the_trigger_modes_on_it_differ() {
          mode = \"predicted-contact\"\nbody = \"ball\"\nlead_s = 0.5\nquiet_s = 3\ncommand = [\"a\", \"b\"]\n\
          url = \"http://host:81/x\"\nother_rig = \"side\"\n"
     ));
-    assert_eq!(config.surface, Surface { angle_deg: 45.0, edge: Some([[0.0, 100.0], [100.0, 0.0]]) });
+    assert_eq!(config.surface, Surface { angle_deg: 45.0, edge: Some([[0.0, 100.0], [100.0, 0.0]]), body: None });
     let trigger = &config.trigger;
     assert_eq!((trigger.mode, trigger.lead_s, trigger.quiet_s), (TriggerMode::PredictedContact, 0.5, 3.0));
     assert_eq!((trigger.body.as_deref(), trigger.other_rig.as_deref()), (Some("ball"), Some("side")));

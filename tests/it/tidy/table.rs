@@ -216,6 +216,8 @@ pub const ROOMS: &[Room] = &[
             "thiserror",
             "toml",
             "toml_edit",
+            "zenoh",
+            "zenoh_ext",
         ],
     ),
     open(
@@ -296,6 +298,8 @@ pub const OUTSIDE: &[&str] = &[
     "toml",
     "toml_edit",
     "ureq",
+    "zenoh",
+    "zenoh_ext",
     "zstd",
     "zune_jpeg",
 ];
