@@ -14,7 +14,7 @@ fn main() -> ExitCode {
         Parsed::Run(command) => command,
         Parsed::Printed(code) => return ExitCode::from(code),
     };
-    // What Zenoh reports without being asked is in the errors that it returns.
+    // Zenoh logs the errors that it also returns.
     let filter = env_logger::Env::default().default_filter_or("warn,zenoh=off");
     env_logger::Builder::from_env(filter).format_timestamp(None).init();
     let ending = Ending::of(&command);

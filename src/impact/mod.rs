@@ -23,4 +23,4 @@ pub use law_fit::{Expected, LawFit, fit_law};
 pub use model_selection::{FirstGuess, ForceLawPosterior, select_law};
 pub use out_of_plane::{DilatationRates, OutOfPlane};
 pub use solver::{ImpactContext, deepest_so_far, solve};
-pub use trajectory::{SurfaceNode, nodes_between};
+pub use trajectory::{ANGLE, SurfaceNode, nodes_between};

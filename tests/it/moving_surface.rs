@@ -9,11 +9,15 @@ use ricochet::track::{Tracker, TrackerParams, TrackerRows};
 const PATCH_SIGMA: (f64, f64, f64) = (0.004, 0.004, 40.0);
 
 /// The last revision of the first impact of a ball on a surface that moves by `path` (px, y down) in each frame.
-fn impact_on(experiment: &Experiment, path: impl Fn(f64) -> [f64; 2], seed: u64) -> (Impact, f64) {
+fn impact_on(experiment: &Experiment, path: impl Fn(f64) -> [f64; 2], turn_deg: f64, seed: u64) -> (Impact, f64) {
     let truth = Experiment { after_frames: 120, ..*experiment }.simulate(0.37);
     let mut noise = Noise::new(seed);
     let mut ball = truth.steps(1, &mut noise);
-    let places: Vec<[f64; 3]> = (0..=ball.len()).map(|frame| path(frame as f64)).map(|[x, y]| [x, y, 0.0]).collect();
+    let places: Vec<[f64; 3]> = (0..=ball.len())
+        .map(|frame| path(frame as f64))
+        .enumerate()
+        .map(|(frame, [x, y])| [x, y, turn_deg * frame as f64])
+        .collect();
     let patch = steps(&places, 1, 1e9 / experiment.frame_rate_hz, PATCH_SIGMA, &mut noise);
     for (frame, step) in ball.iter_mut().enumerate() {
         let [here, next] = [places[frame], places[frame + 1]];
@@ -45,6 +49,15 @@ fn impact_on(experiment: &Experiment, path: impl Fn(f64) -> [f64; 2], seed: u64)
     (*first.expect("an impact"), -truth.after[0] / truth.before[0])
 }
 
+/// A racket that turns moves faster at the point of contact than at its patch, and its numbers are not `valid`.
+#[test]
+fn an_impact_on_a_surface_that_turns_is_an_outlier() {
+    for (turn_deg, status) in [(0.0, PointStatus::Valid), (0.02, PointStatus::Outlier)] {
+        let (impact, _) = impact_on(&tennis(true), |t| [0.0, -0.1 * t], turn_deg, 3);
+        assert_eq!(impact.status, status, "{turn_deg} deg per frame");
+    }
+}
+
 #[test]
 fn restitution_is_relative_to_a_surface_that_moves() {
     for experiment in [lacrosse(true), tennis(true)] {
@@ -59,7 +72,7 @@ fn restitution_is_relative_to_a_surface_that_moves() {
         for (name, [speed, along, growth]) in cases {
             let path = |t: f64| [along * px_per_frame * t, -px_per_frame * (speed * t + 0.5 * growth * t * t)];
             for seed in 0..4 {
-                let (impact, truth) = impact_on(&experiment, path, seed);
+                let (impact, truth) = impact_on(&experiment, path, 0.0, seed);
                 let e = impact.restitution.expect("restitution");
                 println!("{} {name} {seed}: {e:?}, truly {truth:.4}", experiment.name);
                 assert!((e.value - truth).abs() < 4.0 * e.sigma && e.sigma < 0.02, "{name}: {e:?} truly {truth}");

@@ -19,7 +19,7 @@ const SIDE_PX: usize = 320;
 const PERIOD: Duration = Duration::from_millis(100);
 /// Interval of looking for a frame, a reader or a rig.
 const RETRY: Duration = Duration::from_millis(200);
-/// The number of looks in vain after which the rig is looked for again.
+/// The number of periods without a frame after which the rig is searched for again.
 const MAX_LOOKS: u32 = 10;
 
 /// Starts the thread; it ends when a stop is requested.

@@ -51,7 +51,7 @@ fn ask(via: &str, rig: &str, request: &str) -> Result<Value, Failure> {
 ///
 /// # Errors
 ///
-/// As those of [`control::run`](super::super::control::run), and [`BridgeError`] when the host is not reached.
+/// [`BridgeError`] when the host is not reached, [`UsageError`] when no such rig is there or it refuses.
 pub fn command(options: &RigOptions, command: Command, via: &str) -> Result<Outcome, Failure> {
     report(options, &ask(via, &options.rig, command.as_str())?)
 }
@@ -60,7 +60,7 @@ pub fn command(options: &RigOptions, command: Command, via: &str) -> Result<Outc
 ///
 /// # Errors
 ///
-/// As [`command`], or when the rig ends without a recording.
+/// Those of [`command`], or when the rig ends without a recording.
 pub fn trigger(options: &TriggerOptions, via: &str) -> Result<Outcome, Failure> {
     let wait = if options.wait { ";wait" } else { "" };
     report(&options.rig, &ask(via, &options.rig.rig, &format!("{}{wait}", Command::Trigger.as_str()))?)
@@ -70,7 +70,7 @@ pub fn trigger(options: &TriggerOptions, via: &str) -> Result<Outcome, Failure> 
 ///
 /// # Errors
 ///
-/// As [`command`].
+/// Those of [`command`].
 pub fn status(options: &StatusOptions, via: &str) -> Result<Outcome, Failure> {
     let reply = ask(via, options.rig.as_deref().unwrap_or("rig"), "status")?;
     print_line(reply[if options.json { "json" } else { "table" }].as_str().unwrap_or_default());

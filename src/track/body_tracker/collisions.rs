@@ -12,6 +12,8 @@ const RETRY_FRAMES: f64 = 3.0;
 const LIGHT_PULL: f64 = 0.3;
 /// The time after the end of contact from which the first revision is final, s.
 const FINAL_AFTER_S: f64 = 0.035;
+/// The flight before a contact in which a moving surface must not rotate, frames.
+const FLIGHT_FRAMES: f64 = 128.0;
 
 impl BodyTracker {
     /// Begins, measures, revises or withdraws the collision after an event of the detector.
@@ -128,6 +130,8 @@ impl BodyTracker {
         pending_impact.measured_to_frames = newest;
         pending_impact.tried_frames = newest;
         let own = self.surface.as_ref().map(|surface| surface.relative(detector.nodes()));
+        let from_frames = pending_impact.contact.start_frames - FLIGHT_FRAMES;
+        let turns = self.surface.as_ref().is_some_and(|surface| surface.has_turned(from_frames, newest));
         let nodes = own.as_deref().unwrap_or_else(|| detector.nodes());
         let (growth, drift, axes) = (&self.size_change, &self.outline_drift, self.axes);
         let middle_sigma_px = self.params.view.sigma_px;
@@ -153,7 +157,7 @@ impl BodyTracker {
         }
         for impact in &mut impacts[known..] {
             // Velocities relative to a moving surface are not those of the frames.
-            if self.surface.is_none() && self.contradicts_flights(impact) {
+            if turns || (self.surface.is_none() && self.contradicts_flights(impact)) {
                 impact.status = PointStatus::Outlier;
             }
         }
