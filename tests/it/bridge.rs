@@ -3,11 +3,13 @@
 use crate::pipeline_faults::drifting;
 use crate::support::{Background, Listener, Rig, ricochet, run, succeed, wait_until};
 use serde_json::Value;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
+
+mod router;
 
 /// Returns an endpoint of this host that is free.
 fn free_endpoint() -> String {
@@ -136,6 +138,11 @@ impl Drop for OtherHost {
         // The pair of interfaces goes with it.
         let _ = Command::new("ip").args(["netns", "del", Self::NAME]).status();
     }
+}
+
+/// The bodies and frames of the rows of a listener.
+fn by_body_and_frame(rows: &[(Instant, Value)]) -> BTreeSet<(u64, String)> {
+    rows.iter().filter_map(|(_, row)| Some((row["frame"].as_u64()?, row["body"].to_string()))).collect()
 }
 
 /// The frames of the rows of a listener, with the times of their arrival.

@@ -1,10 +1,11 @@
 //! A rig for tests: its own name and directory, the real program, clean-up.
 
 use ricochet::recording::Recording;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
@@ -116,7 +117,6 @@ impl Background {
 
     /// Waits for the end of the program and returns exit code, standard output and standard error.
     pub fn end(mut self) -> (Option<i32>, String, String) {
-        use std::io::Read;
         let read = |pipe: &mut dyn Read| {
             let mut text = String::new();
             pipe.read_to_string(&mut text).unwrap();
@@ -125,7 +125,7 @@ impl Background {
         let (mut stdout, mut stderr) = (self.0.stdout.take().unwrap(), self.0.stderr.take().unwrap());
         let complaints = std::thread::spawn(move || {
             let mut text = String::new();
-            std::io::Read::read_to_string(&mut stderr, &mut text).unwrap();
+            stderr.read_to_string(&mut text).unwrap();
             text
         });
         let printed = read(&mut stdout);
@@ -144,6 +144,8 @@ impl Drop for Background {
 /// `ricochet listen` in the background. Its samples are read all the time, so that it never waits for its reader.
 pub struct Listener {
     program: Background,
+    /// The number of samples that were read.
+    read: Arc<AtomicUsize>,
     samples: std::thread::JoinHandle<Vec<(Instant, serde_json::Value)>>,
 }
 
@@ -157,9 +159,19 @@ impl Listener {
     pub fn run(command: Command) -> Self {
         let mut program = Background::start(command);
         let lines = BufReader::new(program.0.stdout.take().unwrap()).lines();
-        let stamped =
-            move || lines.map(|line| (Instant::now(), serde_json::from_str(&line.unwrap()).unwrap())).collect();
-        Self { program, samples: std::thread::spawn(stamped) }
+        let read = Arc::new(AtomicUsize::new(0));
+        let count = Arc::clone(&read);
+        let stamped = move |line: std::io::Result<String>| {
+            count.fetch_add(1, Ordering::Relaxed);
+            (Instant::now(), serde_json::from_str(&line.unwrap()).unwrap())
+        };
+        Self { program, read, samples: std::thread::spawn(move || lines.map(stamped).collect()) }
+    }
+
+    /// The number of samples so far.
+    #[cfg_attr(not(feature = "zenoh"), expect(dead_code, reason = "tests of the bridge wait for rows"))]
+    pub fn rows(&self) -> usize {
+        self.read.load(Ordering::Relaxed)
     }
 
     /// Waits for the end of the stream and returns every sample with the time of its arrival.
@@ -168,9 +180,17 @@ impl Listener {
     }
 
     /// Waits for the end of the stream and returns every sample with the time of its arrival, and the exit code.
-    pub fn end_with_code(mut self) -> (Vec<(Instant, serde_json::Value)>, Option<i32>) {
+    pub fn end_with_code(self) -> (Vec<(Instant, serde_json::Value)>, Option<i32>) {
+        let (samples, code, _) = self.end_with_complaints();
+        (samples, code)
+    }
+
+    /// The same, and its standard error.
+    pub fn end_with_complaints(mut self) -> (Vec<(Instant, serde_json::Value)>, Option<i32>, String) {
         let status = wait_until("the listener ends", || self.program.0.try_wait().unwrap());
-        (self.samples.join().unwrap(), status.code())
+        let mut complaints = String::new();
+        self.program.0.stderr.take().unwrap().read_to_string(&mut complaints).unwrap();
+        (self.samples.join().unwrap(), status.code(), complaints)
     }
 }
 

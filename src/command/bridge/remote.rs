@@ -99,7 +99,9 @@ pub fn listen(options: &ListenOptions, via: &str, stop: &Stop) -> Result<Outcome
     let subscriber = session
         .declare_subscriber(key(rig, topic))
         .callback(move |sample: Sample| drop(sender.send(sample.payload().to_bytes().into_owned())))
-        .history(HistoryConfig::default().detect_late_publishers().max_samples(late_rows))
+        // Without the detection of late publishers: it takes a bridge whose router is back for one, fetches the newest
+        // rows alone, and gives up those before.
+        .history(HistoryConfig::default().max_samples(late_rows))
         .recovery(RecoveryConfig::default().heartbeat())
         .wait()
         .map_err(fail)?;
@@ -137,11 +139,16 @@ fn print_rows(mut printer: Printer, rows: &Receiver<Vec<u8>>, is_over: &AtomicBo
     }
 }
 
-/// Returns a flag that is set when the stream of the rig ends.
+/// Returns a flag that is set when the stream of the rig ends, also if that happens while the link is away.
 fn watch_end(session: &Session, rig: &str) -> zenoh::Result<Arc<AtomicBool>> {
     let is_over = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&is_over);
+    let is_first = AtomicBool::new(true);
     let note = move |sample: Sample| {
+        // The newest event before this reader came, which is about an earlier stream if it is the end of one.
+        if is_first.swap(false, Ordering::Relaxed) {
+            return;
+        }
         let row: Value = serde_json::from_slice(&sample.payload().to_bytes()).unwrap_or_default();
         match row["kind"].as_str() {
             Some(kind) if kind == EventKind::Tracked.as_str() => flag.store(true, Ordering::Relaxed),
@@ -149,7 +156,13 @@ fn watch_end(session: &Session, rig: &str) -> zenoh::Result<Arc<AtomicBool>> {
             _ => {}
         }
     };
-    session.declare_subscriber(key(rig, Event::NAME)).callback(note).background().wait()?;
+    session
+        .declare_subscriber(key(rig, Event::NAME))
+        .callback(note)
+        .history(HistoryConfig::default().max_samples(1))
+        .recovery(RecoveryConfig::default().heartbeat())
+        .background()
+        .wait()?;
     Ok(is_over)
 }
 
