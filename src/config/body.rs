@@ -60,7 +60,7 @@ impl Body {
 }
 
 /// The maximum number of bodies.
-const BODIES_MAX: usize = 16;
+pub(super) const BODIES_MAX: usize = 16;
 /// The maximum number of corners of a polygon.
 const CORNERS_MAX: usize = 256;
 /// The area of the smallest patch that carries as much texture as a subset, px^2.

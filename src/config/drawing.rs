@@ -1,8 +1,9 @@
 //! Shapes that a person draws on a picture of the camera, as values of a rig file.
 
+use super::body::BODIES_MAX;
 use super::trigger::TriggerMode;
 use super::{Config, ConfigError};
-use toml_edit::{Array, ArrayOfTables, DocumentMut, Item, Table, TableLike, Value, value};
+use toml_edit::{Array, ArrayOfTables, DocumentMut, InlineTable, Item, Table, TableLike, Value, value};
 
 /// A point of a frame, (x, y) in px.
 type Point = [f64; 2];
@@ -21,6 +22,8 @@ pub enum ShapeKey {
     Polygon(String),
     /// One of the `holes_px` of a patch by its place in the list, or a further one: its corners.
     Mask(String, usize),
+    /// A patch that the rig does not have yet, by its name: its corners. It becomes a further `[[body]]`.
+    NewPatch(String),
     /// `surface.edge`: its two ends. The outward normal is a quarter turn counter-clockwise from the first to the second.
     Edge,
 }
@@ -82,6 +85,9 @@ impl Config {
             }
             add(ShapeKey::Mask(name(), patch.holes_px.len()), Vec::new());
         }
+        if self.bodies.len() < BODIES_MAX {
+            add(ShapeKey::NewPatch(self.free_patch_name()), Vec::new());
+        }
         add(ShapeKey::Edge, self.surface.edge.map_or_else(Vec::new, |edge| edge.to_vec()));
         shapes
     }
@@ -111,6 +117,13 @@ impl Config {
         Ok((changed, after))
     }
 
+    /// Returns a name that no body has, for a further patch.
+    fn free_patch_name(&self) -> String {
+        let is_free = |name: &String| self.bodies.iter().all(|body| body.name != *name);
+        let numbered = (2..).map(|number| format!("patch-{number}"));
+        std::iter::once("patch".to_owned()).chain(numbered).find(is_free).unwrap_or_default()
+    }
+
     /// Returns the index of a body by its name.
     fn body_index(&self, name: &str) -> Result<usize, DrawingError> {
         let index = self.bodies.iter().position(|body| body.name == name);
@@ -127,7 +140,7 @@ fn opposite_pixels([x, y, width, height]: [u32; 4]) -> Vec<Point> {
 impl Shape {
     /// Checks the points by themselves, against the frame, and a mask against its patch.
     fn check(&self, config: &Config, frame_px: Option<(u32, u32)>) -> Result<(), DrawingError> {
-        let is_polygon = matches!(self.key, ShapeKey::Polygon(_) | ShapeKey::Mask(..));
+        let is_polygon = matches!(self.key, ShapeKey::Polygon(_) | ShapeKey::Mask(..) | ShapeKey::NewPatch(_));
         let count = self.points_px.len();
         if !(if is_polygon { 3..=CORNERS_MAX } else { 2..=2 }).contains(&count) {
             return Err(DrawingError::Count(count));
@@ -178,6 +191,15 @@ impl Shape {
                     set_mask(body, *place, polygon(&self.points_px));
                 }
             }
+            ShapeKey::NewPatch(name) => {
+                // The name of a single body may be left out of the file.
+                if let Some(first) = body_table(document, 0)
+                    && !first.contains_key("name")
+                {
+                    first.insert("name", value(&config.bodies[0].name));
+                }
+                add_patch(document, name, polygon(&self.points_px));
+            }
         }
         Ok(())
     }
@@ -214,6 +236,18 @@ fn body_table(document: &mut DocumentMut, index: usize) -> Option<&mut dyn Table
             tables.get_mut(index).and_then(Value::as_inline_table_mut).map(|table| table as _)
         }
         _ => None,
+    }
+}
+
+/// Adds the table of a patch after those of the other bodies.
+fn add_patch(document: &mut DocumentMut, name: &str, corners: Value) {
+    let entries = [("name", name.into()), ("kind", "patch".into()), ("polygon_px", corners)];
+    match document.get_mut("body") {
+        Some(Item::ArrayOfTables(tables)) => {
+            tables.push(entries.map(|(key, new)| (key, value(new))).into_iter().collect())
+        }
+        Some(Item::Value(Value::Array(tables))) => tables.push(entries.into_iter().collect::<InlineTable>()),
+        _ => {}
     }
 }
 
@@ -293,6 +327,7 @@ impl ShapeKey {
             Self::SearchRegion(name) => format!("roi_px of body {name:?}"),
             Self::Polygon(name) => format!("polygon_px of body {name:?}"),
             Self::Mask(name, _) => format!("holes_px of body {name:?}"),
+            Self::NewPatch(name) => format!("the new patch {name:?}"),
             Self::Edge => "surface.edge".to_owned(),
         }
     }
@@ -362,6 +397,30 @@ mod tests {
     }
 
     #[test]
+    fn a_new_patch_is_a_further_body_and_the_others_keep_their_names() {
+        let corners = vec![[10.0, 20.0], [90.0, 20.0], [50.0, 99.96]];
+        let shape = Shape { key: ShapeKey::NewPatch("plate".into()), points_px: corners };
+        let add = |text: &str| Config::with_shape(text, "rig.toml", &shape, Some((640, 480)));
+        let table = "[[body]]\nname = \"plate\"\nkind = \"patch\"\n\
+                     polygon_px = [[10.0, 20.0], [90.0, 20.0], [50.0, 100.0]]\n";
+        assert_eq!(add(FILE).unwrap().0, format!("{FILE}\n{table}"));
+        let camera = "[camera]\nsource = \"simulated\"\n";
+        for (bodies, named) in [
+            ("", "\n[[body]]\nname = \"ball\"\n"),
+            ("[[body]] # white\nmass_kg = 0.1\n", "[[body]] # white\nmass_kg = 0.1\nname = \"ball\"\n"),
+        ] {
+            let (text, config) = add(&format!("{camera}{bodies}")).unwrap();
+            assert_eq!(text, format!("{camera}{named}\n{table}"));
+            assert_eq!(config.bodies[0].name, "ball");
+        }
+        let (text, config) = add(&format!("body = [{{ kind = \"rod\" }}] # one line\n{camera}")).unwrap();
+        assert!(text.starts_with("body = [{ kind = \"rod\" , name = \"rod\" }, { name = \"plate\", kind"), "{text}");
+        assert_eq!((config.bodies.len(), config.bodies[1].name.as_str()), (2, "plate"));
+        let again = add(&format!("{FILE}\n{table}")).unwrap_err().to_string();
+        assert!(again.contains("different from the names of the bodies before it"), "{again}");
+    }
+
+    #[test]
     fn a_shape_that_does_not_fit_is_refused() {
         let patch = || ShapeKey::Polygon("target".into());
         let square = [[100.0, 100.0], [200.0, 100.0], [200.0, 200.0], [100.0, 200.0]];
@@ -395,6 +454,7 @@ mod tests {
             "roi_px of body \"ball\"",
             "polygon_px of body \"target\"",
             "holes_px of body \"target\"",
+            "the new patch \"patch\"",
             "surface.edge",
         ];
         assert_eq!(keys(FILE), all);

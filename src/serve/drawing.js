@@ -9,6 +9,8 @@ const drawing = (() => {
   const normal = element("drawing-normal");
   const picture = element("picture");
   const choice = element("drawing-choice");
+  /** The name of a new patch. */
+  const name = element("drawing-name");
   let revision = "";
   let shapes = [];
   /** The shape that is drawn, with `points` in px; null without one. */
@@ -24,9 +26,10 @@ const drawing = (() => {
       "search-region": `Search region of ${body}`,
       polygon: `Patch ${body}`,
       mask: `Mask ${place + 1} in ${body}`,
+      "new-patch": "New patch",
       edge: "Edge of the surface",
     };
-    return texts[shape] + (points.length === 0 ? " (new)" : "");
+    return texts[shape] + (points.length === 0 && shape !== "new-patch" ? " (new)" : "");
   }
 
   function frameSize() {
@@ -176,6 +179,8 @@ const drawing = (() => {
   function choose(index) {
     const chosen = shapes[index];
     draft = chosen ? { ...chosen, points: chosen.points_px.map((point) => [...point]) } : null;
+    name.hidden = !draft || draft.shape !== "new-patch";
+    if (!name.hidden) name.value = draft.body;
     if (draft) note(isPair() ? "Drag on the picture, or move the points." : "Click the corners one after the other, or move them.");
     render();
   }
@@ -228,7 +233,8 @@ const drawing = (() => {
 
   async function save() {
     const points = draft.points.map(rounded);
-    const { shape, body, place } = draft;
+    const { shape, place } = draft;
+    const body = name.hidden ? draft.body : name.value.trim();
     const options = {
       method: "POST",
       headers: { "x-ricochet-page": page },

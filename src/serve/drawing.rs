@@ -20,6 +20,7 @@ mod words {
     pub const SEARCH_REGION: &str = "search-region";
     pub const POLYGON: &str = "polygon";
     pub const MASK: &str = "mask";
+    pub const NEW_PATCH: &str = "new-patch";
     pub const EDGE: &str = "edge";
 }
 
@@ -47,8 +48,8 @@ pub(super) async fn draw(State(app): State<Arc<App>>, request: Request) -> Respo
     };
     let asked = serde_json::from_slice::<Value>(&body).ok();
     let Some((revision, shape)) = asked.as_ref().and_then(parse_request) else {
-        let form = "the body is {\"revision\": \"...\", \"shape\": \"trigger-region, search-region, polygon, mask or edge\", \
-                    \"body\": \"NAME\", \"place\": 0, \"points_px\": [[x, y], ...]}";
+        let form = "the body is {\"revision\": \"...\", \"shape\": \"trigger-region, search-region, polygon, mask, \
+                    new-patch or edge\", \"body\": \"NAME\", \"place\": 0, \"points_px\": [[x, y], ...]}";
         return refuse(StatusCode::BAD_REQUEST, form);
     };
     let frame_px = frame_size(&app);
@@ -92,6 +93,7 @@ fn shape_json(shape: &Shape) -> Value {
         ShapeKey::SearchRegion(body) => (words::SEARCH_REGION, Some(body), None),
         ShapeKey::Polygon(body) => (words::POLYGON, Some(body), None),
         ShapeKey::Mask(body, place) => (words::MASK, Some(body), Some(place)),
+        ShapeKey::NewPatch(body) => (words::NEW_PATCH, Some(body), None),
         ShapeKey::Edge => (words::EDGE, None, None),
     };
     json!({ "shape": word, "body": body, "place": place, "points_px": shape.points_px })
@@ -106,6 +108,7 @@ fn parse_request(asked: &Value) -> Option<(String, Shape)> {
         words::SEARCH_REGION => ShapeKey::SearchRegion(body()?),
         words::POLYGON => ShapeKey::Polygon(body()?),
         words::MASK => ShapeKey::Mask(body()?, place?),
+        words::NEW_PATCH => ShapeKey::NewPatch(body()?),
         words::EDGE => ShapeKey::Edge,
         _ => return None,
     };
@@ -128,6 +131,7 @@ mod tests {
             ShapeKey::SearchRegion("a".into()),
             ShapeKey::Polygon("b".into()),
             ShapeKey::Mask("b".into(), 2),
+            ShapeKey::NewPatch("c".into()),
             ShapeKey::Edge,
         ];
         for key in keys {

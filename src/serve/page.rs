@@ -70,6 +70,7 @@ fn drawing_tools() -> Markup {
             button type="button" id="drawing-start" disabled { "Draw" }
             div id="drawing-tools" hidden {
                 select id="drawing-choice" aria-label="Shape to draw" {}
+                input id="drawing-name" aria-label="Name of the new patch" maxlength="32" autocomplete="off" hidden;
                 button type="button" id="drawing-clear" { "Start over" }
                 button type="button" id="drawing-middle" { "In the middle" }
                 button type="button" id="drawing-save" disabled { "Write to rig file" }

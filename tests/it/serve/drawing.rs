@@ -67,6 +67,11 @@ fn click(browser: &mut Chromium, points: &[[f64; 2]]) {
     }
 }
 
+/// Types a name for the new patch in place of the one before.
+fn name(browser: &mut Chromium, text: &str) {
+    browser.evaluate(&format!("document.getElementById('drawing-name').value = {text:?}"));
+}
+
 /// Writes the shape, and waits for a note with these words.
 fn save(browser: &mut Chromium, words: &str) {
     browser.click("#drawing-save");
@@ -123,7 +128,25 @@ fn shapes_drawn_in_a_browser_are_in_the_rig_file_and_its_comments_stay() {
     browser.click("#drawing-clear");
     click(&mut browser, &[[60.0, 60.0], [70.0, 60.0], [70.0, 70.0]]);
     save(&mut browser, "holes_px of body");
-    assert!(read().contains("# by hand\nholes_px = [[[60.0, 60.0], [70.0, 60.0], [70.0, 70.0]]]\n"), "{}", read());
+    let mask = "# by hand\nholes_px = [[[60.0, 60.0], [70.0, 60.0], [70.0, 70.0]]]\n";
+    expected = expected.replace("# by hand\n", mask);
+    assert_eq!(read(), expected);
+
+    choose(&mut browser, "New patch");
+    assert_eq!(browser.evaluate("document.getElementById('drawing-name').value"), "patch");
+    click(&mut browser, &[[100.0, 20.0], [140.0, 20.0], [140.0, 60.0], [100.0, 60.0]]);
+    name(&mut browser, "a wall");
+    save(&mut browser, "1 to 32 of the characters");
+    name(&mut browser, "target");
+    save(&mut browser, "different from the names of the bodies before it");
+    assert_eq!(read(), expected, "a refused patch changes nothing");
+    name(&mut browser, "wall");
+    save(&mut browser, "the new patch \"wall\" is written");
+    let corners = "[[100.0, 20.0], [140.0, 20.0], [140.0, 60.0], [100.0, 60.0]]";
+    let table = format!("\n[[body]]\nname = \"wall\"\nkind = \"patch\"\npolygon_px = {corners}\n");
+    expected = expected.replace(mask, &format!("{mask}{table}"));
+    assert_eq!(read(), expected);
+    choose(&mut browser, "Patch wall");
     server.process.signal(15);
     server.process.end();
 }
