@@ -172,6 +172,9 @@ fn a_viewer_receives_the_fields_and_the_log_and_reads_the_settings() {
     assert_eq!(armed.len(), 1, "{armed:?}");
 }
 
+/// The types of panels in the layout, as Foxglove and Lichtblick name them in their files.
+const PANELS: [&str; 6] = ["CallService", "Image", "Parameters", "Plot", "RawMessages", "RosOut"];
+
 #[test]
 fn the_layout_shows_topics_and_services_that_the_server_has() {
     let layout: Value = serde_json::from_str(include_str!("../../../config/foxglove.json")).unwrap();
@@ -185,6 +188,16 @@ fn the_layout_shows_topics_and_services_that_the_server_has() {
         assert!(viewer.channels.contains_key(topic) || viewer.services.contains_key(topic), "{name}");
     }
     assert!(named.len() >= 8, "{named:?}");
+    for (panel, settings) in layout["configById"].as_object().unwrap() {
+        assert!(PANELS.contains(&panel.split('!').next().unwrap()), "{panel}");
+        for path in settings["paths"].as_array().into_iter().flatten() {
+            let (topic, column) = path["value"].as_str().unwrap().split_once('.').unwrap();
+            let schema: Value = serde_json::from_str(viewer.channels[topic]["schema"].as_str().unwrap()).unwrap();
+            assert_eq!(schema["properties"][column]["type"], "number", "{path}");
+            // Rows have no `header.stamp`, and a viewer draws nothing for a message without it.
+            assert!(schema["properties"]["header"].is_null() && path["timestampMethod"] == "receiveTime", "{path}");
+        }
+    }
     // Each panel of the layout has its settings, and the other way round.
     let mut panels = Vec::new();
     collect_panels(&layout["layout"], &mut panels);
