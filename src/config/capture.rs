@@ -66,6 +66,12 @@ pub enum WorkerMode {
     Latency,
 }
 
+/// The default number of frames per block.
+///
+/// A ball is searched from scratch at the start of a block, which takes five times as long as to track it. Longer blocks save
+/// less and less.
+pub const DEFAULT_BLOCK_FRAMES: u32 = 64;
+
 /// The maximum number of correlation processes.
 const WORKERS_MAX: u32 = 64;
 
@@ -89,7 +95,7 @@ pub(super) fn check_workers(table: &Table<'_>, raw: &RawWorkers) -> Result<Worke
     let modes = [("throughput", WorkerMode::Throughput), ("latency", WorkerMode::Latency)];
     Ok(Workers {
         count: table.integer("count", raw.count, 0..=i64::from(WORKERS_MAX), "")?.unwrap_or_else(default_worker_count),
-        block_frames: table.integer("block_frames", raw.block_frames, 4..=256, "frames")?.unwrap_or(16),
+        block_frames: table.integer("block_frames", raw.block_frames, 4..=256, "frames")?.unwrap_or(DEFAULT_BLOCK_FRAMES),
         mode: table.choice("mode", raw.mode.as_deref(), &modes)?.unwrap_or_default(),
     })
 }

@@ -47,7 +47,7 @@ pub use crate::motion::{Rectifier, Rotation, Scale};
 pub use body::{Body, BodyKind};
 pub use bridge::Bridge;
 pub use camera::{Camera, FeatureValue, Pulse, Source};
-pub use capture::{Compression, Record, WorkerMode, Workers};
+pub use capture::{Compression, DEFAULT_BLOCK_FRAMES, Record, WorkerMode, Workers};
 pub use drawing::{DrawingError, Shape, ShapeKey};
 pub use error::{ConfigError, Problem};
 pub use geometry::{Surface, Velocity};

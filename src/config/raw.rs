@@ -450,7 +450,7 @@ tables! {
         #[key("0 to 64", "one less than the machine has processors, but two if it has two")]
         count: i64,
         /// The number of frames that a worker measures together, as a block on its own. Results depend on it.
-        #[key("4 to 256 frames", "16")]
+        #[key("4 to 256 frames", "64")]
         block_frames: i64,
         /// The aim of the processes: the most frames per second, or the shortest time from a frame to its row. Results do not
         /// depend on it. For `latency`, each worker keeps a processor of its own, and all look for work every 50 us.

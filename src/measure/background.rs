@@ -3,8 +3,10 @@
 use super::frame_image::FrameImage;
 use crate::image::{Frame, FrameMeta, Image, ImageView};
 
-/// The maximum number of frames of a block that are kept.
-const MAX_FRAMES: usize = 64;
+/// The number of frames of a block that are kept, whatever their size, and the maximum.
+const KEPT_FRAMES: [usize; 2] = [16, 64];
+/// The memory for more frames than the former, bytes.
+const MAX_BYTES: usize = 64 << 20;
 
 /// A copy of a frame in which a ball was not found.
 #[derive(Debug)]
@@ -25,7 +27,6 @@ pub(super) struct KeptImage<'a> {
 #[derive(Debug)]
 pub(super) struct Background {
     kept: Vec<KeptFrame>,
-    spare: Vec<Vec<u8>>,
     /// The block of the background, once it is known.
     source: Option<u64>,
     image: Image,
@@ -38,18 +39,15 @@ impl Background {
     /// Allocates for frames of this size.
     pub(super) fn new(width_px: usize, height_px: usize) -> Self {
         let image = || Image::new(width_px, height_px);
-        Self { kept: Vec::new(), spare: Vec::new(), source: None, image: image(), frame: image(), difference: image() }
+        Self { kept: Vec::new(), source: None, image: image(), frame: image(), difference: image() }
     }
 
     /// Keeps a frame in which a ball was not found.
     pub(super) fn keep(&mut self, frame: &Frame<'_>) {
-        if self.kept.len() == MAX_FRAMES {
-            return;
+        let room = (MAX_BYTES / frame.bytes.len().max(1)).clamp(KEPT_FRAMES[0], KEPT_FRAMES[1]);
+        if self.kept.len() < room {
+            self.kept.push(KeptFrame { meta: frame.meta, bytes: frame.bytes.to_vec() });
         }
-        let mut bytes = self.spare.pop().unwrap_or_default();
-        bytes.clear();
-        bytes.extend_from_slice(frame.bytes);
-        self.kept.push(KeptFrame { meta: frame.meta, bytes });
     }
 
     /// Returns the sequence number of the first kept frame. Its row, and those after it, wait for the background.
@@ -101,9 +99,9 @@ impl Background {
         self.difference.view()
     }
 
-    /// Discards the kept frames; the background of their block stays.
+    /// Discards the kept frames and their memory; the background of their block stays.
     pub(super) fn release_frames(&mut self) {
-        self.spare.extend(self.kept.drain(..).map(|kept| kept.bytes));
+        self.kept.clear();
     }
 
     /// Discards everything.

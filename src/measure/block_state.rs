@@ -10,6 +10,9 @@ use super::surface::Surface;
 use crate::dic::CorrelationParams;
 use crate::results::RigidStep;
 
+/// The number of frames after which a body whose results contradicted each other is searched again.
+const DOUBT_FRAMES: u64 = 4;
+
 /// The state of one body within one block.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BlockState {
@@ -26,8 +29,12 @@ pub(super) struct BlockState {
     pub(super) surface: Option<Surface>,
     /// The step before the next one to be published, as it was published.
     pub(super) last_turn: Neighbour,
-    /// Whether a rotation in the block was confirmed by that of its ring.
-    pub(super) is_rotation_checked: bool,
+    /// Whether the motion to the next frame to be published leads to another object.
+    pub(super) is_led_away: bool,
+    /// Whether its outline was found in the frame before the next one to be published; `None` at the start of the block.
+    pub(super) was_found: Option<bool>,
+    /// The newest frame in which the rotation was confirmed by that of its ring.
+    pub(super) rotation_checked: Option<u64>,
     /// The number of contradictions between its motion and its outlines since the last confirmed motion.
     pub(super) doubts: u32,
     /// The first detected outline of a ball.
@@ -38,8 +45,43 @@ pub(super) struct BlockState {
     pub(super) doubted_motion: Option<OutlineMotion>,
     /// Whether results contradicted each other, since another object may be taken for the body.
     pub(super) is_ambiguous: bool,
+    /// The frame in which its results contradicted each other for the last time, unless it was searched again since.
+    pub(super) contradicted: Option<u64>,
     /// Whether a patch was searched at every angle.
     pub(super) was_searched: bool,
+}
+
+impl BlockState {
+    /// Returns the state before the first frame.
+    fn new(key: BodyKey) -> Self {
+        Self {
+            key,
+            outline: None,
+            detected_frame: None,
+            motion: None,
+            center_motion: None,
+            surface: None,
+            last_turn: Neighbour::Absent,
+            was_found: None,
+            is_led_away: false,
+            rotation_checked: None,
+            doubts: 0,
+            first_ball: None,
+            outline_motion: None,
+            doubted_motion: None,
+            is_ambiguous: false,
+            contradicted: None,
+            was_searched: false,
+        }
+    }
+
+    /// Forgets a contradiction after [`DOUBT_FRAMES`], so that the body is searched again, as in a new block.
+    pub(super) fn renew_if_due(&mut self, frame: u64) {
+        if self.contradicted.is_some_and(|contradicted| frame >= contradicted + DOUBT_FRAMES) {
+            let Self { last_turn, was_found, is_led_away, was_searched, .. } = *self;
+            *self = Self { last_turn, was_found, is_led_away, was_searched, ..Self::new(self.key) };
+        }
+    }
 }
 
 /// The states of all bodies in the current blocks.
@@ -53,22 +95,7 @@ impl BlockStates {
     pub(super) fn state_mut(&mut self, key: BodyKey) -> &mut BlockState {
         let index = self.states.iter().position(|state| state.key == key);
         let index = index.unwrap_or_else(|| {
-            self.states.push(BlockState {
-                key,
-                outline: None,
-                detected_frame: None,
-                motion: None,
-                center_motion: None,
-                surface: None,
-                last_turn: Neighbour::Absent,
-                is_rotation_checked: false,
-                doubts: 0,
-                first_ball: None,
-                outline_motion: None,
-                doubted_motion: None,
-                is_ambiguous: false,
-                was_searched: false,
-            });
+            self.states.push(BlockState::new(key));
             self.states.len() - 1
         });
         &mut self.states[index]
@@ -78,6 +105,11 @@ impl BlockStates {
     pub(super) fn last_turn(&self, key: BodyKey) -> Neighbour {
         let state = self.states.iter().find(|state| state.key == key);
         state.map_or(Neighbour::Absent, |state| state.last_turn)
+    }
+
+    /// Whether the outline of a body was found in the last published frame of a block; `None` before its first one.
+    pub(super) fn was_found(&self, key: BodyKey) -> Option<bool> {
+        self.states.iter().find(|state| state.key == key).and_then(|state| state.was_found)
     }
 
     /// Returns the box that holds the bodies of a block in a frame, with the search range around them.

@@ -317,7 +317,7 @@ impl Measurer {
         let is_finished =
             |reference: &PendingFrame| reference.meta.sequence < awaited && reference.done.iter().all(Option::is_some);
         while let Some(front) = self.pending.front().filter(|front| is_finished(front)) {
-            if self.pending.get(1).is_some_and(|next| self.awaits_support(front, next)) {
+            if self.pending.get(1).is_some_and(|next| self.awaits_support(front, next, awaited)) {
                 return;
             }
             let Some(mut reference) = self.pending.pop_front() else { return };

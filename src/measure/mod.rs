@@ -12,6 +12,7 @@ mod consistency;
 mod error;
 mod fixed_pattern;
 mod frame_image;
+mod jump;
 mod measurer;
 mod outline;
 mod outline_motion;

@@ -17,7 +17,7 @@ impl Measurer {
     ///
     /// It is propagated where that is certain enough, else searched near its predicted position. If it is not there, a
     /// matched motion predicts it. Otherwise it is searched from scratch, and a ball may coast. A body whose results
-    /// contradicted each other is ambiguous for the rest of its block.
+    /// contradicted each other is ambiguous for a while.
     pub(super) fn find_outline(
         &mut self,
         body: usize,
@@ -28,6 +28,7 @@ impl Measurer {
             return (self.find_patch(body, frame, block), OutlineOrigin::Detected);
         }
         let (meta, key) = (&frame.meta, BodyKey { body, block });
+        self.states.state_mut(key).renew_if_due(meta.sequence);
         let state = *self.states.state_mut(key);
         if state.is_ambiguous {
             return (Err(PointStatus::Ambiguous), OutlineOrigin::Predicted);

@@ -51,6 +51,11 @@ impl Measured {
     pub(super) fn withdraw_motion(&mut self, status: PointStatus) {
         self.step = BodyStep { status, ..self.step.without_motion() };
     }
+
+    /// Withdraws outline and motion for this reason.
+    pub(super) fn withdraw_outline(&mut self, status: PointStatus) {
+        self.step = BodyStep { outline: None, status, ..self.step.without_motion() };
+    }
 }
 
 /// A frame that waits for its targets.

@@ -8,8 +8,10 @@ use super::ring_rotation::RingTurn;
 use super::surface::Surface;
 use crate::results::{PointStatus, RigidStep};
 
-/// The number of contradictions in a row after which a body is no longer followed within its block.
+/// The number of contradictions in a row after which a body is no longer followed.
 const MAX_DOUBTS: u32 = 2;
+/// The number of frames for which the rotation of a ball needs no comparison with its ring after one that agreed.
+const ROTATION_CHECK_FRAMES: u64 = 16;
 
 impl Measurer {
     /// Compares the motions to the newest frame with the outlines found there; withdraws inconsistent motions.
@@ -48,7 +50,7 @@ impl Measurer {
                 }
                 measured.withdraw_motion(PointStatus::Ambiguous);
                 if interval_index == 0 {
-                    self.record_contradiction(BodyKey { body, block: target.block });
+                    self.record_contradiction(BodyKey { body, block: target.block }, target.meta.sequence);
                 }
             }
         }
@@ -83,8 +85,8 @@ impl Measurer {
         }
     }
 
-    /// Compares the rotation of each ball with that of its ring, which is found from any start, until both agree in a
-    /// block.
+    /// Compares the rotation of each ball with that of its ring, which is found from any start, until both agree, and
+    /// again after [`ROTATION_CHECK_FRAMES`].
     ///
     /// A match that starts too far from the right rotation may settle where light that stays in the room fits best. If
     /// the ring turned otherwise, the pair is measured again from there. If that fails, only the outlines move the ball.
@@ -95,12 +97,13 @@ impl Measurer {
         }
         for body in 0..self.finders.len() {
             let key = BodyKey { body, block: reference.block };
-            if self.states.state_mut(key).is_rotation_checked {
+            let is_fresh = |checked: u64| target.meta.sequence < checked + ROTATION_CHECK_FRAMES;
+            if self.states.state_mut(key).rotation_checked.is_some_and(is_fresh) {
                 continue;
             }
             let Some(turn) = self.ring_turn(reference, target, body) else { continue };
             let is_checked = turn.agrees(&turn.motion) || self.turn_as_ring(reference, target, body, turn);
-            self.states.state_mut(key).is_rotation_checked = is_checked;
+            self.states.state_mut(key).rotation_checked = is_checked.then_some(target.meta.sequence);
         }
     }
 
@@ -152,11 +155,12 @@ impl Measurer {
     /// Discards the motion of a body after a contradiction to its outlines.
     ///
     /// Another object may be taken for it, and one contradiction may be chance. After the second one, a ball whose
-    /// outlines moved evenly is followed by these alone, and any other body no longer within the block.
-    fn record_contradiction(&mut self, key: BodyKey) {
+    /// outlines moved evenly is followed by these alone, and any other body no longer, until it is searched again.
+    fn record_contradiction(&mut self, key: BodyKey, frame: u64) {
         self.rigid_matcher.forget(key);
         let state = self.states.state_mut(key);
         state.doubts += 1;
+        state.contradicted = Some(frame);
         state.motion = None;
         let moved = state.outline_motion;
         let course = moved.zip(state.doubted_motion).map(|(moved, before)| moved.course_since(&before));

@@ -3,6 +3,7 @@
 use super::axis::{Axis, Side, compose_rod};
 use super::edge_fit::{Edge, fit_step_edge};
 use super::edge_lines::select_edges;
+use super::edge_offsets::{mean_of_predictions, mean_position, offset_px};
 use super::observation::{INSET_PX, MARGIN_PX, RodObservation};
 use super::paint_shading::clean_paint_at;
 use super::params::{RodError, RodParams};
@@ -141,8 +142,8 @@ impl RodFinder {
             Section::Above => [top + MARGIN_PX, place(0)],
             Section::Below => [place(edges.len() - 1), top + height - 1.0 - MARGIN_PX],
         };
-        let mut offsets_px = [0.0; ROD_EDGES];
-        (0..edges.len()).for_each(|index| offsets_px[index] = place(index) - y.value);
+        let mut offsets_px = [Estimate { value: 0.0, sigma: f64::INFINITY }; ROD_EDGES];
+        offsets_px.iter_mut().zip(&places).for_each(|(offset, place)| *offset = offset_px(*place, y));
         let span_px = span.map(|end| end - y.value);
         let rod = compose_rod(&axis, &edges, y);
         let (signs, side_signs) = (prediction.signs, prediction.side_signs);
@@ -164,32 +165,35 @@ impl RodFinder {
         let mut prediction = Prediction {
             sides_px: [x - half, x + half],
             side_signs: near.side_signs,
-            edges_px: (0..self.params.edges as usize).map(|index| y + near.offsets_px[index]).collect(),
+            edges_px: (0..self.params.edges as usize).map(|index| y + near.offsets_px[index].value).collect(),
             signs: near.signs,
             at_row: y,
             tilt: near.rod.tilt_deg.value.to_radians().tan(),
             outward_px: CLOSE_PX,
         };
         let (axis, edges) = self.fit_rod(image, &mut prediction)?;
-        // Each edge predicts the reported point; edges that contribute to it must agree.
-        let predicted = |index: usize| {
-            let place = edges[index].ok().map(|edge| edge.at)?;
-            Some(Estimate { value: place.value - near.offsets_px[index], ..place })
-        };
-        let all: Vec<Estimate> = (0..edges.len()).filter_map(predicted).collect();
-        if all.is_empty() {
+        let places: Vec<(usize, Estimate)> =
+            edges.iter().enumerate().filter_map(|(index, edge)| Some((index, edge.ok()?.at))).collect();
+        if places.is_empty() {
             return Err(edges.iter().find_map(|edge| edge.err()).unwrap_or(PointStatus::Lost));
         }
+        // Each edge predicts the reported point; edges that contribute to it must agree.
         let anchored = edges.iter().zip(near.anchors).filter(|(_, counts)| *counts);
         let anchored: Result<Vec<Estimate>, _> = anchored.map(|(edge, _)| edge.map(|edge| edge.at)).collect();
-        let y = anchored.map_or_else(
-            |_| {
-                let mean = mean_position(all.iter().copied());
-                Estimate { sigma: mean.sigma.hypot(near.rod.y_px.sigma), ..mean }
-            },
-            |anchored| mean_position(anchored.into_iter()),
-        );
-        Ok(RodObservation { rod: compose_rod(&axis, &edges, y), ..*near })
+        let mut offsets_px = near.offsets_px;
+        let y = match anchored {
+            Ok(anchored) => {
+                let y = mean_position(anchored.into_iter());
+                for (offset, place) in places.iter().map(|(index, place)| (*index, offset_px(*place, y))) {
+                    if place.sigma < offsets_px[offset].sigma {
+                        offsets_px[offset] = place;
+                    }
+                }
+                y
+            }
+            Err(_) => mean_of_predictions(&places, &near.offsets_px),
+        };
+        Ok(RodObservation { rod: compose_rod(&axis, &edges, y), offsets_px, ..*near })
     }
 
     /// Checks that an image has the planned size.
@@ -469,15 +473,6 @@ enum Section {
     Above,
     /// Below the last.
     Below,
-}
-
-/// Returns the unweighted mean of independent positions.
-fn mean_position(places: impl Iterator<Item = Estimate> + Clone) -> Estimate {
-    let count = places.clone().count().max(1) as f64;
-    Estimate {
-        value: places.clone().map(|place| place.value).sum::<f64>() / count,
-        sigma: places.map(|place| place.sigma.powi(2)).sum::<f64>().sqrt() / count,
-    }
 }
 
 /// Estimates the noise of single pixels in a region (x, y, width, height), DN, from the median difference of

@@ -8,6 +8,7 @@ mod axis;
 mod cylinder;
 mod edge_fit;
 mod edge_lines;
+mod edge_offsets;
 mod finder;
 mod observation;
 mod paint_levels;

@@ -14,8 +14,8 @@ pub struct RodObservation {
     pub rod: Rod,
     /// The upper and the lower end of the speckled tape, relative to `rod.y_px`, px.
     pub(super) span_px: [f64; 2],
-    /// The position of each edge relative to `rod.y_px`, px.
-    pub(super) offsets_px: [f64; ROD_EDGES],
+    /// The position of each edge relative to `rod.y_px`, px, as certain as the best frame so far.
+    pub(super) offsets_px: [Estimate; ROD_EDGES],
     /// Whether each edge contributes to the mean `rod.y_px`.
     pub(super) anchors: [bool; ROD_EDGES],
     /// 1 if it gets lighter downwards, -1 if it gets darker, 0 beyond the number of edges.

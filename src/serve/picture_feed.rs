@@ -19,7 +19,7 @@ use tokio::sync::watch::Sender;
 const PERIOD: Duration = Duration::from_millis(50);
 /// A picture takes at most this share of a processor, 1 to it; otherwise pictures come less often.
 const MAX_SHARE: u32 = 16;
-/// Time that a picture waits for the positions of the bodies in it. A block of 16 frames takes 160 ms at 100 frames/s.
+/// Time that a picture waits for the positions of the bodies in it. A worker that is behind publishes a block late.
 const MAX_WAIT: Duration = Duration::from_millis(250);
 /// Interval of polling for frames and positions.
 const PAUSE: Duration = Duration::from_millis(5);

@@ -8,6 +8,9 @@ const GATE_RADIUS_PX: f64 = 1.5;
 /// The minimum radius of the gate in standard uncertainties of the two centres.
 const GATE_SIGMAS: f64 = 8.0;
 
+/// The same after an ambiguous detection.
+const GATE_SIGMAS_AMBIGUOUS: f64 = 3.0;
+
 /// The growth of the gate per frame without a measured motion, px.
 const GATE_GROWTH_PX: f64 = 1.0;
 
@@ -69,7 +72,9 @@ impl ValidationGate {
         };
         self.missing = 0;
         let (center_px, sigma_px) = ([circle.x_px, circle.y_px], circle.sigma_center_px);
-        if self.last.is_some_and(|last| !last.admits(step.frame, center_px, sigma_px, self.growth_px(&last))) {
+        let sigmas = if self.is_ambiguous { GATE_SIGMAS_AMBIGUOUS } else { GATE_SIGMAS };
+        let found = Found { frame: step.frame, center_px, sigma_px };
+        if self.last.is_some_and(|last| !last.admits(found, self.growth_px(&last), sigmas)) {
             self.rejected += 1;
             self.is_ambiguous = true;
             if self.rejected < MAX_REJECTED_FRAMES {
@@ -106,18 +111,27 @@ impl ValidationGate {
     }
 }
 
+/// The centre of a detected ball and its standard uncertainty.
+#[derive(Debug, Clone, Copy)]
+struct Found {
+    frame: u64,
+    center_px: [f64; 2],
+    sigma_px: f64,
+}
+
 impl Position {
-    /// Whether the ball can have moved from this position to `center_px` in `frame`.
+    /// Whether the ball can have moved from this position to another.
     ///
-    /// `sigma_px` is the standard uncertainty of that centre, and `growth_px` the growth of the gate per frame without
-    /// a measured motion.
-    fn admits(&self, frame: u64, center_px: [f64; 2], sigma_px: f64, growth_px: f64) -> bool {
-        let frames = frame.saturating_sub(self.frame) as f64;
-        let apart: [f64; 2] = std::array::from_fn(|k| center_px[k] - self.center_px[k] - frames * self.motion_px[k]);
+    /// `growth_px` is the growth of the gate per frame without a measured motion, `sigmas` its minimum radius in standard
+    /// uncertainties.
+    fn admits(&self, found: Found, growth_px: f64, sigmas: f64) -> bool {
+        let frames = found.frame.saturating_sub(self.frame) as f64;
+        let apart: [f64; 2] =
+            std::array::from_fn(|k| found.center_px[k] - self.center_px[k] - frames * self.motion_px[k]);
         let unmeasured = if self.is_measured { frames - 1.0 } else { frames };
         let growth_px = unmeasured * growth_px;
-        let sigma_px = sigma_px.hypot(self.sigma_px).hypot(frames * self.sigma_motion_px);
-        apart[0].hypot(apart[1]) <= GATE_RADIUS_PX.max(GATE_SIGMAS * sigma_px) + growth_px
+        let sigma_px = found.sigma_px.hypot(self.sigma_px).hypot(frames * self.sigma_motion_px);
+        apart[0].hypot(apart[1]) <= GATE_RADIUS_PX.max(sigmas * sigma_px) + growth_px
     }
 }
 

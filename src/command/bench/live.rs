@@ -8,6 +8,7 @@ use serde_json::json;
 use super::{BenchOptions, rate_per_s, time_call};
 use crate::ball::{BallFinder, BallParams, Presence};
 use crate::camera::simulated;
+use crate::config::DEFAULT_BLOCK_FRAMES;
 use crate::dic::grid;
 use crate::dic::{
     CorrelationParams, Correlator, GridPoint, PlanarMotion, Point, PreparedFrame, Region, RigidBody, Shape, Start,
@@ -32,9 +33,6 @@ const PREDICTED_PX: f64 = 8.0;
 /// The margin that is prepared around a searched ball, px.
 const SEARCHED_PX: f64 = 22.0;
 
-/// Frames per block; in the first of them the ball is searched for anywhere.
-const BLOCK_FRAMES: u32 = 16;
-
 /// Measures the frames of a simulated film of 512 x 512 px with one ball of 120 px.
 ///
 /// # Errors
@@ -51,7 +49,7 @@ pub(super) fn run(options: &BenchOptions) -> Result<(), Failure> {
     rows.extend(parts.per_frame);
     rows.push(("  other", rest));
     rows.push(("frame in which the ball is tracked", whole.following));
-    rows.push(("frame in which the ball is searched, 1 in 8", whole.finding));
+    rows.push(("frame in which the ball is searched, 1 in 32", whole.finding));
     rows.push(("frame, subsets only", alone.all));
     rows.extend(parts.other);
     let mut out = std::io::stdout().lock();
@@ -116,7 +114,7 @@ impl Film {
             bodies: vec![BodyParams::Ball(self.ball.clone())],
             tone: None,
             defective_px: Vec::new(),
-            block_frames: BLOCK_FRAMES,
+            block_frames: DEFAULT_BLOCK_FRAMES,
         };
         let mut measurer = Measurer::new(&params, Share::ALL, 512, 512)?;
         let mut failed = None;
@@ -135,7 +133,7 @@ impl Film {
         if let Some(error) = failed {
             return Err(error.into());
         }
-        let is_finding = |frame: usize| frame as u64 % u64::from(BLOCK_FRAMES) < FINDING_FRAMES;
+        let is_finding = |frame: usize| frame as u64 % u64::from(DEFAULT_BLOCK_FRAMES) < FINDING_FRAMES;
         let us: Vec<f64> = seconds.iter_mut().map(|seconds| 1e6 * quantile(seconds, 0.5).unwrap_or(f64::NAN)).collect();
         let mean = |of: &dyn Fn(usize) -> bool| {
             let of = || us.iter().enumerate().filter(|(frame, _)| of(*frame));
@@ -193,7 +191,7 @@ impl Film {
             ("  subsets: affine, from the ball's motion", predicted),
             ("  fit their rigid motion", fit),
             ("  track the circle, once in 4 frames", OUTLINE_INTERVAL_FRAMES as f64 * follow),
-            ("  search the circle anywhere, once in 16 frames", f64::from(BLOCK_FRAMES) * cold),
+            ("  search the circle anywhere, once in 64 frames", f64::from(DEFAULT_BLOCK_FRAMES) * cold),
         ];
         let other =
             [("subsets: affine, from neighbours", neighbor), ("subsets: translation, kept reference", translation)];

@@ -22,7 +22,7 @@ fn a_camera_alone_is_a_rig_with_the_documented_defaults() {
     assert_eq!((config.trigger.mode, config.trigger.rearm), (TriggerMode::Off, true));
     assert_eq!((config.trigger.pre_s, config.trigger.post_s), (0.05, 0.1));
     assert!((1..=64).contains(&config.workers.count));
-    assert_eq!(config.workers.block_frames, 16);
+    assert_eq!(config.workers.block_frames, 64);
     assert_eq!((config.text.as_str(), config.origin.as_str()), (SIMULATED, "rig.toml"));
 }
 
