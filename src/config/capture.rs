@@ -95,7 +95,9 @@ pub(super) fn check_workers(table: &Table<'_>, raw: &RawWorkers) -> Result<Worke
     let modes = [("throughput", WorkerMode::Throughput), ("latency", WorkerMode::Latency)];
     Ok(Workers {
         count: table.integer("count", raw.count, 0..=i64::from(WORKERS_MAX), "")?.unwrap_or_else(default_worker_count),
-        block_frames: table.integer("block_frames", raw.block_frames, 4..=256, "frames")?.unwrap_or(DEFAULT_BLOCK_FRAMES),
+        block_frames: table
+            .integer("block_frames", raw.block_frames, 4..=256, "frames")?
+            .unwrap_or(DEFAULT_BLOCK_FRAMES),
         mode: table.choice("mode", raw.mode.as_deref(), &modes)?.unwrap_or_default(),
     })
 }

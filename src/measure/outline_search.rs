@@ -12,6 +12,9 @@ use crate::results::{OutlineOrigin, PointStatus};
 /// The number of frames from one detected outline to the next of a ball that is matched as a whole and not occluded.
 pub const OUTLINE_INTERVAL_FRAMES: u64 = 4;
 
+/// The number of frames from one search of a lost patch at every angle to the next.
+const FULL_SEARCH_FRAMES: u64 = 16;
+
 impl Measurer {
     /// Returns the outline of one body in the current frame, and its origin.
     ///
@@ -121,9 +124,10 @@ impl Measurer {
             Some(Ok(pose)) => Ok(pose),
             before => {
                 let state = *self.states.state_mut(BodyKey { body, block });
-                // A patch that was just seen may have turned by any angle. One that stays lost is hidden.
+                // A patch that was just seen may have turned by any angle. One that stays lost is hidden, mostly.
                 let is_new = !state.was_searched || state.outline.is_some();
-                let angles = if is_new { AngleRange::Full } else { AngleRange::Small };
+                let is_due = key.frame.is_multiple_of(FULL_SEARCH_FRAMES);
+                let angles = if is_new || is_due { AngleRange::Full } else { AngleRange::Small };
                 let (width, height) = (self.size.width as u32, self.size.height as u32);
                 let mut full_frame = self.spare.pop().unwrap_or_default();
                 let view = self.image.unpack_all(frame);

@@ -46,8 +46,8 @@ fn worst(world: &SimulatedFilm, rig: &str) -> (f64, String) {
     pulls.fold((0.0, String::new()), |most, pull| if pull.0 > most.0 { pull } else { most })
 }
 
-/// Without the list of defective pixels, they remove subsets like an occluder, and numbers of the tennis balls have
-/// larger errors.
+/// Without the list of defective pixels, they remove subsets like an occluder, and numbers of most balls have larger
+/// errors.
 #[test]
 fn defective_pixels_are_filled_in() {
     let rigs = [
@@ -55,6 +55,7 @@ fn defective_pixels_are_filled_in() {
         ("tennis", include_str!("../../config/tennis.toml")),
         ("rod", include_str!("../../config/rod.toml")),
     ];
+    let mut improved = 0;
     for (name, rig) in rigs {
         for seed in [71, 72] {
             let worlds = worlds(name, seed);
@@ -68,9 +69,10 @@ fn defective_pixels_are_filled_in() {
                 pixels.len()
             );
             assert!(filled.0 < without.0.max(2.0) + 0.5, "{name} {seed}");
-            assert!(name != "tennis" || ignored.0 > filled.0, "{name} {seed}: nothing to fill in");
+            improved += u32::from(ignored.0 > filled.0 + 0.1);
         }
     }
+    assert!(improved >= 3, "nothing to fill in: {improved} of 6 films are better with the list");
 }
 
 #[test]

@@ -67,8 +67,8 @@ fn a_restarted_camera_process_takes_over_the_camera_and_continues_the_count() {
     assert!(away_s < 6.5, "{away_s} s");
     // The numbers count the frames that were due, and start a block.
     let due = away_s * 50.0;
-    assert!(missed as f64 >= due - 2.0 && missed as f64 <= due + 18.0, "{missed} of {due}");
-    assert_eq!((last.epoch, next.epoch, next.sequence % 16), (0, 1, 0));
+    assert!(missed as f64 >= due - 2.0 && missed as f64 <= due + 66.0, "{missed} of {due}");
+    assert_eq!((last.epoch, next.epoch, next.sequence % 64), (0, 1, 0));
     let index = u64::from_le_bytes(bytes[..8].try_into().unwrap());
     assert!(index < gige.sent() && film.iter().all(|(meta, _)| meta.width_px == 512));
 }

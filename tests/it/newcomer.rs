@@ -132,7 +132,7 @@ const ROWS: &[Row] = &[
         "ä ö.results-1.mcap",
         &[],
     ),
-    done("another locale", "LC_ALL=de_DE.UTF-8 ricochet export results.mcap --topic impact", ",0.79771", &[]),
+    done("another locale", "LC_ALL=de_DE.UTF-8 ricochet export results.mcap --topic impact", ",0.7977", &[]),
     refused(
         "a second instance",
         "printf '[rig]\\nname = \"slow\"\\n[camera]\\nsource = \"recording\"\\nid = \"film.mcap\"\\nplayback_rate = 1e-3\\n[scale]\\n\

@@ -155,7 +155,7 @@ fn a_stream_on_a_full_disk_starts_a_new_file_when_there_is_space() {
     assert!(stderr.contains("No space left on device"), "{stderr}");
     let second = &rig.recordings()[0];
     let sequences: Vec<u64> = frames(second).iter().map(|(meta, _)| meta.sequence).collect();
-    assert!(sequences.len() > 90 && sequences[0].is_multiple_of(16), "{} from {}", sequences.len(), sequences[0]);
+    assert!(sequences.len() > 90 && sequences[0].is_multiple_of(64), "{} from {}", sequences.len(), sequences[0]);
     assert_eq!(sequences, (sequences[0]..sequences[0] + sequences.len() as u64).collect::<Vec<_>>());
     let results = rig.path("results.mcap");
     succeed(["analyze".as_ref(), second.as_os_str(), "-o".as_ref(), results.as_os_str()]);
