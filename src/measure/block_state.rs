@@ -10,8 +10,7 @@ use super::surface::Surface;
 use crate::dic::CorrelationParams;
 use crate::results::RigidStep;
 
-/// The number of frames after which a body whose results contradicted each other is searched again for the first time. It
-/// is four times as long each time.
+/// The number of frames after which a body whose results contradicted each other is searched again.
 const DOUBT_FRAMES: u64 = 4;
 
 /// The state of one body within one block.
@@ -48,8 +47,6 @@ pub(super) struct BlockState {
     pub(super) is_ambiguous: bool,
     /// The frame in which its results contradicted each other for the last time, unless it was searched again since.
     pub(super) contradicted: Option<u64>,
-    /// The number of times that it was searched again after contradictions.
-    renewals: u32,
     /// Whether a patch was searched.
     pub(super) was_searched: bool,
 }
@@ -74,18 +71,15 @@ impl BlockState {
             doubted_motion: None,
             is_ambiguous: false,
             contradicted: None,
-            renewals: 0,
             was_searched: false,
         }
     }
 
-    /// Forgets a contradiction after [`DOUBT_FRAMES`] or longer, so that the body is searched again, as in a new block.
+    /// Forgets a contradiction after [`DOUBT_FRAMES`], so that the body is searched again, as in a new block.
     pub(super) fn renew_if_due(&mut self, frame: u64) {
-        let wait_frames = DOUBT_FRAMES << (2 * self.renewals).min(8);
-        if self.contradicted.is_some_and(|contradicted| frame >= contradicted + wait_frames) {
-            let Self { last_turn, was_found, is_led_away, was_searched, renewals, .. } = *self;
-            let renewals = renewals + 1;
-            *self = Self { last_turn, was_found, is_led_away, was_searched, renewals, ..Self::new(self.key) };
+        if self.contradicted.is_some_and(|contradicted| frame >= contradicted + DOUBT_FRAMES) {
+            let Self { last_turn, was_found, is_led_away, was_searched, .. } = *self;
+            *self = Self { last_turn, was_found, is_led_away, was_searched, ..Self::new(self.key) };
         }
     }
 }

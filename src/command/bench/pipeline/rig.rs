@@ -2,7 +2,7 @@
 
 use super::Plan;
 use crate::bus;
-use crate::config::{Config, WorkerMode};
+use crate::config::{Config, DEFAULT_BLOCK_FRAMES, WorkerMode};
 use crate::dic::grid;
 use crate::failure::Failure;
 use crate::synth::{BodySetup, CameraSetup, MotionSetup, PartSetup, ScaleSetup, Scenario};
@@ -34,7 +34,7 @@ const HEADER_BYTES: u64 = 192;
 /// The maximum time that a rig keeps before a trigger, s.
 const MAX_PRE_S: f64 = 60.0;
 /// Frames of the ring besides those before a trigger: a block, and the time for a decision, s.
-const BLOCK_FRAMES: f64 = 16.0;
+const BLOCK_FRAMES: f64 = DEFAULT_BLOCK_FRAMES as f64;
 const DECISION_S: f64 = 0.25;
 
 /// A folder for the files of a benchmark, removed with all its content when it is dropped.
