@@ -133,7 +133,7 @@ fn every_command_handles_the_second_camera() {
 fn a_trigger_keeps_the_same_time_span_of_cameras_with_different_rates() {
     let rig = Rig::new();
     let films = [rig.file("first.toml", &drift(3000, 250.0)), rig.file("side.toml", &side_film(1800, 150.0))];
-    let rest = "[trigger]\nmode = \"software\"\npre_s = 0.3\npost_s = 0.2\n[workers]\ncount = 1";
+    let rest = "[trigger]\nmode = \"software\"\npre_s = 0.3\npost_s = 0.2\n[workers]\ncount = 1\nblock_frames = 16";
     let config = two(&rig, [&films[0], &films[1]], true, BODY, rest);
     let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
     wait_until("both film", || {
@@ -180,7 +180,7 @@ fn a_trigger_keeps_the_same_time_span_of_cameras_with_different_rates() {
 fn a_killed_camera_process_leaves_a_gap_in_its_own_camera_only() {
     let rig = Rig::new();
     let films = [rig.file("first.toml", &drift(6000, 250.0)), rig.file("side.toml", &side_film(6000, 250.0))];
-    let config = two(&rig, [&films[0], &films[1]], true, BODY, "[workers]\ncount = 1");
+    let config = two(&rig, [&films[0], &films[1]], true, BODY, "[workers]\ncount = 1\nblock_frames = 16");
     let service = Background::start(ricochet(["run".as_ref(), config.as_os_str()]));
     let side = format!("{}-side", rig.name);
     let filming = |name: &str, frame: u64| {

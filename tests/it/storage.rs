@@ -43,7 +43,8 @@ const RATE_HZ: f64 = 120.0;
 fn start(rig: &Rig, trigger: &str) -> Background {
     let scenario = rig.file("long.toml", &drift(20_000, RATE_HZ));
     let camera = format!("source = \"simulated\"\nscenario = \"{}\"\npaced = true", scenario.display());
-    let config = rig.config(&camera, &format!("[scale]\nmm_per_px = 0.5\n[workers]\ncount = 1\n{trigger}"));
+    let config =
+        rig.config(&camera, &format!("[scale]\nmm_per_px = 0.5\n[workers]\ncount = 1\nblock_frames = 16\n{trigger}"));
     Background::start(ricochet(["run".as_ref(), config.as_os_str()]))
 }
 
@@ -155,7 +156,7 @@ fn a_stream_on_a_full_disk_starts_a_new_file_when_there_is_space() {
     assert!(stderr.contains("No space left on device"), "{stderr}");
     let second = &rig.recordings()[0];
     let sequences: Vec<u64> = frames(second).iter().map(|(meta, _)| meta.sequence).collect();
-    assert!(sequences.len() > 90 && sequences[0].is_multiple_of(64), "{} from {}", sequences.len(), sequences[0]);
+    assert!(sequences.len() > 90 && sequences[0].is_multiple_of(16), "{} from {}", sequences.len(), sequences[0]);
     assert_eq!(sequences, (sequences[0]..sequences[0] + sequences.len() as u64).collect::<Vec<_>>());
     let results = rig.path("results.mcap");
     succeed(["analyze".as_ref(), second.as_os_str(), "-o".as_ref(), results.as_os_str()]);
@@ -173,7 +174,7 @@ fn a_source_on_demand_is_not_held_back_by_a_full_disk() {
     let Some(_disk) = Mounted::new(&rig.path("shots"), "1m") else { return };
     let scenario = rig.file("drift.toml", &drift(600, 1000.0));
     let camera = format!("source = \"simulated\"\nscenario = \"{}\"\npaced = false", scenario.display());
-    let config = rig.config(&camera, "[scale]\nmm_per_px = 0.5\n[workers]\ncount = 1");
+    let config = rig.config(&camera, "[scale]\nmm_per_px = 0.5\n[workers]\ncount = 1\nblock_frames = 16");
     let (code, _, stderr) = Background::start(ricochet(["run".as_ref(), config.as_os_str()])).end();
     assert_eq!(code, Some(6), "{stderr}");
     let kept = frames_of_part(&parts(&rig)[0]);
