@@ -168,3 +168,18 @@ fn a_second_ball_that_passes_is_not_taken_for_the_first() {
         assert!(verdict.wrong.is_empty() && verdict.measured > 24);
     }
 }
+
+#[test]
+fn a_ball_in_one_frame_alone_is_lost_and_one_in_two_is_measured() {
+    let like = moving(6, 24, [130.3, 120.7], (0.83, -0.41, 0.9));
+    for (shown, found) in [(10..11, 0), (10..12, 2)] {
+        let mut film = shots(&SimulatedFilm::new(&like).unwrap());
+        let is_away = |(index, _): &(usize, &mut Shot)| !shown.contains(index);
+        film.iter_mut().enumerate().filter(is_away).for_each(|(_, shot)| shot.bytes.fill(60));
+        let rows = measure(&film, &like, &level_rig(like.scale.mm_per_px));
+        let placed: Vec<u64> =
+            rows.tracks.iter().filter(|track| track.center_x_px.is_some()).map(|track| track.frame).collect();
+        assert_eq!(placed.len(), found, "shown in {shown:?}, found in {placed:?}");
+        assert!(judge(&film, &rows).wrong.is_empty());
+    }
+}
