@@ -38,12 +38,15 @@ struct Component {
     powers: Vector,
 }
 
-/// The contribution of one sample to the normal equations.
+/// One sample in a fit of this order.
 struct Row<const ORDER: usize> {
     /// The index of its component.
     place: usize,
+    /// The powers 1 to the order of its time; once the means are known, less those of its component.
     lever: SVector<f64, ORDER>,
     weight: f64,
+    /// The displacement by the known acceleration.
+    known_part: f64,
 }
 
 /// The curve `value = offset(component) + sum of c_k (t - at)^k + acceleration (t - at)^2 / 2`, k from 1 to the order.
@@ -90,10 +93,13 @@ impl Polynomial {
         if !(unit_frames > 0.0 && unit_frames.is_finite()) {
             return None;
         }
-        fit.average_components(samples);
-        fit.freedom = samples.len().checked_sub(fit.components.len() + order)?;
-        fit.solve(samples, order)?;
-        fit.chi2 = samples.iter().filter_map(|s| fit.residual(s)).map(|(r, sigma)| (r / sigma).powi(2)).sum();
+        match order {
+            1 => fit.solve::<1>(samples)?,
+            2 => fit.solve::<2>(samples)?,
+            3 => fit.solve::<3>(samples)?,
+            4 => fit.solve::<4>(samples)?,
+            _ => fit.solve::<MAX_ORDER>(samples)?,
+        }
         Some(fit)
     }
 
@@ -116,11 +122,11 @@ impl Polynomial {
         }
     }
 
-    /// Returns the powers 1 to [`MAX_ORDER`] of a time relative to the centre of the fit, in its unit.
-    fn powers(&self, time_frames: f64) -> Vector {
+    /// Returns the first powers of a time relative to the centre of the fit, in its unit.
+    fn powers<const ORDER: usize>(&self, time_frames: f64) -> SVector<f64, ORDER> {
         let u = (time_frames - self.at_frames) / self.unit_frames;
         let mut power = 1.0;
-        Vector::from_fn(|_, _| {
+        SVector::from_fn(|_, _| {
             power *= u;
             power
         })
@@ -131,48 +137,46 @@ impl Polynomial {
         0.5 * self.acceleration * (time_frames - self.at_frames).powi(2)
     }
 
-    /// Computes the weighted means of value and powers over the samples of each component.
-    fn average_components(&mut self, samples: &[Sample]) {
+    /// Computes the weighted means of value and powers over the samples of each component, and returns the rows.
+    fn average_components<const ORDER: usize>(&mut self, samples: &[Sample]) -> Vec<Row<ORDER>> {
+        let mut rows = Vec::with_capacity(samples.len());
+        let mut place = 0;
         for s in samples {
-            let weight = s.sigma.powi(-2);
-            let (value, powers) = (s.value - self.known_part(s.time_frames), self.powers(s.time_frames));
-            match self.components.iter_mut().find(|c| c.id == s.component) {
-                Some(c) => {
-                    c.weight += weight;
-                    c.value += weight * value;
-                    c.powers += weight * powers;
-                }
-                None => {
-                    let (value, powers) = (weight * value, weight * powers);
-                    self.components.push(Component { id: s.component, weight, value, powers });
-                }
+            let (weight, known_part, powers) = (s.sigma.powi(-2), self.known_part(s.time_frames), self.powers(s.time_frames));
+            // Successive samples are mostly of one component.
+            if self.components.get(place).is_none_or(|c| c.id != s.component) {
+                place = self.place(s.component).unwrap_or(self.components.len());
             }
+            if place == self.components.len() {
+                self.components.push(Component { id: s.component, weight: 0.0, value: 0.0, powers: Vector::zeros() });
+            }
+            let c = &mut self.components[place];
+            c.weight += weight;
+            c.value += weight * (s.value - known_part);
+            for (sum, power) in c.powers.iter_mut().zip(&powers) {
+                *sum += weight * power;
+            }
+            rows.push(Row { place, lever: powers, weight, known_part });
         }
         for c in &mut self.components {
             c.value /= c.weight;
             c.powers /= c.weight;
         }
-    }
-
-    /// Solves the normal equations of a given order like [`Self::solve_order`]. `None` if they are singular.
-    fn solve(&mut self, samples: &[Sample], order: usize) -> Option<()> {
-        match order {
-            1 => self.solve_order::<1>(samples),
-            2 => self.solve_order::<2>(samples),
-            3 => self.solve_order::<3>(samples),
-            4 => self.solve_order::<4>(samples),
-            _ => self.solve_order::<MAX_ORDER>(samples),
+        for row in &mut rows {
+            row.lever -= self.components[row.place].powers.fixed_rows::<ORDER>(0);
         }
+        rows
     }
 
     /// Solves the normal equations and computes the covariance of the coefficients, including the random walk. `None`
     /// if they are singular.
-    fn solve_order<const ORDER: usize>(&mut self, samples: &[Sample]) -> Option<()> {
-        let rows: Vec<Row<ORDER>> = samples.iter().map(|s| self.normal_row(s)).collect::<Option<_>>()?;
+    fn solve<const ORDER: usize>(&mut self, samples: &[Sample]) -> Option<()> {
+        let rows = self.average_components::<ORDER>(samples);
+        self.freedom = samples.len().checked_sub(self.components.len() + ORDER)?;
         let (mut normal, mut right) = (SMatrix::<f64, ORDER, ORDER>::zeros(), SVector::<f64, ORDER>::zeros());
-        for (s, Row { place, lever, weight }) in samples.iter().zip(&rows) {
+        for (s, Row { place, lever, weight, known_part }) in samples.iter().zip(&rows) {
             normal += *weight * lever * lever.transpose();
-            right += *weight * (s.value - self.known_part(s.time_frames) - self.components[*place].value) * lever;
+            right += *weight * (s.value - known_part - self.components[*place].value) * lever;
         }
         // The columns are scaled to a unit diagonal, so that the pivots measure the conditioning.
         let length = SVector::<f64, ORDER>::from_fn(|i, _| normal[(i, i)].sqrt());
@@ -190,14 +194,12 @@ impl Polynomial {
         let covariance = covariance + self.walk_covariance(samples, &rows, &covariance);
         self.coefficients.fixed_rows_mut::<ORDER>(0).copy_from(&coefficients);
         self.covariance.fixed_view_mut::<ORDER, ORDER>(0, 0).copy_from(&covariance);
+        let square = |(s, row): (&Sample, &Row<ORDER>)| {
+            let fitted = row.lever.iter().zip(&coefficients).map(|(lever, c)| c * lever).sum::<f64>();
+            ((s.value - (self.components[row.place].value + fitted + row.known_part)) / s.sigma).powi(2)
+        };
+        self.chi2 = samples.iter().zip(&rows).map(square).sum();
         Some(())
-    }
-
-    /// Returns the contribution of a sample to the normal equations; `None` if its component is unknown.
-    fn normal_row<const ORDER: usize>(&self, s: &Sample) -> Option<Row<ORDER>> {
-        let place = self.components.iter().position(|c| c.id == s.component)?;
-        let lever = self.powers(s.time_frames) - self.components[place].powers;
-        Some(Row { place, lever: lever.fixed_rows::<ORDER>(0).into_owned(), weight: s.sigma.powi(-2) })
     }
 
     /// Returns the covariance of the coefficients that results from the random walk of the poses.
@@ -212,7 +214,10 @@ impl Polynomial {
     ) -> SMatrix<f64, ORDER, ORDER> {
         let mut later = vec![SVector::<f64, ORDER>::zeros(); self.components.len()];
         let mut added = SMatrix::zeros();
-        for (s, Row { place, lever, weight }) in samples.iter().zip(rows).rev() {
+        if samples.iter().all(|s| s.walk == 0.0) {
+            return added;
+        }
+        for (s, Row { place, lever, weight, .. }) in samples.iter().zip(rows).rev() {
             let sum = &mut later[*place];
             *sum += covariance * lever * *weight;
             added += s.walk.powi(2) * *sum * sum.transpose();
@@ -220,9 +225,14 @@ impl Polynomial {
         added
     }
 
+    /// Returns the index of the component with this `id`; `None` before its first sample.
+    fn place(&self, id: u32) -> Option<usize> {
+        self.components.iter().position(|c| c.id == id)
+    }
+
     /// Returns the means of the component with this `id`; `None` if the fit had no sample of it.
     fn component(&self, id: u32) -> Option<&Component> {
-        self.components.iter().find(|c| c.id == id)
+        self.place(id).map(|place| &self.components[place])
     }
 
     /// Returns the first derivative at `time_frames`, per frame, including the known acceleration.

@@ -4,6 +4,7 @@ mod access;
 mod chromium;
 mod drawing;
 mod foxglove;
+mod listeners;
 mod mqtt;
 mod mqtt_login;
 mod page;
@@ -143,7 +144,12 @@ pub const FAST_HZ: f64 = 1000.0;
 
 /// The film of a drifting disc, so small that any computer measures each frame in time.
 pub fn small_drift(frames: u64) -> String {
-    let mut scenario: ricochet::synth::Scenario = toml::from_str(&crate::pipeline::drift(frames, FAST_HZ)).unwrap();
+    small_drift_at(frames, FAST_HZ)
+}
+
+/// [`small_drift`] at a frame rate of one's own, Hz.
+pub fn small_drift_at(frames: u64, rate_hz: f64) -> String {
+    let mut scenario: ricochet::synth::Scenario = toml::from_str(&crate::pipeline::drift(frames, rate_hz)).unwrap();
     (scenario.camera.width_px, scenario.camera.height_px, scenario.scale.mm_per_px) = (80, 72, 1.0);
     if let ricochet::synth::MotionSetup::Constant { start_px, .. } = &mut scenario.motion {
         *start_px = [30.0, 32.0];

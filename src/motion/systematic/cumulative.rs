@@ -81,7 +81,19 @@ pub(super) fn push_bounded<T>(list: &mut Vec<T>, new: T) {
 
 /// Returns the elements of a list in order of time between two times, both included, frames.
 pub(super) fn within<T>(list: &[T], from_frames: f64, to_frames: f64, time_frames: impl Fn(&T) -> f64) -> &[T] {
-    let first = list.partition_point(|element| time_frames(element) < from_frames);
-    let end = list.partition_point(|element| time_frames(element) <= to_frames);
+    let first = partition_point(list, |element| time_frames(element) < from_frames);
+    let end = partition_point(list, |element| time_frames(element) <= to_frames);
     list.get(first..end).unwrap_or_default()
+}
+
+/// Returns the index of the first element of a sorted list that is not `before`, like that of slices.
+///
+/// The search starts at the end, near which most of these moments are: the lists are longer than the caches.
+pub(super) fn partition_point<T>(list: &[T], before: impl Fn(&T) -> bool) -> usize {
+    let mut reach = 16;
+    while reach < list.len() && !before(&list[list.len() - reach]) {
+        reach *= 2;
+    }
+    let first = list.len().saturating_sub(reach);
+    first + list[first..].partition_point(before)
 }

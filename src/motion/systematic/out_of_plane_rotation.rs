@@ -1,6 +1,6 @@
 //! The drift of a body's outline relative to the pose of its pattern, caused by rotation out of the image plane.
 
-use super::cumulative::{push_bounded, within};
+use super::cumulative::{partition_point, push_bounded, within};
 use super::rotation_prior::{ROTATING_SHARE, Source, possible_drift};
 use crate::motion::{Center, CumulativeSums, PixelRates, Pose, Regime, RollingShutter};
 use crate::numeric::{Polynomial, Sample};
@@ -178,7 +178,7 @@ impl OutlineDrift {
             let bends =
                 0.125 * (to_frames - from_frames) * lens_error.hypot(DRIFT_ERROR_SHARE * fit.rate(from_frames).value);
             let pull2 = |sum: &Sample| {
-                fit.residual(sum).map_or(0.0, |(residual, sigma)| (residual / sigma.hypot(bends)).powi(2))
+                fit.residual(sum).map_or(0.0, |(residual, sigma)| residual * residual / (sigma * sigma + bends * bends))
             };
             let is_even = sums.iter().map(pull2).sum::<f64>() <= NONUNIFORM_SIGMAS.powi(2) * fit.freedom() as f64;
             let count = steps.len().max(1) as f64;
@@ -284,7 +284,7 @@ impl OutlineDrift {
     /// Returns the possible distance of a centre from its propagated position, px, for an unobserved drift since its
     /// nearest outline.
     pub fn center_uncertainty_px(&self, node: &Pose, here: &LocalDrift) -> f64 {
-        let after = self.outlines.partition_point(|outline| outline[0].time_frames < node.time_frames);
+        let after = partition_point(&self.outlines, |outline| outline[0].time_frames < node.time_frames);
         let near =
             [after.checked_sub(1), Some(after)].map(|at| self.outlines.get(at?).map(|outline| outline[0].time_frames));
         let gap = near.iter().flatten().map(|time| (time - node.time_frames).abs()).fold(f64::INFINITY, f64::min);
@@ -296,7 +296,7 @@ impl OutlineDrift {
     /// rotation since the first node, times the significant share of the drift `here`. Without either it is 0.
     pub fn angle_uncertainty_deg(&self, node: &Pose, here: &LocalDrift) -> f64 {
         let sums = self.sums.sums();
-        let count = sums.partition_point(|sum| sum[0].time_frames < node.time_frames);
+        let count = partition_point(sums, |sum| sum[0].time_frames < node.time_frames);
         let (Some([_, _, turn]), Some(rates)) = (sums.get(count), here.rates) else { return 0.0 };
         rates.share * significant_deviation(turn.value, turn.sigma.hypot(turn.walk * (count as f64).sqrt()))
     }
@@ -410,7 +410,7 @@ impl OutlineDrift {
 
     /// Widens the sigma of a centre by its distance from the nearest outline.
     pub fn widened(&self, node: &Pose, center: Center) -> Center {
-        let after = self.outlines.partition_point(|outline| outline[0].time_frames < node.time_frames);
+        let after = partition_point(&self.outlines, |outline| outline[0].time_frames < node.time_frames);
         let near = [after.checked_sub(1), Some(after)].into_iter().flatten().filter_map(|at| self.outlines.get(at));
         let gap = |outline: &&[Sample; 2]| (outline[0].time_frames - node.time_frames).abs();
         let near = near.filter(|outline| outline[0].component == node.component && gap(outline) <= NARROW_FRAMES);
@@ -426,7 +426,7 @@ impl OutlineDrift {
     /// Without an outline in the interval, the last one before its end is used; `None` if there is none.
     fn center_by_outlines(&self, node: &Pose, span_frames: (f64, f64), rates: [Estimate; 2]) -> Option<(Center, f64)> {
         let (from, to) = span_frames;
-        let before = self.outlines.partition_point(|outline| outline[0].time_frames <= to);
+        let before = partition_point(&self.outlines, |outline| outline[0].time_frames <= to);
         let near = match self.outlines_between(from, to) {
             [] => self.outlines.get(before.checked_sub(1)?..before)?,
             near => near,
@@ -485,9 +485,7 @@ fn drift_window(node: &Pose, regime: Regime) -> (f64, f64) {
 fn fit_line(samples: &[Sample]) -> Option<(Polynomial, f64)> {
     let middle = 0.5 * (samples.first()?.time_frames + samples.last()?.time_frames);
     let fit = Polynomial::fit(samples, middle, 1, 0.0)?;
-    let residual = |sample: &Sample| {
-        fit.predict(sample.time_frames, sample.component).map_or(0.0, |line| (sample.value - line.value) / sample.sigma)
-    };
+    let residual = |sample: &Sample| fit.residual(sample).map_or(0.0, |(residual, sigma)| residual / sigma);
     let residuals: Vec<f64> = samples.iter().map(residual).collect();
     let square: f64 = residuals.iter().map(|residual| residual * residual).sum();
     let next: f64 = residuals.windows(2).map(|pair| pair[0] * pair[1]).sum();

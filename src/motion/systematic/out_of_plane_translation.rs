@@ -1,5 +1,6 @@
 //! The change of a body's size in the image, caused by motion towards the camera or away from it.
 
+use super::cumulative::partition_point;
 use crate::motion::{CumulativeSums, PixelRates, Regime};
 use crate::numeric::{Polynomial, Sample};
 use crate::results::{BodyStep, Estimate};
@@ -28,7 +29,7 @@ impl SizeChange {
     fn since_first(&self, time_frames: f64) -> Option<Estimate> {
         let sizes = self.sizes.sums();
         let [first] = *sizes.first()?;
-        let index = sizes.partition_point(|[size]| size.time_frames < time_frames);
+        let index = partition_point(sizes, |[size]| size.time_frames < time_frames);
         let [last] = *sizes.get(index).filter(|[last]| last.component == first.component)?;
         let walk = last.walk * (index as f64).sqrt();
         Some(Estimate { value: last.value - first.value, sigma: last.sigma.hypot(first.sigma).hypot(walk) })

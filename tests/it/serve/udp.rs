@@ -19,12 +19,12 @@ fn start(rig: &Rig, port: u16) -> Server {
 }
 
 /// A port that is free now.
-fn free_port() -> u16 {
+pub fn free_port() -> u16 {
     UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
 }
 
 /// Compiles the example in C.
-fn compile(rig: &Rig) -> std::path::PathBuf {
+pub fn compile(rig: &Rig) -> std::path::PathBuf {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let program = rig.path("listen");
     let mut compiler = Command::new("gcc");

@@ -173,7 +173,10 @@ impl Watch {
                 status.taken == 0 && watched.last.is_none_or(|last| now().duration_since(last.at) >= IDLE_PERIOD);
             let is_new = *status != watched.status || is_idle;
             watched.status = *status;
-            let Some(usage) = Usage::read(status.pid).filter(|_| is_new && self.began.is_some()) else { continue };
+            if !is_new || self.began.is_none() {
+                continue;
+            }
+            let Some(usage) = Usage::read(status.pid) else { continue };
             let moment = Moment { at: now(), taken: status.taken, usage };
             watched.first.get_or_insert(moment);
             watched.last = Some(moment);
