@@ -13,7 +13,7 @@ use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
 use std::sync::Arc;
 
 use crate::dic::geometry::{GridPoint, Pixel, Point, Size};
-use crate::dic::image::PreparedFrame;
+use crate::dic::image::{PreparedFrame, sample_points};
 use crate::numeric::quantile;
 use crate::results::PointStatus;
 use grid::{Grid, MIN_ROWS};
@@ -344,17 +344,17 @@ impl PolarCorrelator {
 impl PolarImage {
     /// Samples the rings about the body's centre from a frame and computes their harmonics.
     fn sample(&mut self, body: CenteredFrame<'_>, grid: Grid, forward: &dyn RealToComplex<f32>) {
-        let (frame, Point { x_px: x, y_px: y }) = (body.frame, body.local_center());
+        let Point { x_px: x, y_px: y } = body.local_center();
         self.levels.clear();
         self.spectrum.clear();
         let directions: Vec<_> = (0..grid.columns).map(|k| (TAU * k as f64 / grid.columns as f64).sin_cos()).collect();
-        let mut line = vec![0.0; grid.columns];
+        let (mut points, mut line) = (Vec::with_capacity(grid.columns), vec![0.0; grid.columns]);
         let mut harmonics = vec![Complex::default(); grid.harmonics()];
         for row in 0..grid.rows {
             let radius = grid.radius(row);
-            for (level, (sin, cos)) in line.iter_mut().zip(&directions) {
-                *level = frame.interpolated.value_at(x + radius * cos, y - radius * sin);
-            }
+            points.clear();
+            points.extend(directions.iter().map(|(sin, cos)| Point::new(x + radius * cos, y - radius * sin)));
+            sample_points(&body.frame.interpolated, &points, &mut line);
             // The lengths match the plan, so this cannot fail.
             let _ = forward.process(&mut line, &mut harmonics);
             harmonics[..MIN_HARMONIC].fill(Complex::default());

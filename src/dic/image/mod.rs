@@ -4,6 +4,7 @@ mod interpolation;
 mod padded_image;
 mod prepared_frame;
 mod sampler;
+mod scattered;
 
 pub(in crate::dic) use interpolation::InterpolatedImage;
 pub use interpolation::Interpolation;
@@ -11,3 +12,4 @@ pub(in crate::dic) use padded_image::{MARGIN, PaddedImage};
 pub use prepared_frame::PreparedFrame;
 pub(in crate::dic) use prepared_frame::relative_gain;
 pub(in crate::dic) use sampler::{ShiftedRows, Taps, lane_positions, sample_lanes, widened_weights};
+pub(in crate::dic) use scattered::sample_points;
