@@ -10,6 +10,8 @@ use iceoryx2::prelude::{AllocationStrategy, ipc};
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
 const TOPIC: &str = "field";
+/// The size of most messages, bytes: some hundred subsets.
+const USUAL_BYTES: usize = 4096;
 
 type Service = PortFactory<ipc::Service, [FieldPointMessage], FieldHeader>;
 
@@ -44,6 +46,15 @@ impl FieldPublisher {
         *sample.user_header_mut() = *header;
         let sample = sample.write_from_fn(|index| FieldPointMessage::from(&points[index]));
         sample.send().map(|_| true).map_err(failure("publish", TOPIC))
+    }
+
+    /// Touches the pages that `count` messages of usual size take, so that they cause no page faults while the ring fills.
+    ///
+    /// The pool gives back the place that was freed last, so a queue that is full needs no others.
+    fn touch(&self, count: usize) {
+        let [Ok(one), Ok(next)] = [0, 1].map(|_| self.port.loan_slice_uninit(self.max_points)) else { return };
+        let [one, next] = [one, next].map(|sample| sample.payload().as_ptr() as usize);
+        memory::populate_heads(one.min(next), one.abs_diff(next), count, USUAL_BYTES);
     }
 }
 
@@ -137,7 +148,9 @@ impl Bus {
             .override_sample_preallocation(move |worst| worst.min(chunks))
             .create()
             .map_err(self.failure("write", TOPIC))?;
-        Ok(FieldPublisher { port, _service: service, max_points: limits.field_points })
+        let publisher = FieldPublisher { port, _service: service, max_points: limits.field_points };
+        publisher.touch(limits.field_depth());
+        Ok(publisher)
     }
 
     /// Creates a subscriber of fields for a process of the rig.

@@ -14,6 +14,9 @@ use std::path::PathBuf;
 /// The memory that a process needs to join a rig: its publishers and connections, bytes.
 pub(super) const JOIN_BYTES: u64 = 10 << 20;
 
+/// The unit in which memory is mapped, bytes.
+const PAGE_BYTES: usize = 4096;
+
 /// Returns the free bytes of `/dev/shm`; `u64::MAX` if they are unknown.
 pub fn free_bytes() -> u64 {
     rustix::fs::statvfs("/dev/shm").map_or(u64::MAX, |stat| stat.f_bavail * stat.f_frsize)
@@ -78,6 +81,20 @@ pub(super) fn populate(address: usize) -> Result<(), BusError> {
     match touched {
         Err(Errno::FAULT) => Err(BusError::Memory { needed_bytes: bytes as u64, free_bytes: free_bytes() }),
         _ => Ok(()),
+    }
+}
+
+/// Makes the first `bytes` of each of `count` places present and writable, which begin every `stride` bytes from `first` on.
+///
+/// Places beyond the mapping that holds `first` are left out. Nothing is done if less than four times as much memory is
+/// free: the pages are then mapped when they are used.
+pub(super) fn populate_heads(first: usize, stride: usize, count: usize, bytes: usize) {
+    let Some((_, end)) = mapping_of(first).filter(|_| require(4 * (count * bytes) as u64).is_ok()) else { return };
+    for start in (first..end).step_by(stride.max(1)).take(count) {
+        let page = start & !(PAGE_BYTES - 1);
+        let until = (start + bytes).next_multiple_of(PAGE_BYTES).min(end);
+        // SAFETY: the range lies in one mapping of this process; populating changes no content.
+        let _ = unsafe { madvise(page as *mut c_void, until - page, Advice::LinuxPopulateWrite) };
     }
 }
 
