@@ -1,6 +1,6 @@
 //! Subpixel fit of a straight edge: one blurred step through many profiles of grey levels.
 
-use super::paint_levels::{Level, MIN_LEVELS, PAINT_SIGMAS, Paint, fit_paint};
+use super::paint_levels::{Levels, MIN_LEVELS, PAINT_SIGMAS, Paint, fit_paint};
 use super::profiles::{ExpectedEdge, MIN_PROFILES, Profile, read_profiles};
 use crate::image::{ImageView, is_saturated};
 use crate::numeric::{normal_f64, quantile};
@@ -121,12 +121,15 @@ impl EdgeModel {
         let [before, after] = self.paints.map(|paint| paint.level_at_edge(profile.along));
         profile.levels.iter().enumerate().filter_map(move |(index, level)| {
             let behind = self.distance_behind_px(profile, index);
+            if behind.abs() > reach {
+                return None;
+            }
             let (p, density) = normal_f64(behind / self.blur);
             let by_place = -(after - before) * density / self.blur;
             let by_blur = by_place * behind / self.blur;
             let residual = level - before - (after - before) * p;
             let derivatives = Vector::from([by_place, by_place * profile.along, by_blur, 1.0 - p, p]);
-            (behind.abs() <= reach).then_some((residual, derivatives))
+            Some((residual, derivatives))
         })
     }
 
@@ -200,24 +203,12 @@ fn estimate_paints(
 ) -> Result<[Paint; 2], PointStatus> {
     let sign = expected.sign;
     let margin = PAINT_MARGIN_PX.max(PAINT_MARGIN_SIGMAS * model.blur);
-    let side = |of: f64| -> Vec<Level> {
-        let levels = |profile: &Profile| {
-            let along = profile.along;
-            let all = profile.levels.iter().enumerate();
-            let behind = |index: usize| model.distance_behind_px(profile, index);
-            let placed = all.map(|(index, level)| Level { along, behind: behind(index), level: *level });
-            placed.filter(|level| of * level.behind >= margin).collect::<Vec<_>>()
-        };
-        profiles.iter().flat_map(levels).collect()
-    };
-    let sides = [side(-1.0), side(1.0)];
+    let sides = [-1.0, 1.0].map(|of| levels_beside(profiles, model, of, margin));
     if sides.iter().any(|levels| levels.len() < MIN_LEVELS) {
         return Err(PointStatus::OutOfFrame);
     }
-    let side_quantile = |k: usize, fraction: f64| {
-        let mut levels: Vec<f64> = sides[k].iter().map(|level| level.level).collect();
-        quantile(&mut levels, fraction).unwrap_or(f64::NAN)
-    };
+    let mut sorted = [sides[0].levels.clone(), sides[1].levels.clone()];
+    let mut side_quantile = |k: usize, fraction: f64| quantile(&mut sorted[k], fraction).unwrap_or(f64::NAN);
     // With sign 1 it is dark before the edge and light behind it.
     let start: [f64; 2] = std::array::from_fn(|k| {
         let is_light = (k == 1) == (sign > 0.0);
@@ -246,6 +237,22 @@ fn estimate_paints(
         }
     }
     Ok(paints)
+}
+
+/// Returns the levels at least `margin` px from the edge, before it (`of` = -1) or behind it (`of` = 1).
+fn levels_beside(profiles: &[Profile], model: &EdgeModel, of: f64, margin: f64) -> Levels {
+    let mut beside = Levels::default();
+    for profile in profiles {
+        for (index, level) in profile.levels.iter().enumerate() {
+            let behind = model.distance_behind_px(profile, index);
+            if of * behind >= margin {
+                beside.along.push(profile.along);
+                beside.behind.push(behind);
+                beside.levels.push(*level);
+            }
+        }
+    }
+    beside
 }
 
 /// Solves for position, slope, blur and the levels of both sides, which their paint constrains, by Gauss-Newton steps.
@@ -287,11 +294,18 @@ fn normal_equations(profiles: &[Profile], model: &EdgeModel) -> (Matrix, Vector,
     let (mut normal, mut right, mut squares) = (Matrix::zeros(), Vector::zeros(), 0.0);
     for profile in profiles.iter().filter(|profile| profile.weight > 0.0) {
         for (residual, derivatives) in model.core_residuals(profile) {
-            normal += derivatives * derivatives.transpose() * profile.weight;
-            right += derivatives * (profile.weight * residual);
+            let weighted = derivatives * profile.weight;
+            // The lower triangle; the matrix is symmetric.
+            for column in 0..5 {
+                for row in column..5 {
+                    normal[(row, column)] += derivatives[row] * weighted[column];
+                }
+            }
+            right += weighted * residual;
             squares += profile.weight * residual * residual;
         }
     }
+    normal.fill_upper_triangle_with_lower_triangle();
     for k in 0..2 {
         normal[(3 + k, 3 + k)] += model.paint_weight(k);
     }

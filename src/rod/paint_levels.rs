@@ -1,6 +1,7 @@
 //! The level of the paint on one side of an edge, with or without speckles.
 
 use crate::results::PointStatus;
+use multiversion::multiversion;
 use nalgebra::{SMatrix, SVector};
 
 /// The tolerance of paint levels, in standard deviations of their noise.
@@ -31,36 +32,60 @@ pub struct Paint {
     pub is_speckled: bool,
 }
 
-/// A grey level clear of the edge.
-pub struct Level {
-    /// The distance along the edge from its middle, px.
-    pub along: f64,
-    /// The distance behind the edge, px; negative before it.
-    pub behind: f64,
-    /// The grey level, DN.
-    pub level: f64,
+/// The grey levels clear of the edge on one side of it.
+#[derive(Default)]
+pub struct Levels {
+    /// The distances along the edge from its middle, px.
+    pub along: Vec<f64>,
+    /// The distances behind the edge, px; negative before it.
+    pub behind: Vec<f64>,
+    /// The grey levels, DN.
+    pub levels: Vec<f64>,
 }
 
-/// The sums of one pass over the levels.
-struct Pass {
-    normal: SMatrix<f64, 4, 4>,
-    right: SVector<f64, 4>,
-    kept: usize,
+impl Levels {
+    /// Returns the number of levels.
+    pub fn len(&self) -> usize {
+        self.levels.len()
+    }
+}
+
+/// The number of levels that are summed at a time by vector instructions.
+const LANES: usize = 8;
+
+/// One value of each of these levels.
+type Lane = [f64; LANES];
+
+/// The levels that count in a pass.
+#[derive(Clone, Copy)]
+struct Range {
+    /// The paint, in units of the scale along and behind.
+    coefficients: [f64; 4],
+    /// The maximum distance from the paint of levels that it is fitted to, DN.
+    within: f64,
+    /// The maximum distance on the outer side of levels that give its noise, DN.
+    tolerance: f64,
+    /// 1 if the outer side is the lighter one, else -1.
+    outward: f64,
+}
+
+/// The sums of one pass over the levels; x is along and y behind the edge, in units of the scale.
+#[derive(Default)]
+struct Sums {
+    /// Of 1, x, x^2, x^3, x^4, y, x y, x^2 y and y^2.
+    moments: [f64; 9],
+    /// Of the level times 1, x, x^2 and y.
+    right: [f64; 4],
     /// The sum of squares and the number of the levels on the outer side of the paint.
     squares: f64,
-    outer: usize,
+    outer: f64,
 }
 
 impl Paint {
     /// Returns the level at the edge, `along` px from its middle, DN.
     pub fn level_at_edge(&self, along: f64) -> f64 {
-        self.level_at(along, 0.0)
-    }
-
-    /// Returns the level `along` px from the middle of the edge and `behind` px behind it, DN.
-    fn level_at(&self, along: f64, behind: f64) -> f64 {
-        let [c, b, a, d] = self.coefficients;
-        c + along * (b + along * a) + d * behind
+        let [c, b, a, _] = self.coefficients;
+        c + along * (b + along * a)
     }
 }
 
@@ -72,54 +97,117 @@ impl Paint {
 /// # Errors
 ///
 /// [`PointStatus::LowCorrelation`] if too few levels agree.
-pub fn fit_paint(levels: &[Level], start: f64, tolerance: f64, outward: f64) -> Result<Paint, PointStatus> {
+pub fn fit_paint(levels: &Levels, start: f64, tolerance: f64, outward: f64) -> Result<Paint, PointStatus> {
     let mut paint = Paint { coefficients: [start, 0.0, 0.0, 0.0], noise: tolerance / PAINT_SIGMAS, ..Paint::default() };
-    let scale = levels.iter().map(|level| level.along.abs()).fold(1.0, f64::max);
+    let scale = levels.along.iter().map(|along| along.abs()).fold(1.0, f64::max);
+    let scaled = |values: &[f64]| values.iter().map(|value| value / scale).collect::<Vec<_>>();
+    let (x, y) = (scaled(&levels.along), scaled(&levels.behind));
+    let mut solved = [start, 0.0, 0.0, 0.0];
     for round in 0..PASSES {
         let is_search = round < SEARCH_PASSES;
         let within = if is_search || paint.is_speckled { DENSE_SIGMAS } else { CLEAN_SIGMAS };
-        let mut pass = sum_levels(levels, &paint, within * paint.noise, scale, outward, tolerance);
-        if pass.kept < MIN_LEVELS {
+        let range = Range { coefficients: solved, within: within * paint.noise, tolerance, outward };
+        let sums = sum_levels([&x, &y, &levels.levels], range);
+        let kept = sums.moments[0];
+        if kept < MIN_LEVELS as f64 {
             return Err(PointStatus::LowCorrelation);
         }
         // Little bare paint gives one level, but not its variation.
-        paint.is_speckled |= round > 0 && is_search && (pass.kept as f64) < BARE_FRACTION * levels.len() as f64;
+        paint.is_speckled |= round > 0 && is_search && kept < BARE_FRACTION * levels.len() as f64;
         let order = if paint.is_speckled { 0 } else { (round / 2).min(3) };
-        for free in order + 1..4 {
-            pass.normal.fill_row(free, 0.0);
-            pass.normal.fill_column(free, 0.0);
-            pass.normal[(free, free)] = 1.0;
-            pass.right[free] = 0.0;
-        }
-        let solved = pass.normal.try_inverse().ok_or(PointStatus::LowCorrelation)? * pass.right;
-        paint.coefficients = [solved[0], solved[1] / scale, solved[2] / (scale * scale), solved[3] / scale];
-        paint.noise = (pass.squares / pass.outer.max(1) as f64).sqrt();
+        let before = (solved, paint.noise);
+        solved = sums.solve(order).ok_or(PointStatus::LowCorrelation)?;
+        paint.noise = (sums.squares / sums.outer.max(1.0)).sqrt();
         paint.noise = paint.noise.clamp(MIN_NOISE * tolerance, tolerance / PAINT_SIGMAS);
         // The level at the edge is extrapolated from those clear of it.
-        paint.sigma = 2.0 * paint.noise / (pass.kept as f64).sqrt();
+        paint.sigma = 2.0 * paint.noise / kept.sqrt();
+        // Order and range of the passes to come are those of this one.
+        if (paint.is_speckled || !is_search) && before == (solved, paint.noise) {
+            break;
+        }
     }
+    paint.coefficients = [solved[0], solved[1] / scale, solved[2] / (scale * scale), solved[3] / scale];
     Ok(paint)
 }
 
-/// Sums the normal equations over the levels within `within` of the paint, and the squares of those on its outer side
-/// up to `tolerance`, DN. Positions along the edge are in units of `scale`, px.
-fn sum_levels(levels: &[Level], paint: &Paint, within: f64, scale: f64, outward: f64, tolerance: f64) -> Pass {
-    let (normal, right) = (SMatrix::zeros(), SVector::zeros());
-    let mut pass = Pass { normal, right, kept: 0, squares: 0.0, outer: 0 };
-    for Level { along, behind, level } in levels {
-        let residual = level - paint.level_at(*along, *behind);
-        if residual * outward > 0.0 && residual.abs() <= tolerance {
-            pass.squares += residual * residual;
-            pass.outer += 1;
+impl Sums {
+    /// Solves the normal equations for the coefficients of 1, x, x^2 and y up to this order; those beyond are zero. `None`
+    /// if they are singular.
+    fn solve(&self, order: usize) -> Option<[f64; 4]> {
+        let [n, x, x2, x3, x4, y, xy, x2y, y2] = self.moments;
+        let mut normal = SMatrix::<f64, 4, 4>::from([[n, x, x2, y], [x, x2, x3, xy], [x2, x3, x4, x2y], [y, xy, x2y, y2]]);
+        let mut right = SVector::from(self.right);
+        for free in order + 1..4 {
+            normal.fill_row(free, 0.0);
+            normal.fill_column(free, 0.0);
+            normal[(free, free)] = 1.0;
+            right[free] = 0.0;
         }
-        if residual.abs() > within {
-            continue;
-        }
-        let x = along / scale;
-        let row: SVector<f64, 4> = SVector::from([1.0, x, x * x, behind / scale]);
-        pass.normal += row * row.transpose();
-        pass.right += row * *level;
-        pass.kept += 1;
+        Some((normal.try_inverse()? * right).into())
     }
-    pass
+}
+
+/// Sums over the levels in the range: `samples` are x, y and the levels.
+fn sum_levels(samples: [&[f64]; 3], range: Range) -> Sums {
+    let [x, y, levels] = samples.map(|values| values.as_chunks::<LANES>());
+    let mut sums = sum_lanes(x.0, y.0, levels.0, range);
+    // The rest, filled up with levels out of any range.
+    let (mut rest_x, mut rest_y, mut rest) = ([0.0; LANES], [0.0; LANES], [f64::MAX; LANES]);
+    rest_x[..x.1.len()].copy_from_slice(x.1);
+    rest_y[..y.1.len()].copy_from_slice(y.1);
+    rest[..levels.1.len()].copy_from_slice(levels.1);
+    let last = sum_lanes(&[rest_x], &[rest_y], &[rest], range);
+    sums.moments.iter_mut().zip(last.moments).for_each(|(sum, more)| *sum += more);
+    sums.right.iter_mut().zip(last.right).for_each(|(sum, more)| *sum += more);
+    Sums { squares: sums.squares + last.squares, outer: sums.outer + last.outer, ..sums }
+}
+
+/// Sums over whole groups of levels in the range.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
+fn sum_lanes(x: &[Lane], y: &[Lane], levels: &[Lane], range: Range) -> Sums {
+    let [c0, c1, c2, c3] = range.coefficients;
+    let (mut moments, mut right) = ([[0.0; LANES]; 9], [[0.0; LANES]; 4]);
+    let (mut squares, mut outer) = ([0.0; LANES], [0.0; LANES]);
+    for ((x, y), levels) in x.iter().zip(y).zip(levels) {
+        let (mut one, mut level) = ([0.0; LANES], [0.0; LANES]);
+        for i in 0..LANES {
+            let residual = levels[i] - (c0 + x[i] * (c1 + x[i] * c2) + c3 * y[i]);
+            let size = residual.abs();
+            // Branches would prevent vectorization.
+            let is_outer = (residual * range.outward > 0.0) & (size <= range.tolerance);
+            squares[i] += if is_outer { residual * residual } else { 0.0 };
+            outer[i] += if is_outer { 1.0 } else { 0.0 };
+            one[i] = if size <= range.within { 1.0 } else { 0.0 };
+            level[i] = if size <= range.within { levels[i] } else { 0.0 };
+        }
+        let (x1, y1) = (product(&one, x), product(&one, y));
+        let (x2, level_x) = (product(&x1, x), product(&level, x));
+        let terms = [one, x1, x2, product(&x2, x), product(&x2, &x2), y1, product(&x1, y), product(&x2, y), product(&y1, y)];
+        for (sum, term) in moments.iter_mut().zip(&terms) {
+            add(sum, term);
+        }
+        for (sum, term) in right.iter_mut().zip(&[level, level_x, product(&level_x, x), product(&level, y)]) {
+            add(sum, term);
+        }
+    }
+    let total = |lanes: Lane| lanes.iter().sum::<f64>();
+    Sums { moments: moments.map(total), right: right.map(total), squares: total(squares), outer: total(outer) }
+}
+
+/// Returns the products of eight pairs.
+#[inline(always)]
+fn product(a: &Lane, b: &Lane) -> Lane {
+    let mut out = [0.0; LANES];
+    for i in 0..LANES {
+        out[i] = a[i] * b[i];
+    }
+    out
+}
+
+/// Adds eight terms to eight sums.
+#[inline(always)]
+fn add(sum: &mut Lane, term: &Lane) {
+    for i in 0..LANES {
+        sum[i] += term[i];
+    }
 }

@@ -8,7 +8,10 @@ use tempfile::TempDir;
 
 /// A small rig, in a runtime folder of its own, so that no other test's rig of this name is in the way.
 fn bench(folder: &Path, arguments: &[&str]) -> Command {
-    let mut command = ricochet(["bench", "live", "--size", "256x192", "--subsets", "16", "--ring", "600"]);
+    let mut command = ricochet(["bench", "live", "--subsets", "16", "--ring", "600"]);
+    if !arguments.contains(&"--size") {
+        command.args(["--size", "256x192"]);
+    }
     command.args(arguments).env("RICOCHET_RUNTIME_DIR", folder.join("r")).env("TMPDIR", folder.join("t"));
     std::fs::create_dir_all(folder.join("t")).unwrap();
     command
@@ -49,6 +52,19 @@ fn every_frame_of_a_slow_camera_has_a_row_and_the_figures_agree() {
 }
 
 #[test]
+fn a_rod_is_measured_in_every_frame_and_the_memory_is_compared() {
+    let folder = TempDir::new().unwrap();
+    let options = ["--body", "rod", "--rate", "200", "--seconds", "1", "--size", "128x160", "--json"];
+    let output = bench(folder.path(), &options).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let printed: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let trial = &printed["live"][0];
+    assert_eq!((&trial["body"], &trial["keeps_up"]), (&"rod".into(), &true.into()), "{trial}");
+    assert!((number(trial, "frame_bytes_per_s") - 128.0 * 160.0 * 200.0).abs() < 1.0);
+    assert!(number(trial, "memcpy_bytes_per_s") > 1e8, "{trial}");
+}
+
+#[test]
 fn an_interrupt_ends_it_and_leaves_nothing_behind() {
     let folder = TempDir::new().unwrap();
     let running = Background::start(bench(folder.path(), &["--rate", "200", "--seconds", "600"]));
@@ -82,6 +98,7 @@ fn options_of_the_rig_are_refused_without_a_rate_and_out_of_range() {
         (&["live", "--rate", "0"], "neither `max` nor a number from 10 to 500000"),
         (&["live", "--rate", "100", "--size", "8"], "each from 64 to 4096 px"),
         (&["live", "--rate", "100", "--seconds", "0"], "from 0.1 to 3600"),
+        (&["live", "--rate", "100", "--body", "rod", "--size", "128"], "a rod needs at least 64x160 px"),
     ] {
         let output = ricochet(["bench"]).args(arguments).output().unwrap();
         let text = String::from_utf8(output.stderr).unwrap();

@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use crate::process::Stop;
-use pipeline::{BenchRate, ImageSize};
+use pipeline::{BenchBody, BenchRate, ImageSize};
 
 /// The options of `ricochet bench`.
 #[derive(Debug, Clone, clap::Args)]
@@ -29,6 +29,9 @@ pub struct BenchOptions {
     /// live: run all processes of a rig at this frame rate, Hz, or search for the highest: `max`.
     #[arg(long, value_name = "HZ|max")]
     pub rate: Option<BenchRate>,
+    /// live --rate: body that is filmed [default: ball].
+    #[arg(long, requires = "rate")]
+    pub body: Option<BenchBody>,
     /// live --rate: number of subsets, or several separated by commas [default: 64; 16,64,256 for --rate max].
     #[arg(long, value_delimiter = ',', requires = "rate")]
     pub subsets: Vec<usize>,

@@ -1,7 +1,9 @@
 //! `ricochet bench live --rate`: the processes of a whole rig at the rate of a camera.
 
+mod memory;
 mod output;
 mod rig;
+mod scene;
 mod search;
 mod trial;
 mod usage;
@@ -12,8 +14,11 @@ use crate::console::{Outcome, UsageError, print_line, print_note};
 use crate::failure::Failure;
 use crate::interrupt::Interrupted;
 use crate::process::Stop;
-use rig::{Folder, Scene};
+use rig::Folder;
+use scene::Scene;
 use trial::Trial;
+
+pub use scene::BenchBody;
 
 /// Image size by default, px.
 const SIDE_PX: [u32; 2] = [512, 512];
@@ -73,7 +78,7 @@ struct Plan {
     seconds: f64,
     side_px: [u32; 2],
     scene: Scene,
-    /// The number of subsets on the ball, and their distance, px.
+    /// The number of subsets on the body, and their distance, px.
     subsets: usize,
     step_px: u32,
     workers: Option<u32>,
@@ -130,11 +135,11 @@ fn plans(
         return Err(UsageError(format!("--seconds {seconds}: must be from 0.1 to 3600")));
     }
     let side_px = options.size.map_or(SIDE_PX, |size| size.0);
-    let scene = Scene::new(side_px);
+    let scene = Scene::new(options.body.unwrap_or_default(), side_px)?;
     let wanted = if options.subsets.is_empty() { subsets } else { &options.subsets };
     let plan = |wanted: &usize| {
         let (step_px, subsets) = scene.grid(*wanted);
-        let ring_frames = options.ring.unwrap_or_else(|| scene.default_ring_frames(defaults.1));
+        let ring_frames = options.ring.unwrap_or_else(|| rig::default_ring_frames(scene.frame_bytes(), defaults.1));
         let (workers, block_frames) = (options.workers, options.block_frames);
         let mode = if options.latency { WorkerMode::Latency } else { WorkerMode::Throughput };
         Plan { rate_hz, seconds, side_px, scene, subsets, step_px, workers, block_frames, mode, ring_frames }

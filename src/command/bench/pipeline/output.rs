@@ -1,6 +1,5 @@
 //! The figures of the runs as tables and as JSON.
 
-use super::rig::SUBSET_PX;
 use super::trial::{ProcessFigures, Trial};
 use crate::console::{print_line, table};
 use crate::message::Role;
@@ -16,6 +15,7 @@ pub(super) fn print_trial(trial: &Trial) {
     print_line(&table(&process_rows(trial)));
     print_line("");
     print_line(&latency_line(trial));
+    print_line(&memory_line(trial));
     print_line(&verdict(trial));
 }
 
@@ -55,8 +55,8 @@ fn setup_line(trial: &Trial) -> String {
     let [width_px, height_px] = trial.plan.side_px;
     let bytes = u64::from(width_px) * u64::from(height_px) * trial.ring_frames;
     format!(
-        "{width_px} x {height_px} px, ball of {:.0} px matched as a whole, {} workers, blocks of {} frames, ring of {} frames ({} MiB)",
-        trial.plan.scene.diameter_px(),
+        "{width_px} x {height_px} px, {}, {} workers, blocks of {} frames, ring of {} frames ({} MiB)",
+        trial.plan.scene.description(),
         trial.workers,
         trial.block_frames,
         trial.ring_frames,
@@ -67,9 +67,9 @@ fn setup_line(trial: &Trial) -> String {
 /// Describes a run.
 fn headline(trial: &Trial) -> String {
     let (subsets, rate_hz) = (trial.plan.subsets, trial.plan.rate_hz);
-    let seconds = trial.frames as f64 / rate_hz;
+    let (seconds, size_px) = (trial.frames as f64 / rate_hz, trial.plan.scene.subset_size_px());
     format!(
-        "{}\n{subsets} subsets of {SUBSET_PX} x {SUBSET_PX} px, {rate_hz} frames/s for {seconds:.1} s",
+        "{}\n{subsets} subsets of {size_px} x {size_px} px, {rate_hz} frames/s for {seconds:.1} s",
         setup_line(trial)
     )
 }
@@ -137,6 +137,13 @@ fn latency_line(trial: &Trial) -> String {
     )
 }
 
+/// Compares the frames with what one core can copy.
+fn memory_line(trial: &Trial) -> String {
+    let (frames, copied) = (1e-9 * trial.frame_bytes_per_s(), 1e-9 * trial.copied_bytes_per_s);
+    let percent = 100.0 * frames / copied;
+    format!("frames: {frames:.2} GB/s, {percent:.0} % of the {copied:.1} GB/s that one core copies (memcpy)")
+}
+
 /// States whether the machine keeps up, and what is missing.
 fn verdict(trial: &Trial) -> String {
     let (rate_hz, subsets) = (trial.plan.rate_hz, trial.plan.subsets);
@@ -160,12 +167,13 @@ fn trial_as_json(trial: &Trial) -> Value {
     let (plan, latency) = (&trial.plan, &trial.latency);
     let shortfalls = trial.shortfalls();
     json!({
-        "width_px": plan.side_px[0], "height_px": plan.side_px[1], "subsets": plan.subsets,
-        "subset_size_px": SUBSET_PX, "step_px": plan.step_px, "rate_hz": plan.rate_hz,
+        "width_px": plan.side_px[0], "height_px": plan.side_px[1], "body": plan.scene.body_name(), "subsets": plan.subsets,
+        "subset_size_px": plan.scene.subset_size_px(), "step_px": plan.step_px, "rate_hz": plan.rate_hz,
         "seconds": trial.frames as f64 / plan.rate_hz, "workers": trial.workers, "block_frames": trial.block_frames, "ring_frames": trial.ring_frames,
         "frames": trial.frames, "rows": trial.rows, "lost": trial.lost, "not_measured": trial.not_measured, "causes": trial.summary.causes,
         "behind_s": trial.behind_s, "keeps_up": shortfalls.is_empty(), "shortfalls": shortfalls,
         "cpu_us_per_frame": trial.cpu_us_per_frame(),
+        "frame_bytes_per_s": trial.frame_bytes_per_s(), "memcpy_bytes_per_s": trial.copied_bytes_per_s,
         "latency_s": {
             "median": latency.median_s, "p99": latency.p99_s, "p999": latency.p999_s, "max": latency.max_s,
             "deviation": latency.deviation_s,

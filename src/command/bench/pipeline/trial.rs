@@ -1,6 +1,6 @@
 //! One run of the rig, and its figures.
 
-use super::Plan;
+use super::{Plan, memory};
 use super::rig::{self, Folder};
 use super::usage::Usage;
 use crate::config::Workers;
@@ -40,6 +40,8 @@ pub(super) struct Trial {
     pub(super) latency: Latency,
     /// Time from the last frame to its row, s.
     pub(super) behind_s: f64,
+    /// The bytes that one core copied per second right after it (`memcpy`).
+    pub(super) copied_bytes_per_s: f64,
     /// The processes, in the order in which a frame passes them.
     pub(super) processes: Vec<ProcessFigures>,
 }
@@ -101,6 +103,11 @@ impl Trial {
     /// Returns the time by which the last row may be late, s.
     fn max_behind_s(&self) -> f64 {
         MAX_BEHIND * self.frames as f64 / self.plan.rate_hz
+    }
+
+    /// Returns the bytes of frames that the camera took per second.
+    pub(super) fn frame_bytes_per_s(&self) -> f64 {
+        self.plan.scene.frame_bytes() as f64 * self.plan.rate_hz
     }
 
     /// Returns the processor time of all processes per frame, us.
@@ -232,6 +239,7 @@ impl Watch {
                 deviation_s: tracker.row_latency_deviation_s,
             },
             behind_s: tracker.latency_s,
+            copied_bytes_per_s: memory::copied_bytes_per_s(plan.scene.frame_bytes()),
             processes: self.processes.iter().map(figures).collect(),
         }
     }
