@@ -98,12 +98,23 @@ impl Bus {
         Ok(TopicNotifier { port, _service: service, last: None })
     }
 
-    /// Creates a listener for the notifications of this topic.
+    /// Creates a listener for the notifications of this topic, in the rig's present domain.
+    ///
+    /// # Errors
+    ///
+    /// [`BusError::Service`] or [`BusError::Memory`] when shared memory cannot be used.
+    pub fn listener(&self, topic: &str) -> Result<TopicListener, BusError> {
+        self.rejoin_present_domain()?;
+        self.notification_subscriber(topic)
+    }
+
+    /// Creates a listener for the notifications of this topic for a process of the rig.
     ///
     /// # Errors
     ///
     /// [`BusError::Service`] when shared memory cannot be used.
-    pub fn listener(&self, topic: &str) -> Result<TopicListener, BusError> {
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
+    pub fn notification_subscriber(&self, topic: &str) -> Result<TopicListener, BusError> {
         let service = self.notification_service(topic)?;
         let port = service.listener_builder().create().map_err(self.failure("wait for", topic))?;
         Ok(TopicListener { port, _service: service })

@@ -47,6 +47,7 @@ pub fn run(options: &AnalyzeOptions, shard: Shard) -> Result<Outcome, Failure> {
         match measure_film(options, film, results) {
             Ok(Outcome::Clean) => {}
             Ok(Outcome::Lost { count, .. }) => lost += count,
+            Ok(Outcome::RigLost { losses, .. }) => lost += losses.largest(),
             Ok(Outcome::NothingMeasured { count, .. }) => {
                 lost += count;
                 empty += 1;

@@ -243,6 +243,7 @@ fn read_frames(recording: &Recording) -> Result<FramesRead, RecordingError> {
     let mut problem = None;
     let mut epoch = 0;
     let mut stamps_ns = Vec::new();
+    let mut pace = Pace::default();
     for frame in frames {
         let meta = match frame {
             Ok((meta, _)) => meta,
@@ -271,6 +272,9 @@ fn read_frames(recording: &Recording) -> Result<FramesRead, RecordingError> {
         });
         // Numbers also continue after the camera was opened again.
         info.count_gap(meta.sequence);
+        if info.count > 0 && epoch == meta.epoch {
+            pace.add(meta.sequence.saturating_sub(info.sequence[1]), meta.stamp_ns.saturating_sub(info.stamp_ns[1]));
+        }
         info.reopened += u64::from(std::mem::replace(&mut epoch, meta.epoch) != meta.epoch);
         info.count += 1;
         stamps_ns.push(meta.stamp_ns);
@@ -279,9 +283,31 @@ fn read_frames(recording: &Recording) -> Result<FramesRead, RecordingError> {
     }
     if let Some(info) = &mut info {
         info.duration_s = info.stamp_ns[1].saturating_sub(info.stamp_ns[0]) as f64 / 1e9;
-        info.frame_rate_hz = recording.frame_rate_hz().ok().flatten();
+        // The camera filmed at a rate of its own between the times that it was opened.
+        info.frame_rate_hz = recording.frame_rate_hz().ok().flatten().or_else(|| pace.rate_hz());
     }
     Ok(FramesRead { info, error: problem, stamps_ns })
+}
+
+/// The frames and the time for which a camera filmed without being opened again.
+#[derive(Debug, Default)]
+struct Pace {
+    frames: u64,
+    ns: u64,
+}
+
+impl Pace {
+    /// Adds the distance of a frame from the one before; none if its number or its stamp does not rise.
+    fn add(&mut self, frames: u64, ns: u64) {
+        if frames > 0 && ns > 0 {
+            (self.frames, self.ns) = (self.frames.saturating_add(frames), self.ns.saturating_add(ns));
+        }
+    }
+
+    /// Returns the mean rate; `None` without two frames in a row.
+    fn rate_hz(&self) -> Option<f64> {
+        (self.frames > 0).then(|| self.frames as f64 * 1e9 / self.ns as f64)
+    }
 }
 
 impl FramesInfo {

@@ -9,7 +9,7 @@ use crate::config::Config;
 use crate::console::{Outcome, UsageError, print_line, progress};
 use crate::failure::Failure;
 use crate::message::Role;
-use crate::process::{self, Child, Extras, Stop, Summary};
+use crate::process::{self, Child, Extras, RigLosses, Stop, Summary};
 use crate::recording::Recording;
 use std::path::PathBuf;
 use stream::Streamed;
@@ -113,7 +113,7 @@ struct Played {
 pub fn run(options: &ReplayOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let whole = span(options.from_s, options.to_s)?;
     let streams = stream::restrict_streams(stream::join_streams(&options.files)?, whole)?;
-    let mut lost = 0;
+    let mut losses = RigLosses::default();
     for pass in 1_u32.. {
         // Each pass is a separate run: stamps and sequence numbers restart, and nothing spans two passes.
         let played = plan_rigs(options, &streams)?;
@@ -122,7 +122,7 @@ pub fn run(options: &ReplayOptions, stop: &Stop) -> Result<Outcome, Failure> {
             _ => lead::play_in_order(&played, options.tempo(), stop)?,
         };
         for summary in &summaries {
-            lost += summary.losses();
+            losses.add(&summary.by_kind);
             for path in &summary.recordings {
                 print_line(&path.display().to_string());
             }
@@ -131,9 +131,10 @@ pub fn run(options: &ReplayOptions, stop: &Stop) -> Result<Outcome, Failure> {
             break;
         }
     }
-    let cut = streams.iter().find(|one| one.recording.truncated().is_some()).or(streams.first());
-    let Some(Streamed { recording, .. }) = cut else { return Ok(Outcome::from_losses(lost)) };
-    Ok(Outcome::from_file(lost, recording.path(), recording.truncated()))
+    let cut = streams.iter().find(|one| one.recording.truncated().is_some());
+    let cause = cut.and_then(|one| Some(format!("{}: {}", one.recording.path().display(), one.recording.truncated()?)));
+    let is_clean = losses.largest() == 0 && cause.is_none();
+    Ok(if is_clean { Outcome::Clean } else { Outcome::RigLost { losses, cause } })
 }
 
 /// Plays one stream, paced by its camera source.

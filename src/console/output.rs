@@ -1,7 +1,7 @@
 //! The output and the outcome of a command.
 
 use crate::failure::{ExitCode, Fatal};
-use crate::process::Summary;
+use crate::process::{RigLosses, Summary};
 use std::io::Write;
 use std::path::Path;
 
@@ -14,6 +14,13 @@ pub enum Outcome {
     Lost {
         /// The number of lost frames, rows or messages; 0 if a process died without losing any.
         count: u64,
+        /// The place and reason of the loss, if known.
+        cause: Option<String>,
+    },
+    /// A rig finished, but it lost data or a process of it died.
+    RigLost {
+        /// The losses by kind; none if a process died without losing any.
+        losses: RigLosses,
         /// The place and reason of the loss, if known.
         cause: Option<String>,
     },
@@ -39,6 +46,7 @@ impl Outcome {
             Self::Lost { count, cause } | Self::NothingMeasured { count, cause } => {
                 Self::NothingMeasured { count, cause }
             }
+            Self::RigLost { losses, cause } => Self::NothingMeasured { count: losses.largest(), cause },
         }
     }
 
@@ -51,6 +59,11 @@ impl Outcome {
                 let cause = cause.as_ref().map_or_else(String::new, |cause| format!("; {cause}"));
                 Some(format!("finished, but data were lost: {count}{cause}"))
             }
+            Self::RigLost { losses, cause } => {
+                let lost = (losses.largest() > 0).then(|| format!("data were lost: {losses}"));
+                let parts: Vec<String> = lost.into_iter().chain(cause.clone()).collect();
+                Some(format!("finished, but {}", parts.join("; ")))
+            }
             _ => None,
         }
     }
@@ -59,7 +72,7 @@ impl Outcome {
     pub fn exit_code(&self) -> Option<ExitCode> {
         match self {
             Self::Clean => None,
-            Self::Lost { .. } => Some(ExitCode::DataLost),
+            Self::Lost { .. } | Self::RigLost { .. } => Some(ExitCode::DataLost),
             Self::NothingMeasured { .. } => Some(ExitCode::NothingMeasured),
         }
     }
@@ -69,13 +82,16 @@ impl Outcome {
         if lost == 0 { Self::Clean } else { Self::Lost { count: lost, cause: None } }
     }
 
-    /// Returns the outcome of a rig, with the causes of its losses. Faults count as a loss without lost data.
+    /// Returns the outcome of a rig or of one of its processes, with the causes of its losses. Faults count as a loss
+    /// without lost data.
     pub fn from_rig(summary: &Summary) -> Self {
-        let count = summary.losses();
-        if count == 0 && summary.faults == 0 {
-            return Self::Clean;
+        let cause = (!summary.causes.is_empty()).then(|| summary.causes.join(", "));
+        let losses = summary.by_kind;
+        match summary.lost + summary.dropped {
+            0 if losses.largest() == 0 && summary.faults == 0 => Self::Clean,
+            0 => Self::RigLost { losses, cause },
+            count => Self::Lost { count, cause },
         }
-        Self::Lost { count, cause: (!summary.causes.is_empty()).then(|| summary.causes.join(", ")) }
     }
 
     /// Returns the outcome of a file; a truncated file counts as one more loss.

@@ -5,7 +5,7 @@ use super::consistency::{self, OutlinePair};
 use super::measurer::Measurer;
 use super::outline::{Finder, Outline};
 use super::outline_motion::FoundOutline;
-use super::pending_frame::{BodyKey, PendingFrame, Target};
+use super::pending_frame::{BodyKey, Measured, PendingFrame, Target};
 use super::surface::Surface;
 use crate::image::Frame;
 use crate::numeric::median;
@@ -198,6 +198,31 @@ impl Measurer {
             (body * intervals..(body + 1) * intervals).for_each(|slot| self.measure_again(reference, slot, after));
         }
         self.pending = pending;
+    }
+
+    /// Frees the prepared images of frames that only wait for the background of their block.
+    ///
+    /// Others may still become the reference or the target of a motion that is measured again.
+    pub(super) fn release_settled(&mut self) {
+        for index in 0..self.pending.len() {
+            if !self.may_be_measured_again(&self.pending[index]) {
+                self.spare.put(std::mem::take(&mut self.pending[index].prepared));
+            }
+        }
+    }
+
+    /// Whether a motion from a frame or to it is not measured, or was measured without a result.
+    fn may_be_measured_again(&self, frame: &PendingFrame) -> bool {
+        let intervals = &self.params.intervals_frames;
+        let is_missing = |measured: &Option<Measured>| measured.as_ref().is_none_or(|done| done.step.motion.is_none());
+        let misses_motion_to = |(index, interval): (usize, &u32)| {
+            let sequence = frame.meta.sequence.checked_sub(u64::from(*interval));
+            let reference = sequence
+                .and_then(|from| self.pending.binary_search_by_key(&from, |pending| pending.meta.sequence).ok())
+                .map(|at| &self.pending[at]);
+            reference.is_some_and(|from| from.done.iter().skip(index).step_by(intervals.len()).any(is_missing))
+        };
+        frame.done.iter().any(is_missing) || intervals.iter().enumerate().any(misses_motion_to)
     }
 
     /// Prepares a kept frame around all its outlines.

@@ -16,6 +16,7 @@ use super::patch_finder::FrameKey;
 use super::pending_frame::{BodyKey, FramePair, Interval, Measured, PendingFrame, Target};
 use super::rigid_match::{RigidMatch, RigidMatcher, is_occluded};
 use super::ring_rotation::RingCorrelator;
+use super::spare_frames::SpareFrames;
 use super::surface::Surface;
 use crate::dic::{Correlator, PreparedFrame, Start};
 use crate::image::{Frame, FrameMeta, Image};
@@ -54,7 +55,7 @@ pub struct Measurer {
     pub(super) image: FrameImage,
     /// Frames whose motion is not measured yet, oldest first.
     pub(super) pending: VecDeque<PendingFrame>,
-    pub(super) spare: Vec<PreparedFrame>,
+    pub(super) spare: SpareFrames,
     pub(super) states: BlockStates,
     pub(super) rigid_matcher: RigidMatcher,
     pub(super) ring_rotation: RingCorrelator,
@@ -79,7 +80,7 @@ impl Measurer {
             size: ImageSize { width: width_px, height: height_px },
             image: FrameImage::new(width_px, height_px, params.correction(width_px, height_px)?),
             pending: VecDeque::new(),
-            spare: Vec::new(),
+            spare: SpareFrames::default(),
             states: BlockStates::default(),
             rigid_matcher: RigidMatcher::default(),
             ring_rotation: RingCorrelator::default(),
@@ -109,20 +110,20 @@ impl Measurer {
         }
         let mut corrected = image.clone();
         self.image.correct(&mut corrected);
-        let mut prepared = self.spare.pop().unwrap_or_default();
+        let mut prepared = self.spare.take();
         self.correlator.prepare_part_into(corrected.view(), [0, 0, width as u32, height as u32], &mut prepared);
         for finder in &mut self.finders {
             if let Finder::Patch(finder) = finder {
                 finder.set_reference(&prepared);
             }
         }
-        self.spare.push(prepared);
+        self.spare.put(prepared);
         Ok(())
     }
 
     /// Discards all frames, for another stream.
     pub fn reset(&mut self) {
-        self.spare.extend(self.pending.drain(..).map(|reference| reference.prepared));
+        self.pending.drain(..).for_each(|reference| self.spare.put(reference.prepared));
         self.skipped = None;
         self.states.clear();
         self.rigid_matcher.clear();
@@ -178,14 +179,17 @@ impl Measurer {
         if self.measures(block) {
             self.add_pending(frame, block, own);
             self.check_consistency();
-        } else {
-            self.spare.extend(own.map(|(prepared, _)| prepared));
+        } else if let Some((prepared, _)) = own {
+            self.spare.put(prepared);
         }
         self.complete_by_outlines(frame);
         if (meta.sequence + 1).is_multiple_of(block_frames) {
             self.recover_lost_balls(block);
         }
         self.emit_finished(measured);
+        if self.background.first_kept().is_some() {
+            self.release_settled();
+        }
         Ok(())
     }
 
@@ -200,7 +204,7 @@ impl Measurer {
         while let Some(group) = pending.get(first).map(|reference| reference.block) {
             let last = pending.partition_point(|reference| reference.block <= group);
             let sequence = frame.meta.sequence;
-            let mut prepared = self.spare.pop().unwrap_or_default();
+            let mut prepared = self.spare.take();
             let predicted = self.states.predicted_box(group, sequence, &self.params.correlation, &self.rigid_matcher);
             let mut bounds =
                 predicted.unwrap_or_else(|| self.states.search_box(group, sequence, &self.params.correlation));
@@ -215,7 +219,7 @@ impl Measurer {
             }
             match group == block {
                 true => own = Some((prepared, bounds)),
-                false => self.spare.push(prepared),
+                false => self.spare.put(prepared),
             }
             first = last;
         }
@@ -238,8 +242,7 @@ impl Measurer {
         let mut needed = BoundingBox::default();
         let subset_px = self.params.correlation.subset_size_px;
         outlines.iter().flatten().for_each(|outline| needed.include_search(&outline.enclosing_circle(subset_px), 0.0));
-        let (mut prepared, bounds) =
-            own.unwrap_or_else(|| (self.spare.pop().unwrap_or_default(), BoundingBox::default()));
+        let (mut prepared, bounds) = own.unwrap_or_else(|| (self.spare.take(), BoundingBox::default()));
         if bounds.is_empty() || !bounds.contains(&needed) {
             self.prepare(frame, needed, &mut prepared);
         }
@@ -327,7 +330,7 @@ impl Measurer {
                 self.pending.push_front(next);
             }
             measured.extend(reference.done.into_iter().flatten());
-            self.spare.push(reference.prepared);
+            self.spare.put(reference.prepared);
         }
     }
 

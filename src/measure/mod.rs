@@ -24,6 +24,7 @@ mod reconcile;
 mod rigid_match;
 mod ring_rotation;
 mod rotation_support;
+mod spare_frames;
 mod surface;
 mod withdrawal;
 

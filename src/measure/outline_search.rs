@@ -129,11 +129,11 @@ impl Measurer {
                 let is_due = key.frame.is_multiple_of(FULL_SEARCH_FRAMES);
                 let angles = if is_new || is_due { AngleRange::Full } else { AngleRange::Small };
                 let (width, height) = (self.size.width as u32, self.size.height as u32);
-                let mut full_frame = self.spare.pop().unwrap_or_default();
+                let mut full_frame = self.spare.take();
                 let view = self.image.unpack_all(frame);
                 self.correlator.prepare_part_into(view, [0, 0, width, height], &mut full_frame);
                 let found = finder.find(key, &full_frame, angles);
-                self.spare.push(full_frame);
+                self.spare.put(full_frame);
                 // The match near the predicted pose detects an occlusion more reliably.
                 let is_occluded = matches!(before, Some(Err(PointStatus::Occluded)));
                 let unseen = if is_occluded { PointStatus::Occluded } else { PointStatus::Lost };

@@ -79,7 +79,7 @@ pub fn run(config: &Config, index: u32, launch: &Launch, stop: &Stop) -> Result<
     worker.needs_reference = worker.measurer.needs_reference();
     let mut recorder =
         RecorderProgress { progress: bus.subscriber(&limits)?, completed: None, expected: config.record.is_some() };
-    let waiting = Waiting::new(bus.listener("frames")?, config.workers.mode);
+    let waiting = Waiting::new(bus.notification_subscriber("frames")?, config.workers.mode);
     if config.workers.mode == WorkerMode::Latency {
         processor::bind_to_own(index);
     }

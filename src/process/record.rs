@@ -68,7 +68,7 @@ pub fn run(config: &Config, launch: &Launch, stop: &Stop) -> Result<Summary, Fai
     for view in &config.views {
         feeds.push(CameraFeed::open(&view.name, &view.config, launch)?);
     }
-    let listener = feeds[0].bus.listener("frames")?;
+    let listener = feeds[0].bus.notification_subscriber("frames")?;
     feeds.iter().try_for_each(|feed| feed.bus.reserve())?;
     let mut recorder = Recorder {
         control: feeds[0].bus.control_server()?,

@@ -1,5 +1,7 @@
 //! The counts of a finished loop.
 
+use super::rig_losses::RigLosses;
+
 /// Counts of one process from start to end.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Summary {
@@ -11,6 +13,8 @@ pub struct Summary {
     pub lost: u64,
     /// Lost in this process: no free slot, incomplete frames, late rows.
     pub dropped: u64,
+    /// The losses of the processes of a rig; none in one process.
+    pub by_kind: RigLosses,
     /// Number of processes that died or did not finish.
     pub faults: u64,
     /// The losses of each process of a rig, as text.
@@ -20,8 +24,8 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// Returns the total loss.
+    /// Returns the losses of a process, or the largest number of any kind of loss of a rig.
     pub fn losses(&self) -> u64 {
-        self.lost + self.dropped
+        (self.lost + self.dropped).max(self.by_kind.largest())
     }
 }

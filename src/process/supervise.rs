@@ -12,6 +12,7 @@ mod shot_lines;
 use super::clock::{PeriodicTimer, Timeout};
 use super::frame_stamp::FrameStamp;
 use super::line::Line;
+use super::rig_losses::{ProcessLosses, RigLosses};
 use super::setup::{expected_format, limits};
 use super::status_reporter::StatusReporter;
 use super::stepping::{self, StepControl};
@@ -57,6 +58,8 @@ pub struct Supervisor<'a> {
     reporter: StatusReporter,
     clean_up: PeriodicTimer,
     summary: Summary,
+    /// The losses of each process and its predecessors that have ended.
+    losses: BTreeMap<Child, ProcessLosses>,
     restarts: u64,
     /// Time for the processes to finish, once the camera stopped.
     draining: Option<Timeout>,
@@ -100,7 +103,7 @@ pub fn run(
     supervisor.receive()?;
     watch(&supervisor.statuses);
     outcome?;
-    Ok(supervisor.summary)
+    Ok(Summary { by_kind: RigLosses::of(supervisor.losses.into_values()), ..supervisor.summary })
 }
 
 impl<'a> Supervisor<'a> {
@@ -131,6 +134,7 @@ impl<'a> Supervisor<'a> {
             groups,
             clean_up: PeriodicTimer::new(CLEAN_UP_PERIOD),
             summary: Summary::default(),
+            losses: BTreeMap::new(),
             restarts: 0,
             draining: None,
             leader: extras.leader,
@@ -246,9 +250,12 @@ impl<'a> Supervisor<'a> {
             let follows = child.role != Role::Record || self.groups[0].config.trigger.mode == TriggerMode::Off;
             follows.then(|| newest.saturating_sub(sequence(&child).unwrap_or(0)))
         };
-        let behind = unfinished().filter_map(behind).max().unwrap_or(0);
+        let farthest = unfinished().filter_map(|child| Some((behind(child)?, child))).max();
+        let behind = farthest.map_or(0, |(behind, _)| behind);
         let names: Vec<String> = unfinished().map(|child| self.name(child)).collect();
-        self.summary.lost += behind;
+        if let Some((lost, child)) = farthest {
+            self.add_losses(child, lost, 0);
+        }
         self.summary.causes.push(format!("{} did not finish in time, {behind} frames behind", names.join(", ")));
         self.summary.faults += 1;
     }
@@ -334,11 +341,20 @@ impl<'a> Supervisor<'a> {
 
     /// Counts the losses of a process that has ended, at least one, if this exit code reports lost data.
     fn count_losses(&mut self, child: Child, code: i32) {
-        let losses = self.statuses.get(&child).map_or(0, |status| status.lost + status.dropped).max(1);
-        if ExitCode::from_number(code) == ExitCode::DataLost {
-            self.summary.lost += losses;
-            self.summary.causes.push(format!("{} lost {losses}", self.name(child)));
+        if ExitCode::from_number(code) != ExitCode::DataLost {
+            return;
         }
+        let [lost, dropped] = self.statuses.get(&child).map_or([0; 2], |status| [status.lost, status.dropped]);
+        let lost = lost.max(u64::from(dropped == 0));
+        self.add_losses(child, lost, dropped);
+        self.summary.causes.push(format!("{} lost {}", self.name(child), lost + dropped));
+    }
+
+    /// Adds the losses of a process to those of its predecessors.
+    fn add_losses(&mut self, child: Child, lost: u64, dropped: u64) {
+        let losses = self.losses.entry(child).or_insert_with(|| losses_of(child, &StatusMessage::default()));
+        losses.lost += lost;
+        losses.dropped += dropped;
     }
 
     /// Counts a death and restarts the process. A dead camera process is not restarted during the end of the stream.
@@ -361,7 +377,7 @@ impl<'a> Supervisor<'a> {
         let counted = last.lost + last.dropped;
         let losses = if counted > 0 { format!(" after it had lost {counted}") } else { String::new() };
         self.summary.faults += 1;
-        self.summary.lost += counted;
+        self.add_losses(child, last.lost, last.dropped);
         self.summary.causes.push(format!("{name} ended with {status}{memory_text}{losses}"));
         self.bus().clean_up_dead();
         let Some(running) = self.children.get_mut(&child) else { return Ok(()) };
@@ -413,7 +429,8 @@ impl<'a> Supervisor<'a> {
         self.manager.report(is_ready, || {
             let cameras = statuses.iter().filter(|(child, _)| child.role == Role::Acquire);
             let rates: Vec<String> = cameras.map(|(_, status)| format!("{:.0}", status.rate_hz)).collect();
-            let lost: u64 = statuses.values().map(|status| status.lost + status.dropped).sum();
+            let counted = statuses.iter().map(|(child, status)| losses_of(*child, status));
+            let lost = RigLosses::of(counted).largest();
             format!(
                 "{} frames per second, frame {}, {lost} lost, {restarts} restarts",
                 rates.join(" and "),
@@ -470,6 +487,11 @@ impl<'a> Supervisor<'a> {
         }
         self.kill_processes(is_selected);
     }
+}
+
+/// Returns the losses that a process has reported.
+fn losses_of(child: Child, status: &StatusMessage) -> ProcessLosses {
+    ProcessLosses { camera: child.camera, role: child.role, lost: status.lost, dropped: status.dropped }
 }
 
 /// Returns the newest frame that a process has reported.

@@ -70,7 +70,7 @@ pub fn run(config: &Config, launch: &Launch, stop: &Stop) -> Result<Summary, Fai
         limits,
         newest: FrameStamp::default(),
     };
-    let waiting = Waiting::new(bus.listener("field")?, config.workers.mode);
+    let waiting = Waiting::new(bus.notification_subscriber("field")?, config.workers.mode);
     let mut stream = StreamState::new(&bus, &limits)?;
     bus.reserve()?;
     while !stop.requested() {

@@ -1,7 +1,7 @@
 //! Rigs that other hosts read and control by Zenoh.
 
 use crate::pipeline_faults::drifting;
-use crate::support::{Background, Listener, Rig, ricochet, run, succeed, wait_until};
+use crate::support::{Background, Listener, Rig, process, ricochet, run, status, succeed, wait_until};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::net::TcpListener;
@@ -96,6 +96,32 @@ fn whoever_is_not_reached_or_takes_no_commands_says_so() {
     let plain = rig.config("source = \"simulated\"", "");
     let none = run(["bridge".as_ref(), plain.as_os_str()]);
     assert_eq!(none.status.code(), Some(2), "{none:?}");
+}
+
+#[test]
+fn rows_that_a_killed_bridge_takes_along_are_counted() {
+    let (rig, endpoint) = (Rig::new(), free_endpoint());
+    let config = bridged(&rig, 200, &endpoint, false);
+    let [service, bridge] = start(&rig, &config, &endpoint);
+    let far = Listener::run(ricochet(["listen", "velocity", "--rig", &rig.name, "--json", "--via", &endpoint]));
+    wait_until("rows arrive", || (far.rows() > 50).then_some(()));
+    drop(bridge);
+    let given = || process(&status(&rig.name)?, "track", 0)?["given"].as_u64();
+    let (away, before) = (wait_until("the rig answers", given), far.rows());
+    // Longer than the newest rows of the rig last, which the next bridge begins with.
+    wait_until("the rig goes on", || (given()? > away + 100).then_some(()));
+    let successor = Background::start(ricochet(["bridge".as_ref(), config.as_os_str()]));
+    wait_until("rows arrive again", || (far.rows() > before + 50).then_some(()));
+    service.signal(2);
+    let (rows, code, complaint) = far.end_with_complaints();
+    let frames: BTreeSet<u64> = rows.iter().filter_map(|(_, row)| row["frame"].as_u64()).collect();
+    let (first, last) = (*frames.first().unwrap(), *frames.last().unwrap());
+    let missing = last + 1 - first - frames.len() as u64;
+    assert!(missing > 50, "{missing} frames came while there was no bridge");
+    assert_eq!(code, Some(6), "{complaint}");
+    assert!(complaint.contains(&format!("data were lost: {missing}; ")), "{missing}: {complaint}");
+    successor.signal(2);
+    assert_eq!(successor.end().0, Some(0));
 }
 
 /// A network namespace that is connected to this one by a pair of interfaces.

@@ -96,6 +96,20 @@ fn a_late_reader_gets_the_newest_events_at_once() {
 }
 
 #[test]
+fn a_listener_waits_for_the_rig_that_was_started_again() {
+    let name = rig_name();
+    let guest = Bus::join(&name, "test").unwrap();
+    let first = guest.domain();
+    let restarted = Bus::supervise(&name, "supervisor", None).unwrap();
+    assert_ne!(first, restarted.domain());
+    // A process of a rig stays in the domain of its run.
+    guest.notification_subscriber("velocity").unwrap();
+    assert_eq!(guest.domain(), first);
+    guest.listener("velocity").unwrap();
+    assert_eq!(guest.domain(), restarted.domain());
+}
+
+#[test]
 fn a_missing_rig_is_reported() {
     let name = rig_name();
     let bus = Bus::join(&name, "test").unwrap();

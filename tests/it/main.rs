@@ -109,3 +109,4 @@ mod trigger_latency;
 mod triggers;
 mod unobserved_impact;
 mod v4l2;
+mod worker_memory;

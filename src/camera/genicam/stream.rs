@@ -145,7 +145,7 @@ impl Stream {
     ///
     /// # Panics
     ///
-    /// If the slot is smaller than a frame.
+    /// If the slot is smaller than a frame, or the library returns no buffer for it.
     pub fn push(&mut self, slot: Slot) {
         let Sizes { image_bytes, payload_bytes } = self.sizes;
         assert!(slot.len() >= image_bytes, "slot of {} bytes for {image_bytes}", slot.len());
@@ -155,7 +155,8 @@ impl Stream {
         // A new buffer each time: a used one would carry its old frame id into an incomplete frame.
         // SAFETY: the memory is exclusively ours and kept in `lent` for as long as the library has the buffer.
         let buffer = unsafe { self.aravis.arv_buffer_new_full(payload_bytes, memory.cast(), ptr::null_mut(), None) };
-        let Some(buffer) = NonNull::new(buffer) else { return };
+        // The library ends the process itself where memory is short. A slot that is skipped would never come back.
+        let Some(buffer) = NonNull::new(buffer) else { panic!("the library returned no buffer for a slot") };
         self.lent.push(Lent { buffer, slot, payload });
         // SAFETY: the stream takes over the reference.
         unsafe { self.aravis.arv_stream_push_buffer(self.as_ptr(), buffer.as_ptr()) };

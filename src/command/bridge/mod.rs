@@ -6,10 +6,12 @@
 //! reader gets the cached rows of impacts, events and status, and the newest velocity.
 
 mod error;
+mod overflow;
 mod preview;
 mod publish;
 mod remote;
 mod session;
+mod succession;
 
 pub use remote::{command, listen, status, trigger};
 
@@ -26,7 +28,7 @@ use serde_json::{Value, json};
 use session::{CONTROL, Side, key, open};
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::time::Duration;
 use zenoh::Wait;
 use zenoh::query::Query;
@@ -63,7 +65,8 @@ pub fn run(options: &BridgeOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let desk = Desk { config: config.clone(), stop: stop.clone(), requests };
     let _control =
         session.declare_queryable(key(rig, CONTROL)).callback(move |query| desk.answer(query)).wait().map_err(fail)?;
-    let topics = publish::start(&session, rig, stop).map_err(fail)?;
+    let overwritten = Arc::new(AtomicU64::new(0));
+    let topics = publish::start(&session, rig, stop, &overwritten).map_err(fail)?;
     let preview = preview::start(&session, rig, stop).map_err(fail)?;
     // Declared last: a reader that sees it finds everything else.
     let _presence = session.liveliness().declare_token(key(rig, "bridge")).wait().map_err(fail)?;
@@ -75,7 +78,9 @@ pub fn run(options: &BridgeOptions, stop: &Stop) -> Result<Outcome, Failure> {
         thread.join().map_err(|_| Failure::internal("a topic of the bridge ended"))?;
     }
     session.close().wait().map_err(fail)?;
-    Ok(Outcome::Clean)
+    let count = overwritten.load(Ordering::Relaxed);
+    let cause = "frames whose rows the bridge was too slow to publish".to_owned();
+    Ok(if count == 0 { Outcome::Clean } else { Outcome::Lost { count, cause: Some(cause) } })
 }
 
 /// The requests of other hosts.

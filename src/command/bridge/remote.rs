@@ -6,6 +6,7 @@ use super::super::status::StatusOptions;
 use super::error::{BridgeError, RemoteError};
 use super::publish::OTHER_ROWS;
 use super::session::{CONTROL, Side, key, open};
+use super::succession::Succession;
 use crate::bus::Topic;
 use crate::console::{Outcome, UsageError, print_line, print_note};
 use crate::failure::{ExitCode, Failure};
@@ -17,6 +18,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 use zenoh::sample::Sample;
+use zenoh::session::EntityGlobalId;
 use zenoh::{Session, Wait};
 use zenoh_ext::{AdvancedSubscriberBuilderExt, HistoryConfig, RecoveryConfig};
 
@@ -98,7 +100,10 @@ pub fn listen(options: &ListenOptions, via: &str, stop: &Stop) -> Result<Outcome
     let late_rows = if of_frames { 1 } else { OTHER_ROWS };
     let subscriber = session
         .declare_subscriber(key(rig, topic))
-        .callback(move |sample: Sample| drop(sender.send(sample.payload().to_bytes().into_owned())))
+        .callback(move |sample: Sample| {
+            let bridge = sample.source_info().map(|info| *info.source_id());
+            drop(sender.send(RemoteRow { bridge, text: sample.payload().to_bytes().into_owned() }));
+        })
         // Without the detection of late publishers: it takes a bridge whose router is back for one, fetches the newest
         // rows alone, and gives up those before.
         .history(HistoryConfig::default().max_samples(late_rows))
@@ -115,28 +120,60 @@ pub fn listen(options: &ListenOptions, via: &str, stop: &Stop) -> Result<Outcome
         })
         .wait()
         .map_err(fail)?;
-    print_rows(Printer::new(options), &rows, &is_over, stop);
-    let count = lost.load(Ordering::Relaxed);
-    let cause = format!("rows of {topic} on the way from {via}");
-    Ok(if count == 0 { Outcome::Clean } else { Outcome::Lost { count, cause: Some(cause) } })
+    let bridges = print_rows(Printer::new(options), &rows, &is_over, stop);
+    let count = lost.load(Ordering::Relaxed) + bridges.frames_between;
+    let mut cause = format!("rows of {topic} on the way from {via}");
+    if bridges.restarts > 0 {
+        cause += &format!(
+            "; the bridge was started again {} times, and rows of {} frames came while there was none",
+            bridges.restarts, bridges.frames_between
+        );
+    }
+    Ok(match count {
+        0 if bridges.restarts == 0 => Outcome::Clean,
+        _ => Outcome::Lost { count, cause: Some(cause) },
+    })
 }
 
-/// Prints rows until the stream is over, enough are printed or a stop is requested.
-fn print_rows(mut printer: Printer, rows: &Receiver<Vec<u8>>, is_over: &AtomicBool, stop: &Stop) {
+/// A row of a topic and the bridge that published it.
+struct RemoteRow {
+    bridge: Option<EntityGlobalId>,
+    text: Vec<u8>,
+}
+
+/// The bridges that a reader has lost.
+#[derive(Debug, Default)]
+struct LostBridges {
+    /// The number of bridges that took the place of another one.
+    restarts: u64,
+    /// The number of frames whose rows no bridge published.
+    frames_between: u64,
+}
+
+/// Prints rows until the stream is over, enough are printed or a stop is requested. Returns the bridges that were lost.
+fn print_rows(mut printer: Printer, rows: &Receiver<RemoteRow>, is_over: &AtomicBool, stop: &Stop) -> LostBridges {
+    let mut lost = LostBridges::default();
+    let mut succession = Succession::new();
     let mut looks = 0;
     while !stop.requested() && looks < LAST_LOOKS {
         match rows.recv_timeout(PAUSE) {
-            Ok(text) => {
+            Ok(RemoteRow { bridge, text }) => {
                 looks = 0;
                 let Ok(row) = serde_json::from_slice::<Map<String, Value>>(&text) else { continue };
+                if let Some(frames) = bridge.and_then(|bridge| succession.add(bridge, &row)) {
+                    lost.restarts += 1;
+                    lost.frames_between += frames;
+                    print_note(&format!("ricochet: the bridge was started again; rows of {frames} frames are lost"));
+                }
                 if !printer.print(&row) {
-                    return;
+                    break;
                 }
             }
             Err(RecvTimeoutError::Timeout) => looks += u32::from(is_over.load(Ordering::Relaxed)),
-            Err(RecvTimeoutError::Disconnected) => return,
+            Err(RecvTimeoutError::Disconnected) => break,
         }
     }
+    lost
 }
 
 /// Returns a flag that is set when the stream of the rig ends, also if that happens while the link is away.

@@ -1,10 +1,13 @@
 //! The drift of a body's outline relative to the pose of its pattern, caused by rotation out of the image plane.
 
+mod uniform_interval;
+
 use super::cumulative::{partition_point, push_bounded, within};
 use super::rotation_prior::{ROTATING_SHARE, Source, possible_drift};
 use crate::motion::{Center, CumulativeSums, PixelRates, Pose, Regime, RollingShutter};
 use crate::numeric::{Polynomial, Sample};
 use crate::results::{BodyStep, Circle, Estimate, RigidStep};
+use uniform_interval::{Lines, UniformInterval};
 
 /// The minimum number of outlines of an estimate.
 const MIN_SAMPLES: usize = 3;
@@ -68,9 +71,6 @@ struct StepDrift {
     drift: [Estimate; 3],
     speed_px: f64,
 }
-
-/// Lines through the sums of steps between two times, px, px and deg, and the sums.
-type Lines = [(Polynomial, Vec<Sample>); 3];
 
 /// The drift per frame between two times.
 #[derive(Debug, Clone, Copy)]
@@ -301,22 +301,21 @@ impl OutlineDrift {
         rates.share * significant_deviation(turn.value, turn.sigma.hypot(turn.walk * (count as f64).sqrt()))
     }
 
-    /// Returns the interval of uniform drift around a node, frames, the rms scatter of its steps (px, px and deg per
-    /// frame; 0 if uniform), and the lines, if steps determine any. Without frames of the regime it is inverted.
+    /// Returns the interval of uniform drift around a node. Without frames of the regime it is inverted.
     ///
     /// A body struck unobserved rotates about another axis afterwards. Where steps scatter, only near ones are used.
-    fn uniform_interval(&self, node: &Pose, regime: Regime) -> ((f64, f64), [f64; 3], Option<Lines>) {
+    fn uniform_interval(&self, node: &Pose, regime: Regime) -> UniformInterval {
         let (from, to) = drift_window(node, regime);
         if from > to {
-            return ((from, to), [0.0; 3], None);
+            return UniformInterval { from_frames: from, to_frames: to, scatter: [0.0; 3], lines: None };
         }
         let (about, mut reach) = (node.time_frames.clamp(from, to), to - from);
         loop {
-            let near = (from.max(about - reach), to.min(about + reach));
-            let lines = self.fit_lines(near.0, near.1);
-            let scatter = lines.as_ref().map_or([0.0; 3], |lines| self.step_scatter(near.0, near.1, lines));
+            let (from_frames, to_frames) = (from.max(about - reach), to.min(about + reach));
+            let lines = self.fit_lines(from_frames, to_frames);
+            let scatter = lines.as_ref().map_or([0.0; 3], |lines| self.step_scatter(from_frames, to_frames, lines));
             if scatter.iter().all(|off| *off <= 0.0) || reach < 2.0 * NARROW_FRAMES {
-                return (near, scatter, lines);
+                return UniformInterval { from_frames, to_frames, scatter, lines };
             }
             reach *= 0.5;
         }
@@ -326,7 +325,7 @@ impl OutlineDrift {
     ///
     /// In contact, the drift of the flight before is used, and its sigma includes the change of the spin.
     pub fn local_drift(&self, node: &Pose, regime: Regime) -> LocalDrift {
-        let ((from_frames, to_frames), scatter, lines) = self.uniform_interval(node, regime);
+        let UniformInterval { from_frames, to_frames, scatter, lines } = self.uniform_interval(node, regime);
         let rates = self.combined_rates(from_frames, to_frames, lines.as_ref());
         let drift = rates.map(|rates| self.significant_part(from_frames, to_frames, &rates));
         let drift = drift.or_else(|| self.prior_drift(from_frames, to_frames)).unwrap_or([NO_DRIFT; 3]);

@@ -239,7 +239,7 @@ impl Frames {
 
     /// Returns an upper bound of the number of frames left.
     pub fn left(&self) -> usize {
-        self.messages.len()
+        self.messages.len().div_ceil(self.messages_per_frame() as usize)
     }
 
     /// Skips `count` frames without reading them; beyond the end, all.

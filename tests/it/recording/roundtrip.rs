@@ -1,7 +1,8 @@
 //! Values written and read, equal to the last bit.
 
 use super::samples;
-use ricochet::image::{Frame, PixelFormat};
+use crate::support::run;
+use ricochet::image::{Frame, FrameMeta, PixelFormat};
 use ricochet::recording::{
     Compression, Recording, RecordingError, RecordingInfo, RecordingWriter, WriterOptions, part_path,
 };
@@ -129,4 +130,34 @@ fn chunk_topics(path: &Path) -> Vec<BTreeSet<String>> {
         index.message_index_offsets.keys().map(|id| summary.channels[id].topic.clone()).collect()
     };
     summary.chunk_indexes.iter().map(topics).collect()
+}
+
+#[test]
+fn frames_that_are_left_are_counted_without_their_information() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("shot.mcap");
+    samples::write(&path, &WriterOptions::default(), 12, [8, 6]).finish().unwrap();
+    let mut frames = Recording::open(&path).unwrap().frames().unwrap();
+    for left in (0..12).rev() {
+        frames.next().unwrap().unwrap();
+        assert_eq!(frames.left(), left);
+    }
+}
+
+#[test]
+fn the_rate_of_a_camera_that_was_opened_again_is_that_of_the_time_between() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("shot.mcap");
+    let mut writer = RecordingWriter::create(&path, &samples::info(), &WriterOptions::default()).unwrap();
+    for (epoch, sequence) in [(3, 0), (3, 1), (3, 4), (4, 40), (4, 41), (5, 90)] {
+        let (meta, bytes) = samples::frame(sequence, PixelFormat::Mono8, [8, 6], 0);
+        // Nobody knows how long it was closed.
+        let meta = FrameMeta { epoch, stamp_ns: meta.stamp_ns + 777 * u64::from(epoch), ..meta };
+        writer.write_frame(&Frame { meta, bytes: &bytes }).unwrap();
+    }
+    writer.finish().unwrap();
+    let output = run(["info".as_ref(), path.as_os_str()]);
+    let words = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(output.status.code(), Some(6), "frames are missing: {words}");
+    assert!(words.contains("6 of 8x6 Mono8, 10000.000 frames/s"), "{words}");
 }
