@@ -11,12 +11,10 @@ use std::fmt;
 pub struct RigLosses {
     /// Frames that the camera lost, or that no process took from it.
     pub camera_frames: u64,
-    /// Rows without a measurement, with those of frames that the camera lost.
+    /// Rows without a measurement, with those of frames that the camera lost, or that are missing in recordings.
     pub unmeasured_rows: u64,
     /// Frames that are missing in recordings, with those that the camera lost.
     pub unrecorded_frames: u64,
-    /// Rows that are missing in recordings.
-    pub unrecorded_rows: u64,
     /// Messages that the server did not send.
     pub unsent_messages: u64,
 }
@@ -39,6 +37,7 @@ impl RigLosses {
         let mut losses = Self::default();
         // Rows by the tracker of a camera, and frames by the worker that missed most of them.
         let mut unmeasured: BTreeMap<u32, [u64; 2]> = BTreeMap::new();
+        let mut missing_rows = 0;
         for ProcessLosses { camera, role, lost, dropped } in processes {
             let [rows, frames] = unmeasured.entry(camera).or_default();
             match role {
@@ -49,13 +48,14 @@ impl RigLosses {
                 Role::Track => *rows += lost.max(dropped),
                 Role::Record => {
                     losses.unrecorded_frames += lost;
-                    losses.unrecorded_rows += dropped;
+                    missing_rows += dropped;
                 }
                 _ => losses.unsent_messages += lost + dropped,
             }
         }
-        // A tracker that was killed could not report what the workers had missed.
-        losses.unmeasured_rows = unmeasured.values().map(|[rows, frames]| rows.max(frames)).sum();
+        // A tracker that was killed could not report what the workers had missed. The recorder misses the same rows.
+        let unmeasured: u64 = unmeasured.values().map(|[rows, frames]| rows.max(frames)).sum();
+        losses.unmeasured_rows = unmeasured.max(missing_rows);
         losses
     }
 
@@ -69,17 +69,15 @@ impl RigLosses {
         self.camera_frames += other.camera_frames;
         self.unmeasured_rows += other.unmeasured_rows;
         self.unrecorded_frames += other.unrecorded_frames;
-        self.unrecorded_rows += other.unrecorded_rows;
         self.unsent_messages += other.unsent_messages;
     }
 
     /// Returns the number of each kind with its unit and name.
-    fn kinds(&self) -> [(u64, &'static str); 5] {
+    fn kinds(&self) -> [(u64, &'static str); 4] {
         [
             (self.camera_frames, "frames by the camera"),
             (self.unmeasured_rows, "rows not measured"),
             (self.unrecorded_frames, "frames not recorded"),
-            (self.unrecorded_rows, "rows not recorded"),
             (self.unsent_messages, "messages not sent"),
         ]
     }
@@ -104,7 +102,7 @@ mod tests {
             counted(Role::Acquire, 5, 0),
             counted(Role::Correlate, 5, 0),
             counted(Role::Correlate, 7, 0),
-            counted(Role::Record, 5, 0),
+            counted(Role::Record, 5, 6),
             counted(Role::Track, 7, 2),
         ];
         let losses = RigLosses::of(processes.clone());
