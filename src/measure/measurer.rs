@@ -90,6 +90,18 @@ impl Measurer {
         })
     }
 
+    /// Reserves the memory of the frames that are kept for reuse, so that a lost body, which is searched in whole frames,
+    /// takes no more.
+    pub fn reserve(&mut self) {
+        let blank = Image::new(self.size.width, self.size.height);
+        let whole = [0, 0, self.size.width as u32, self.size.height as u32];
+        for _ in 0..SpareFrames::MAX_FRAMES {
+            let mut prepared = PreparedFrame::default();
+            self.correlator.prepare_part_into(blank.view(), whole, &mut prepared);
+            self.spare.put(prepared);
+        }
+    }
+
     /// Whether there are patches, which need the image that they were drawn in.
     pub fn needs_reference(&self) -> bool {
         self.finders.iter().any(|finder| matches!(finder, Finder::Patch(_)))

@@ -142,7 +142,8 @@ impl Polynomial {
         let mut rows = Vec::with_capacity(samples.len());
         let mut place = 0;
         for s in samples {
-            let (weight, known_part, powers) = (s.sigma.powi(-2), self.known_part(s.time_frames), self.powers(s.time_frames));
+            let (weight, known_part, powers) =
+                (s.sigma.powi(-2), self.known_part(s.time_frames), self.powers(s.time_frames));
             // Successive samples are mostly of one component.
             if self.components.get(place).is_none_or(|c| c.id != s.component) {
                 place = self.place(s.component).unwrap_or(self.components.len());

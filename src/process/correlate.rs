@@ -111,7 +111,9 @@ pub fn run(config: &Config, index: u32, launch: &Launch, stop: &Stop) -> Result<
 fn plan_measurer(config: &Config, index: u32, format: &StreamFormat) -> Result<Measurer, Failure> {
     let (params, _) = analysis_params(config, format);
     let share = Share { index, of: config.workers.count };
-    Ok(Measurer::new(&params, share, format.width_px as usize, format.height_px as usize)?)
+    let mut measurer = Measurer::new(&params, share, format.width_px as usize, format.height_px as usize)?;
+    measurer.reserve();
+    Ok(measurer)
 }
 
 /// A correlation worker.

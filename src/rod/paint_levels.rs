@@ -72,9 +72,9 @@ struct Range {
 /// The sums of one pass over the levels; x is along and y behind the edge, in units of the scale.
 #[derive(Default)]
 struct Sums {
-    /// Of 1, x, x^2, x^3, x^4, y, x y, x^2 y and y^2.
+    /// The sums of 1, x, x^2, x^3, x^4, y, x y, x^2 y and y^2.
     moments: [f64; 9],
-    /// Of the level times 1, x, x^2 and y.
+    /// The sums of the level times 1, x, x^2 and y.
     right: [f64; 4],
     /// The sum of squares and the number of the levels on the outer side of the paint.
     squares: f64,
@@ -135,7 +135,8 @@ impl Sums {
     /// if they are singular.
     fn solve(&self, order: usize) -> Option<[f64; 4]> {
         let [n, x, x2, x3, x4, y, xy, x2y, y2] = self.moments;
-        let mut normal = SMatrix::<f64, 4, 4>::from([[n, x, x2, y], [x, x2, x3, xy], [x2, x3, x4, x2y], [y, xy, x2y, y2]]);
+        let mut normal =
+            SMatrix::<f64, 4, 4>::from([[n, x, x2, y], [x, x2, x3, xy], [x2, x3, x4, x2y], [y, xy, x2y, y2]]);
         let mut right = SVector::from(self.right);
         for free in order + 1..4 {
             normal.fill_row(free, 0.0);
@@ -182,7 +183,8 @@ fn sum_lanes(x: &[Lane], y: &[Lane], levels: &[Lane], range: Range) -> Sums {
         }
         let (x1, y1) = (product(&one, x), product(&one, y));
         let (x2, level_x) = (product(&x1, x), product(&level, x));
-        let terms = [one, x1, x2, product(&x2, x), product(&x2, &x2), y1, product(&x1, y), product(&x2, y), product(&y1, y)];
+        let terms =
+            [one, x1, x2, product(&x2, x), product(&x2, &x2), y1, product(&x1, y), product(&x2, y), product(&y1, y)];
         for (sum, term) in moments.iter_mut().zip(&terms) {
             add(sum, term);
         }

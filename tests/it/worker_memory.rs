@@ -22,6 +22,7 @@ fn held_kb(frames: u64, is_away: impl Fn(u64) -> bool) -> (Vec<isize>, isize) {
     let size = [film.width_px(), film.height_px()].map(|side| side as usize);
     let before = held_bytes();
     let mut measurer = Measurer::new(&params, Share::ALL, size[0], size[1]).unwrap();
+    measurer.reserve();
     let (mut measured, mut bytes, mut lost) = (Vec::new(), vec![0; film.frame_bytes()], 0);
     let (mut ends, mut max) = (Vec::new(), 0);
     for index in 0..frames {

@@ -107,7 +107,11 @@ fn python_c_and_websocket_receive_every_velocity_of_5000_frames_per_second() {
     let (code, _, stderr) = server.process.end();
     assert_eq!(code, Some(0), "{stderr}");
     let (_, _, counts) = controller.join().unwrap();
-    println!("Python: {} missing of {count}; WebSocket: {} missing; C: {counts}", missing(&from_python), missing(&from_socket));
+    println!(
+        "Python: {} missing of {count}; WebSocket: {} missing; C: {counts}",
+        missing(&from_python),
+        missing(&from_socket)
+    );
     assert_eq!((missing(&from_python), missing(&from_socket)), (0, 0));
     assert!(counts.contains(" 0 lost on the way"), "{counts}");
 }

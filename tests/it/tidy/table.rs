@@ -117,7 +117,7 @@ pub const ROOMS: &[Room] = &[
         &["libm", "multiversion", "nalgebra", "realfft", "thiserror"],
     ),
     pure("ball", &["failure", "results", "image", "numeric"], &["multiversion", "nalgebra", "thiserror"]),
-    pure("rod", &["failure", "results", "image", "numeric"], &["nalgebra", "thiserror"]),
+    pure("rod", &["failure", "results", "image", "numeric"], &["multiversion", "nalgebra", "thiserror"]),
     pure("motion", &["results", "numeric"], &["nalgebra", "thiserror"]),
     pure("survey", &["results", "image", "numeric", "ball", "rod"], &[]),
     pure("trigger", &["results", "image", "motion"], &[]),

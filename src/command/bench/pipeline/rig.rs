@@ -68,7 +68,8 @@ fn available_bytes() -> u64 {
 /// When the scenario cannot be written, or the rig file refuses a value.
 pub(super) fn build(plan: &Plan, folder: &Folder) -> Result<Config, Failure> {
     let path = folder.0.join("swing.toml");
-    let scenario = toml::to_string(&plan.scene.film(MM_PER_PX)).map_err(|error| Failure::internal(error.to_string()))?;
+    let scenario =
+        toml::to_string(&plan.scene.film(MM_PER_PX)).map_err(|error| Failure::internal(error.to_string()))?;
     std::fs::write(&path, scenario)?;
     Ok(Config::parse(&rig_text(plan, &path, &folder.0), "the rig file of the benchmark")?)
 }

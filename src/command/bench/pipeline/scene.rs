@@ -1,4 +1,4 @@
-//! What the camera of the benchmark films: a body that swings across the image.
+//! The film of the benchmark: a body that swings across the image.
 
 use crate::console::UsageError;
 use crate::dic::grid;

@@ -1,8 +1,8 @@
 //! One run of the rig, and its figures.
 
-use super::{Plan, memory};
 use super::rig::{self, Folder};
 use super::usage::Usage;
+use super::{Plan, memory};
 use crate::config::Workers;
 use crate::console::progress;
 use crate::failure::Failure;
