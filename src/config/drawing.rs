@@ -1,6 +1,6 @@
 //! Shapes that a person draws on a picture of the camera, as values of a rig file.
 
-use super::body::BODIES_MAX;
+use super::body::MAX_BODIES;
 use super::trigger::TriggerMode;
 use super::{Config, ConfigError};
 use toml_edit::{Array, ArrayOfTables, DocumentMut, InlineTable, Item, Table, TableLike, Value, value};
@@ -9,7 +9,7 @@ use toml_edit::{Array, ArrayOfTables, DocumentMut, InlineTable, Item, Table, Tab
 type Point = [f64; 2];
 
 /// The maximum number of corners of a polygon.
-const CORNERS_MAX: usize = 256;
+const MAX_CORNERS: usize = 256;
 
 /// A value of the rig file that can be drawn.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -52,7 +52,7 @@ pub enum DrawingError {
         frame_px: (u32, u32),
     },
     /// The shape has too few or too many points.
-    #[error("a region and an edge have 2 points, and a polygon 3 to {CORNERS_MAX}, but {0} were drawn")]
+    #[error("a region and an edge have 2 points, and a polygon 3 to {MAX_CORNERS}, but {0} were drawn")]
     Count(usize),
     /// Two sides of the polygon cross or touch each other.
     #[error("two sides of the polygon cross each other")]
@@ -85,7 +85,7 @@ impl Config {
             }
             add(ShapeKey::Mask(name(), patch.holes_px.len()), Vec::new());
         }
-        if self.bodies.len() < BODIES_MAX {
+        if self.bodies.len() < MAX_BODIES {
             add(ShapeKey::NewPatch(self.free_patch_name()), Vec::new());
         }
         add(ShapeKey::Edge, self.surface.edge.map_or_else(Vec::new, |edge| edge.to_vec()));
@@ -142,7 +142,7 @@ impl Shape {
     fn check(&self, config: &Config, frame_px: Option<(u32, u32)>) -> Result<(), DrawingError> {
         let is_polygon = matches!(self.key, ShapeKey::Polygon(_) | ShapeKey::Mask(..) | ShapeKey::NewPatch(_));
         let count = self.points_px.len();
-        if !(if is_polygon { 3..=CORNERS_MAX } else { 2..=2 }).contains(&count) {
+        if !(if is_polygon { 3..=MAX_CORNERS } else { 2..=2 }).contains(&count) {
             return Err(DrawingError::Count(count));
         }
         if let Some(frame_px @ (width, height)) = frame_px {

@@ -64,9 +64,9 @@ use std::path::Path;
 use text::Text;
 
 /// The maximum size of a rig file, bytes. A larger file is something else.
-const FILE_BYTES_MAX: u64 = 1 << 20;
+const MAX_FILE_BYTES: u64 = 1 << 20;
 /// The maximum length of a rig's name, bytes.
-const RIG_NAME_MAX: usize = 32;
+const MAX_RIG_NAME_CHARACTERS: usize = 32;
 
 /// `[rig]`: the rig.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -268,12 +268,12 @@ impl Picture {
     }
 }
 
-/// Reads a file of at most [`FILE_BYTES_MAX`], or returns the reason why it cannot.
+/// Reads a file of at most [`MAX_FILE_BYTES`], or returns the reason why it cannot.
 fn read_small(path: &Path) -> Result<String, String> {
     let mut text = String::new();
-    let read = std::fs::File::open(path).and_then(|file| file.take(FILE_BYTES_MAX + 1).read_to_string(&mut text));
+    let read = std::fs::File::open(path).and_then(|file| file.take(MAX_FILE_BYTES + 1).read_to_string(&mut text));
     match read {
-        Ok(bytes) if bytes as u64 > FILE_BYTES_MAX => Err(format!("larger than {FILE_BYTES_MAX} bytes")),
+        Ok(bytes) if bytes as u64 > MAX_FILE_BYTES => Err(format!("larger than {MAX_FILE_BYTES} bytes")),
         Ok(_) => Ok(text),
         Err(error) if error.kind() == ErrorKind::InvalidData => Err("not a text file".into()),
         Err(error) => Err(error.to_string()),
@@ -282,5 +282,5 @@ fn read_small(path: &Path) -> Result<String, String> {
 
 /// Checks the name of the rig.
 fn check_rig(table: &Table<'_>, name: Option<String>) -> Result<Rig, ConfigError> {
-    Ok(Rig { name: table.name("name", name.unwrap_or_else(|| "rig".into()), RIG_NAME_MAX)? })
+    Ok(Rig { name: table.name("name", name.unwrap_or_else(|| "rig".into()), MAX_RIG_NAME_CHARACTERS)? })
 }

@@ -164,7 +164,7 @@ impl Footage {
     pub(super) fn with_square_pixels(mut self, aspect: f64) -> Self {
         let stored = self.shape();
         let Some(shape) = square::square_shape(stored, aspect) else {
-            if !square::RANGE.contains(&aspect) {
+            if !square::ASPECT_RANGE.contains(&aspect) {
                 self.warnings.push(format!("pixels of {aspect} : 1 are no shape of a pixel; square ones are assumed"));
             }
             return self;

@@ -6,7 +6,7 @@ use super::footage::Footage;
 use super::rate::Rate;
 use super::shape::Shape;
 use super::timeline::Timeline;
-use super::{FRAME_BYTES, ImportError, grey, open_file};
+use super::{ImportError, MAX_FRAME_BYTES, grey, open_file};
 use crate::image::PixelFormat;
 use std::fs::File;
 use std::os::unix::fs::FileExt;
@@ -15,7 +15,7 @@ use std::path::Path;
 /// The first bytes of an array.
 const MAGIC: &[u8; 6] = b"\x93NUMPY";
 /// Maximum length of the header. One that describes three axes has about a hundred bytes.
-const HEADER_BYTES: u64 = 1 << 16;
+const MAX_HEADER_BYTES: u64 = 1 << 16;
 
 /// Opens an array of frames. A 2-D array is one frame; a fourth axis of 3 or 4 holds colours.
 pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError> {
@@ -36,10 +36,10 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
     let rate = Rate::known(path, fps, None)?;
     let columns = match array.order {
         AxisOrder::FirstSlowest => None,
-        AxisOrder::FirstFastest if count * bytes > FRAME_BYTES => {
+        AxisOrder::FirstFastest if count * bytes > MAX_FRAME_BYTES => {
             let advice = "save numpy.ascontiguousarray of it";
             return Err(invalid(format!(
-                "{} bytes in Fortran order; at most {FRAME_BYTES} are read: {advice}",
+                "{} bytes in Fortran order; at most {MAX_FRAME_BYTES} are read: {advice}",
                 count * bytes
             )));
         }
@@ -82,7 +82,7 @@ fn read_bytes(file: &File, path: &Path, at: u64, bytes: u64) -> Result<Vec<u8>, 
 /// # Errors
 ///
 /// [`ImportError::Invalid`] for a file that is no array, has another version, ends within its header, or has one longer
-/// than [`HEADER_BYTES`].
+/// than [`MAX_HEADER_BYTES`].
 fn read_header(file: &File, path: &Path, file_bytes: u64) -> Result<(String, u64), ImportError> {
     let read = |at: u64, count: u64| {
         if at + count > file_bytes {
@@ -103,8 +103,11 @@ fn read_header(file: &File, path: &Path, file_bytes: u64) -> Result<(String, u64
             return Err(ImportError::invalid(path, format!("version {other} of the format; 1 to 3 are supported")));
         }
     };
-    if length > HEADER_BYTES {
-        return Err(ImportError::invalid(path, format!("a header of {length} bytes; at most {HEADER_BYTES} are read")));
+    if length > MAX_HEADER_BYTES {
+        return Err(ImportError::invalid(
+            path,
+            format!("a header of {length} bytes; at most {MAX_HEADER_BYTES} are read"),
+        ));
     }
     let text = read(8 + length_bytes, length)?;
     Ok((String::from_utf8_lossy(&text).into_owned(), 8 + length_bytes + length))

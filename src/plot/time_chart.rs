@@ -14,7 +14,7 @@ const TOP: f64 = 10.0;
 const AXIS: f64 = 34.0;
 
 /// Maximum number of points drawn as they are. More are thinned to the extremes of each column.
-const POINTS_MAX: usize = 1600;
+const MAX_POINTS: usize = 1600;
 
 /// One point of a curve.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -177,13 +177,13 @@ fn draw_time_axis(scale: &Scale) -> Markup {
     }
 }
 
-/// Returns the points of a stretch. Of more than [`POINTS_MAX`], it returns the lowest and the highest of each column,
+/// Returns the points of a stretch. Of more than [`MAX_POINTS`], it returns the lowest and the highest of each column,
 /// which is as wide as the chart's own unit.
 fn thinned(stretch: &[TimePoint], scale: &Scale) -> Vec<TimePoint> {
-    if stretch.len() <= POINTS_MAX {
+    if stretch.len() <= MAX_POINTS {
         return stretch.to_vec();
     }
-    let mut kept: Vec<TimePoint> = Vec::with_capacity(POINTS_MAX + 2);
+    let mut kept: Vec<TimePoint> = Vec::with_capacity(MAX_POINTS + 2);
     let column = |point: &TimePoint| scale.x(point.x).floor() as i64;
     for points in stretch.chunk_by(|a, b| column(a) == column(b)) {
         let lowest = (0..points.len()).min_by(|a, b| points[*a].y.total_cmp(&points[*b].y)).unwrap_or(0);

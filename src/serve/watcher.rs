@@ -2,7 +2,7 @@
 
 use super::clock::now;
 use super::control::Control;
-use super::feed::{BATCH_ROWS, Feed};
+use super::feed::{Feed, MAX_BATCH_ROWS};
 use super::outlets::Outlets;
 use super::pulse::{Heartbeat, Pulse};
 use super::rig_state::PageState;
@@ -196,8 +196,8 @@ fn take_all<T: Topic>(topic: &Subscriber<T>) -> Result<Vec<T>, BusError> {
     Ok(all)
 }
 
-/// Sends rows to the clients of a topic, at most [`BATCH_ROWS`] at a time.
+/// Sends rows to the clients of a topic, at most [`MAX_BATCH_ROWS`] at a time.
 fn send_in_batches(feed: &Feed, rows: impl Iterator<Item = Map<String, Value>>) {
     let rows: Vec<_> = rows.collect();
-    rows.chunks(BATCH_ROWS).for_each(|batch| feed.send(batch));
+    rows.chunks(MAX_BATCH_ROWS).for_each(|batch| feed.send(batch));
 }

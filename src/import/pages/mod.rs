@@ -20,7 +20,7 @@ use tiff::tags::Tag;
 use tiff::{TiffError, TiffFormatError};
 
 /// Maximum number of pages.
-const PAGES_MAX: u64 = 1 << 20;
+const MAX_PAGES: u64 = 1 << 20;
 
 /// The pages of a TIFF file, read one after the other.
 pub(super) struct Stack {
@@ -89,7 +89,7 @@ impl Stack {
         while decoder.more_images() {
             decoder.next_image()?;
             *pages += 1;
-            if *pages > PAGES_MAX {
+            if *pages > MAX_PAGES {
                 return Err(TiffError::LimitsExceeded);
             }
         }
