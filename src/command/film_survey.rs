@@ -108,7 +108,7 @@ pub(super) fn survey(film: &FilmFiles) -> Result<Surveyed, Failure> {
     let bar = progress::bar(3 * announced, "survey");
     let (sampler, count) = sample_frames(film, announced, &bar)?;
     let size_px = sampler.0;
-    let movement = sampler.1.movement();
+    let movement = sampler.1.detect_movement();
     let kinds = match &movement {
         Some(movement) => identify_all(film, movement, size_px, &bar)?,
         None => Vec::new(),
@@ -129,7 +129,7 @@ fn add_or_join(mut bodies: Vec<SurveyedBody>, body: SurveyedBody) -> Vec<Surveye
     };
     let same = bodies.iter().position(|other| other.kind.is_same_ball(&body.kind) && is_apart(other));
     match same {
-        Some(place) => bodies[place].mover = bodies[place].mover.joined(&body.mover),
+        Some(place) => bodies[place].mover = bodies[place].mover.merged_with(&body.mover),
         None => bodies.push(body),
     }
     bodies

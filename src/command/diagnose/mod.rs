@@ -237,7 +237,7 @@ fn collect_evidence(
             time_ms: meta.stamp_ns.saturating_sub(first_ns) as f64 * 1e-6,
             choice: *choice,
             levels,
-            is_moving: surveyed.movement.as_ref().map(|movement| movement.moving(image.view())),
+            is_moving: surveyed.movement.as_ref().map(|movement| movement.moving_pixels(image.view())),
             track: track.copied(),
             field: fields.remove(&meta.sequence),
             searched: examiner.search(&mut image, index, meta),
