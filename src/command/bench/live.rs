@@ -95,11 +95,11 @@ impl Film {
     fn new() -> Result<Self, Failure> {
         let mut scenario = Scenario::translation(MOTION.u_px, MOTION.v_px, MOTION.angle_deg);
         scenario.camera.frames = 64;
-        let world = SimulatedFilm::new(&scenario)?;
-        let drawn = (0..world.frames()).map(|index| {
-            let mut bytes = vec![0; world.frame_bytes()];
-            world.render(index, &mut bytes);
-            (simulated::meta(&world, index), bytes)
+        let film = SimulatedFilm::new(&scenario)?;
+        let drawn = (0..film.frames()).map(|index| {
+            let mut bytes = vec![0; film.frame_bytes()];
+            film.render(index, &mut bytes);
+            (simulated::meta(&film, index), bytes)
         });
         Ok(Self { frames: drawn.collect(), ball: BallParams::new(50.0, 70.0) })
     }

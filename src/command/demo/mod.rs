@@ -96,7 +96,7 @@ const ROD_LINES: [Line; 9] = [
 /// When the rig cannot run or a measured number is out of tolerance.
 pub fn run(options: &DemoOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let config = demo_config(options)?;
-    let total = process::truth_world(&config)?.map_or(0, |world| world.frames());
+    let total = process::truth_world(&config)?.map_or(0, |film| film.frames());
     let bar = progress::bar(total, "measure");
     let tracker = Child::first(Role::Track);
     let summary = process::supervise(&config, stop, Extras::default(), |latest| {

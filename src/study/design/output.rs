@@ -3,7 +3,7 @@
 use super::advice::Advice;
 use super::rig::Rig;
 use super::scatter::{Expected, Prediction};
-use super::{DesignOptions, FILMS, FILMS_OF_A_CHANGE};
+use super::{DesignOptions, FILMS, FILMS_PER_CHANGE};
 use crate::console::table;
 use crate::failure::Failure;
 use crate::results::MotionMethod;
@@ -72,7 +72,7 @@ impl Study<'_> {
             "diameter_px": 2.0 * rig.scenario.radius_px(), "motion_blur_px": self.blur_px(),
             "pixel_noise_dn": prediction.noise.pixel_dn, "is_whole": prediction.noise.step.method == MotionMethod::WholeBody,
             "sigma_x_px": x, "sigma_y_px": y, "sigma_angle_deg": angle,
-            "films": FILMS, "films_of_a_change": FILMS_OF_A_CHANGE,
+            "films": FILMS, "films_of_a_change": FILMS_PER_CHANGE,
             "expected": expected.as_json(), "advice": advice.collect::<Vec<_>>(),
         })
     }
