@@ -14,11 +14,11 @@ pub(super) const DIAMETERS_PX: [f64; 2] = [114.0, 123.0];
 /// Centre of the ball in the middle of a film, px, without the subpixel offset of the film.
 const MIDDLE_PX: f64 = 79.0;
 
-/// Number of takes reserved per set of speeds, more than a study has films of one pattern.
-const TAKES: u64 = 1000;
+/// Number of retakes reserved per set of speeds: more than a study has films of one pattern.
+const MAX_FILMS_PER_PATTERN: u64 = 1000;
 
-/// Increments of a sequence that fills the unit square evenly (powers of the inverse plastic number).
-const EVEN: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_2];
+/// Steps of a quasi-random sequence (R2) that fills the unit square evenly: powers of the inverse plastic number.
+const QUASIRANDOM_STEP: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_2];
 
 /// The settings shared by all films of a study.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -65,10 +65,10 @@ pub(super) fn static_ball(pattern: usize, filming: &Filming) -> Result<Simulated
 ///
 /// [`ScenarioError`] when the velocity is out of range.
 pub(super) fn moving_ball(ball: &SimulatedFilm, film: &Film, filming: &Filming) -> Result<RenderedFilm, ScenarioError> {
-    let take = 1 + film.number as u64 + if film.speeds == Speeds::Paper { 0 } else { TAKES };
+    let take = 1 + film.number as u64 + if film.speeds == Speeds::Paper { 0 } else { MAX_FILMS_PER_PATTERN };
     let [vx_px_frame, vy_px_frame] = film.velocity.px_frame;
     let half = 0.5 * (filming.frames - 1) as f64;
-    let start = |axis: usize, speed: f64| MIDDLE_PX + (EVEN[axis] * take as f64).fract() - half * speed;
+    let start = |axis: usize, speed: f64| MIDDLE_PX + (QUASIRANDOM_STEP[axis] * take as f64).fract() - half * speed;
     let motion = MotionSetup::Constant {
         vx_px_frame,
         vy_px_frame,
