@@ -215,10 +215,10 @@ impl Iterator for Footage {
             Ok(stored) => stored,
             Err(error) => return Some(Err(error)),
         };
-        let moment = self.timeline.moment(stored.index);
+        let slot = self.timeline.slot(stored.index);
         let meta = FrameMeta {
-            sequence: moment.number,
-            stamp_ns: moment.stamp_ns,
+            sequence: slot.number,
+            stamp_ns: slot.stamp_ns,
             width_px: self.width_px,
             height_px: self.height_px,
             stride_bytes: self.width_px * self.format.bytes_per_pixel() as u32,

@@ -30,7 +30,7 @@ pub(super) struct Gaps {
 
 /// A frame's number, with missing ones counted, and its time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Moment {
+pub(super) struct Slot {
     pub(super) number: u64,
     /// ns since the Unix epoch, or since the first frame where the file has no date.
     pub(super) stamp_ns: u64,
@@ -77,7 +77,7 @@ impl Timeline {
 
     /// Returns the number and the time of the stored frame `index`, from 0. Frames beyond the last known one follow it
     /// at the nominal rate.
-    pub(super) fn moment(&self, index: u64) -> Moment {
+    pub(super) fn slot(&self, index: u64) -> Slot {
         let period_ns = 1e9 / self.rate_hz;
         let beyond = |length: usize| index.saturating_sub(length as u64 - 1);
         let at = |slots: usize| (index as usize).min(slots - 1);
@@ -92,7 +92,7 @@ impl Timeline {
             }
             _ => (index, index as f64 * period_ns),
         };
-        Moment { number, stamp_ns: self.first_ns.saturating_add(since_ns.round() as u64) }
+        Slot { number, stamp_ns: self.first_ns.saturating_add(since_ns.round() as u64) }
     }
 
     /// Counts the missing frames between the stored ones, and the places where they are missing.
