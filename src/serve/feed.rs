@@ -105,7 +105,7 @@ impl Follower {
     pub(super) async fn next(&mut self) -> Option<Delivery> {
         loop {
             match self.receiver.recv().await {
-                Ok(batch) => return Some(self.deliver(batch)),
+                Ok(batch) => return Some(self.delivery(batch)),
                 Err(RecvError::Lagged(_)) => {}
                 Err(RecvError::Closed) => return None,
             }
@@ -113,18 +113,18 @@ impl Follower {
     }
 
     /// Returns the next rows if they are there already, as [`next`](Self::next) does.
-    pub(super) fn take(&mut self) -> Option<Delivery> {
+    pub(super) fn try_next(&mut self) -> Option<Delivery> {
         loop {
             match self.receiver.try_recv() {
-                Ok(batch) => return Some(self.deliver(batch)),
+                Ok(batch) => return Some(self.delivery(batch)),
                 Err(TryRecvError::Lagged(_)) => {}
                 Err(TryRecvError::Empty | TryRecvError::Closed) => return None,
             }
         }
     }
 
-    /// Counts the rows that were lost before a batch.
-    fn deliver(&mut self, batch: Arc<Batch>) -> Delivery {
+    /// Returns a batch as a delivery, with the number of rows that were lost before it.
+    fn delivery(&mut self, batch: Arc<Batch>) -> Delivery {
         let lost = batch.first.saturating_sub(self.next);
         self.next = batch.first + batch.rows.len() as u64;
         Delivery { lost, batch }
@@ -160,7 +160,7 @@ mod tests {
         assert_eq!((later.lost, later.batch.rows[0].as_str()), (5, "{\"frame\":8}"));
         assert_eq!(&later.batch.events[..], b"id: 8\ndata: {\"frame\":8}\n\n");
         assert_eq!(next(&mut follower).lost, 0);
-        assert_eq!(follower.take().unwrap().batch.rows[0].as_str(), "{\"frame\":10}");
+        assert_eq!(follower.try_next().unwrap().batch.rows[0].as_str(), "{\"frame\":10}");
     }
 
     #[test]
