@@ -19,14 +19,14 @@ const FROM_MEDIAN: f64 = 1.4826;
 
 /// The fixed pattern that the sensor adds to every frame.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Fixed {
+pub(super) struct FixedPattern {
     /// Standard deviation of the pixel-to-pixel differences, DN.
     pub(super) dn: f64,
     /// Root mean square of the image gradient along x and y, DN/px.
     pub(super) slope_dn_px: f64,
 }
 
-impl Fixed {
+impl FixedPattern {
     /// Returns the maximum relative underestimate of subpixel displacements of subsets (no unit).
     ///
     /// The flattest parts are often the brightest, where gains differ by more, so this is an upper bound.
