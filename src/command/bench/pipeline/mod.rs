@@ -12,7 +12,7 @@ use crate::console::{Outcome, UsageError, print_line, print_note};
 use crate::failure::Failure;
 use crate::interrupt::Interrupted;
 use crate::process::Stop;
-use rig::{Folder, Scene};
+use rig::{Folder, Scene, SubsetGrid};
 use trial::Trial;
 
 /// Image size by default, px.
@@ -133,7 +133,7 @@ fn plans(
     let scene = Scene::new(side_px);
     let wanted = if options.subsets.is_empty() { subsets } else { &options.subsets };
     let plan = |wanted: &usize| {
-        let (step_px, subsets) = scene.grid(*wanted);
+        let SubsetGrid { step_px, subsets } = scene.closest_grid(*wanted);
         let ring_frames = options.ring.unwrap_or_else(|| scene.default_ring_frames(defaults.1));
         let (workers, block_frames) = (options.workers, options.block_frames);
         let mode = if options.latency { WorkerMode::Latency } else { WorkerMode::Throughput };
