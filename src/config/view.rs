@@ -4,7 +4,7 @@ use super::check::is_name;
 use super::error::ConfigError;
 use super::raw::RawView;
 use super::text::Text;
-use super::{Config, MAX_RIG_NAME_CHARACTERS, Picture, TriggerMode};
+use super::{CameraSettings, Config, MAX_RIG_NAME_CHARACTERS, TriggerMode};
 use std::collections::BTreeMap;
 use toml_edit::{DocumentMut, Item, Table, value};
 
@@ -50,7 +50,7 @@ pub(super) fn check_views(
         }
         let worker_count = raw.body.is_empty().then_some(0);
         // This check reports errors with their line in the file.
-        Picture::new(&file.within(&format!("view.{name}.")), raw)?;
+        CameraSettings::new(&file.within(&format!("view.{name}.")), raw)?;
         let text = view_rig_text(whole, &name, &rig, worker_count);
         let config = Config::parse(&text, &format!("{} [view.{name}]", whole.origin))?;
         views.push(View { name, config });

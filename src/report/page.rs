@@ -103,7 +103,7 @@ fn collision_section(shot: &Shot, impact: &Impact) -> Markup {
                 p class="alert" { "This collision is " (impact.status.as_str()) ": not all of it could be measured." }
             }
             (headline_tiles(&measured, spin_refusal(shot, impact)))
-            (snapshot::strip(shot, impact))
+            (snapshot::picture_strip(shot, impact))
             div class="groups" {
                 @for (name, group) in GROUPS { (quantity_table(name, group, &measured, truth.as_ref())) }
             }

@@ -11,7 +11,7 @@ use std::fmt::Write as _;
 const MAX_ARROWS: usize = 200;
 
 /// Draws the pictures of a collision, or states that there are none; nothing for a collision without moments.
-pub(super) fn strip(shot: &Shot, impact: &Impact) -> Markup {
+pub(super) fn picture_strip(shot: &Shot, impact: &Impact) -> Markup {
     let of_impact = |s: &&Snapshot| s.impact == (impact.body, impact.number);
     let shown: Vec<&Snapshot> = shot.snapshots.iter().filter(of_impact).collect();
     if shown.is_empty() {

@@ -326,7 +326,7 @@ impl RecordedFile {
                 Ok(())
             }
             Found::Description { opcode, body } => {
-                structure.admit(body.len() as u64)?;
+                structure.count_description(body.len() as u64)?;
                 structure.describe(opcode, body).ok_or_else(|| "a schema or channel does not parse".into())
             }
         })

@@ -192,7 +192,7 @@ impl Structure {
             }
             op::ATTACHMENT => self.store_attachment(window.peek(body, clamped_length(length, 1024))?, body, length),
             op::HEADER | op::SCHEMA | op::CHANNEL | op::METADATA => {
-                self.admit(length).map_err(Unreadable::Damaged)?;
+                self.count_description(length).map_err(Unreadable::Damaged)?;
                 let bytes = window.peek(body, clamped_length(length, usize::MAX))?;
                 self.describe(opcode, bytes).ok_or_else(|| "the record does not parse".into())
             }
@@ -212,7 +212,7 @@ impl Structure {
     /// # Errors
     ///
     /// A description when the limit is exceeded.
-    pub(super) fn admit(&mut self, length: u64) -> Result<(), String> {
+    pub(super) fn count_description(&mut self, length: u64) -> Result<(), String> {
         self.description_bytes = self.description_bytes.saturating_add(length);
         if self.description_bytes > MAX_DESCRIPTION_BYTES {
             return Err(format!("more than {MAX_DESCRIPTION_BYTES} bytes of schemas, channels and metadata"));
@@ -319,7 +319,7 @@ impl Structure {
         }
         let mut fields = Fields(head);
         let parsed = (|| {
-            fields.take(16)?;
+            fields.next_bytes(16)?;
             Some((fields.text()?.to_owned(), fields.text()?.to_owned(), fields.u64()?))
         })();
         let (name, media_type, content_bytes) = parsed.ok_or("the attachment does not parse")?;
