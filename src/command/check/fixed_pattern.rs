@@ -31,8 +31,8 @@ impl FixedPattern {
     ///
     /// The flattest parts are often the brightest, where gains differ by more, so this is an upper bound.
     ///
-    /// The pattern does not move. In the least squares of a match it votes for zero displacement with the square of its
-    /// own gradient, about its standard deviation, against that of the speckles.
+    /// The pattern does not move. In the least squares of a match it pulls towards zero displacement, in the ratio of
+    /// its squared gradient, about its variance, to that of the speckles.
     pub(super) fn underestimate_fraction(&self) -> f64 {
         (self.dn / self.slope_dn_px).powi(2)
     }
