@@ -52,18 +52,18 @@ impl FilmFiles {
         result_film::open(&self.inputs, self.camera.as_deref(), self.fps, self.order)
     }
 
-    /// Passes the frames to `take`, each with its number from 0, until it returns [`Visit::Stop`].
+    /// Passes the frames to `visitor`, each with its number from 0, until it returns [`Visit::Stop`].
     ///
     /// # Errors
     ///
-    /// When the film cannot be read, or `take` fails.
+    /// When the film cannot be read, or `visitor` fails.
     pub(super) fn visit(
         &self,
-        mut take: impl FnMut(u64, FrameMeta, &[u8]) -> Result<Visit, Failure>,
+        mut visitor: impl FnMut(u64, FrameMeta, &[u8]) -> Result<Visit, Failure>,
     ) -> Result<(), Failure> {
         for (index, frame) in (0..).zip(self.open()?.frames) {
             let (meta, bytes) = frame?;
-            if take(index, meta, &bytes)? == Visit::Stop {
+            if visitor(index, meta, &bytes)? == Visit::Stop {
                 break;
             }
         }
@@ -79,7 +79,7 @@ impl FilmFiles {
         let mut found = None;
         self.visit(|index, meta, bytes| {
             if index < number {
-                return Ok(Visit::GoOn);
+                return Ok(Visit::Continue);
             }
             found = Some((meta, bytes.to_vec()));
             Ok(Visit::Stop)
@@ -91,7 +91,7 @@ impl FilmFiles {
 /// Whether more frames are wanted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Visit {
-    GoOn,
+    Continue,
     Stop,
 }
 
@@ -106,9 +106,8 @@ pub(super) fn survey(film: &FilmFiles) -> Result<Surveyed, Failure> {
     warnings.iter().for_each(|warning| log::warn!("{warning}"));
     drop(opened.frames);
     let bar = progress::bar(3 * announced, "survey");
-    let (sampler, count) = sample_frames(film, announced, &bar)?;
-    let size_px = sampler.0;
-    let movement = sampler.1.movement();
+    let SampledFilm { size_px, sampler, count } = sample_frames(film, announced, &bar)?;
+    let movement = sampler.detect_movement();
     let kinds = match &movement {
         Some(movement) => identify_all(film, movement, size_px, &bar)?,
         None => Vec::new(),
@@ -129,23 +128,28 @@ fn add_or_join(mut bodies: Vec<SurveyedBody>, body: SurveyedBody) -> Vec<Surveye
     };
     let same = bodies.iter().position(|other| other.kind.is_same_ball(&body.kind) && is_apart(other));
     match same {
-        Some(place) => bodies[place].mover = bodies[place].mover.joined(&body.mover),
+        Some(place) => bodies[place].mover = bodies[place].mover.merged_with(&body.mover),
         None => bodies.push(body),
     }
     bodies
 }
 
-/// The size of the frames, px, the samples, and the number of frames.
-type Sampled = (([usize; 2], Sampler), u64);
+/// A film whose frames were sampled.
+struct SampledFilm {
+    size_px: [usize; 2],
+    sampler: Sampler,
+    /// The number of frames.
+    count: u64,
+}
 
-/// Samples the film; returns the size of its frames, the samples and the number of frames.
+/// Reads all frames of the film, and samples some of them.
 ///
 /// `announced` is the number of frames in the file's header, by which the samples are spread.
 ///
 /// # Errors
 ///
 /// When the film cannot be read, has no frame, or its frames differ in size.
-fn sample_frames(film: &FilmFiles, announced: u64, bar: &ProgressBar) -> Result<Sampled, Failure> {
+fn sample_frames(film: &FilmFiles, announced: u64, bar: &ProgressBar) -> Result<SampledFilm, Failure> {
     let mut sampled: Option<([usize; 2], Sampler)> = None;
     let (mut image, mut count) = (Image::default(), 0);
     film.visit(|index, meta, bytes| {
@@ -161,10 +165,10 @@ fn sample_frames(film: &FilmFiles, announced: u64, bar: &ProgressBar) -> Result<
             Frame { meta, bytes }.unpack(&mut image)?;
             sampler.push(index, image.view());
         }
-        Ok(Visit::GoOn)
+        Ok(Visit::Continue)
     })?;
-    let sampled = sampled.ok_or_else(|| UsageError("cannot survey a film of 0 frames".into()))?;
-    Ok((sampled, count))
+    let (size_px, sampler) = sampled.ok_or_else(|| UsageError("cannot survey a film of 0 frames".into()))?;
+    Ok(SampledFilm { size_px, sampler, count })
 }
 
 /// Identifies the movers in the frames that show them best.
@@ -184,7 +188,7 @@ fn identify_all(
             let frame = ExaminedFrame { index, image: image.view() };
             examinations.iter_mut().for_each(|examination| examination.push(frame));
         }
-        Ok(if needed.last().is_some_and(|last| index < *last) { Visit::GoOn } else { Visit::Stop })
+        Ok(if needed.last().is_some_and(|last| index < *last) { Visit::Continue } else { Visit::Stop })
     })?;
     Ok(examinations.into_iter().map(crate::survey::Examination::finish).collect())
 }
@@ -213,7 +217,7 @@ fn follow_all(
         Frame { meta, bytes }.unpack(&mut image)?;
         let frame = ExaminedFrame { index, image: image.view() };
         followers.iter_mut().for_each(|(_, follower)| follower.push(frame, t_s));
-        Ok(Visit::GoOn)
+        Ok(Visit::Continue)
     })?;
     for (place, follower) in followers {
         let (body, track) = (&mut bodies[place], follower.finish());

@@ -1,5 +1,6 @@
 //! `ricochet info`: the contents of a recording and any damage.
 
+use crate::image::FrameMeta;
 use crate::process::{Matcher, Matching};
 use crate::recording::{Recording, RecordingError};
 use crate::report;
@@ -255,20 +256,7 @@ fn read_frames(recording: &Recording) -> Result<FramesRead, RecordingError> {
         };
         let info = info.get_or_insert_with(|| {
             epoch = meta.epoch;
-            FramesInfo {
-                count: 0,
-                width_px: meta.width_px,
-                height_px: meta.height_px,
-                pixel_format: meta.format.as_str(),
-                frame_rate_hz: None,
-                sequence: [meta.sequence; 2],
-                stamp_ns: [meta.stamp_ns; 2],
-                duration_s: 0.0,
-                reopened: 0,
-                lost: recording.is_ours().then_some(0),
-                gap_count: 0,
-                gaps: Vec::new(),
-            }
+            FramesInfo::from_first(&meta, recording.is_ours().then_some(0))
         });
         // Numbers also continue after the camera was opened again.
         info.count_gap(meta.sequence);
@@ -311,6 +299,25 @@ impl Pace {
 }
 
 impl FramesInfo {
+    /// Returns the information about no frame yet, with the layout, number and time of the first one. `lost` is 0, or
+    /// `None` where the frames have no numbers.
+    fn from_first(meta: &FrameMeta, lost: Option<u64>) -> Self {
+        Self {
+            count: 0,
+            width_px: meta.width_px,
+            height_px: meta.height_px,
+            pixel_format: meta.format.as_str(),
+            frame_rate_hz: None,
+            sequence: [meta.sequence; 2],
+            stamp_ns: [meta.stamp_ns; 2],
+            duration_s: 0.0,
+            reopened: 0,
+            lost,
+            gap_count: 0,
+            gaps: Vec::new(),
+        }
+    }
+
     /// Counts the frames that are missing before this sequence number. Files whose frames have no numbers have no gaps.
     fn count_gap(&mut self, sequence: u64) {
         let after = self.sequence[1];

@@ -52,7 +52,8 @@ pub fn run(options: &ListenOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let bus = Bus::join(&options.rig, "listen")?;
     wait_for_rig(&bus, options, stop)?;
     let mut printer = Printer::new(options);
-    let mut follow = |take: &mut dyn FnMut() -> Result<Option<Rows>, BusError>| follow(&bus, &mut printer, stop, take);
+    let mut follow =
+        |next_rows: &mut dyn FnMut() -> Result<Option<Rows>, BusError>| follow(&bus, &mut printer, stop, next_rows);
     match options.topic.as_str() {
         "track" => follow(&mut rows_of(bus.listen()?, track_row)),
         "velocity" => follow(&mut rows_of(bus.listen()?, velocity_row)),
@@ -145,13 +146,13 @@ fn follow(
     bus: &Bus,
     printer: &mut Printer,
     stop: &Stop,
-    take: &mut dyn FnMut() -> Result<Option<Rows>, BusError>,
+    next_rows: &mut dyn FnMut() -> Result<Option<Rows>, BusError>,
 ) -> Result<Outcome, Failure> {
     let mut watch = Watch::new(bus)?;
     while !stop.requested() {
         // Checked before the topic is read for the last time, so that no message before the end is missed.
         let over = watch.detect_end()?;
-        while let Some(rows) = take()? {
+        while let Some(rows) = next_rows()? {
             if !rows.iter().all(|row| printer.print(row)) {
                 return Ok(Outcome::Clean);
             }

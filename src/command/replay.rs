@@ -1,6 +1,6 @@
 //! `ricochet replay`: publishes the frames of recordings on the live topics.
 
-mod lead;
+mod release;
 mod stream;
 
 use super::frame_source::{rig_config, span};
@@ -12,7 +12,7 @@ use crate::message::Role;
 use crate::process::{self, Child, Extras, RigLosses, Stop, Summary};
 use crate::recording::Recording;
 use std::path::PathBuf;
-use stream::Streamed;
+use stream::CameraStream;
 
 /// The playback rate.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -96,7 +96,7 @@ impl ReplayOptions {
 }
 
 /// A stream and the rig that plays it.
-struct Played {
+struct ReplayRig {
     recording: Recording,
     config: Config,
     span: TimeRange,
@@ -116,10 +116,10 @@ pub fn run(options: &ReplayOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let mut losses = RigLosses::default();
     for pass in 1_u32.. {
         // Each pass is a separate run: stamps and sequence numbers restart, and nothing spans two passes.
-        let played = plan_rigs(options, &streams)?;
-        let (summaries, is_over) = match (options.tempo(), played.as_slice()) {
+        let rigs = plan_rigs(options, &streams)?;
+        let (summaries, is_over) = match (options.tempo(), rigs.as_slice()) {
             (Tempo::Rate(_), [alone]) => (vec![play_alone(alone, stop)?], false),
-            _ => lead::play_in_order(&played, options.tempo(), stop)?,
+            _ => release::play_in_order(&rigs, options.tempo(), stop)?,
         };
         for summary in &summaries {
             losses.add(&summary.by_kind);
@@ -138,11 +138,11 @@ pub fn run(options: &ReplayOptions, stop: &Stop) -> Result<Outcome, Failure> {
 }
 
 /// Plays one stream, paced by its camera source.
-fn play_alone(played: &Played, stop: &Stop) -> Result<Summary, Failure> {
-    let total = played.recording.frame_count();
+fn play_alone(rig: &ReplayRig, stop: &Stop) -> Result<Summary, Failure> {
+    let total = rig.recording.frame_count();
     let bar = progress::bar(total, "replay");
     let tracker = Child::first(Role::Track);
-    let summary = process::supervise(&played.config, stop, Extras::default(), |latest| {
+    let summary = process::supervise(&rig.config, stop, Extras::default(), |latest| {
         if let Some(status) = latest.get(&tracker) {
             bar.set_position(status.given.min(total));
         }
@@ -156,8 +156,8 @@ fn play_alone(played: &Played, stop: &Stop) -> Result<Summary, Failure> {
 /// # Errors
 ///
 /// When a rig file is missing or refused, or the shift exceeds 64 bits.
-fn plan_rigs(options: &ReplayOptions, streams: &[Streamed]) -> Result<Vec<Played>, Failure> {
-    let is_led = streams.len() > 1 || options.step;
+fn plan_rigs(options: &ReplayOptions, streams: &[CameraStream]) -> Result<Vec<ReplayRig>, Failure> {
+    let waits_for_release = streams.len() > 1 || options.step;
     let first_ns = stream::first_ns(streams)?;
     let begin_ns = match options.shift_times {
         None => first_ns,
@@ -167,11 +167,11 @@ fn plan_rigs(options: &ReplayOptions, streams: &[Streamed]) -> Result<Vec<Played
     let shift_ns = i64::try_from(i128::from(begin_ns) - i128::from(first_ns))
         .map_err(|_| UsageError(format!("--shift-times={begin_ns}: too far from the recorded times")))?;
     let mut names = Vec::<String>::new();
-    let mut played = Vec::new();
-    for Streamed { recording, camera, span } in streams {
+    let mut rigs = Vec::new();
+    for CameraStream { recording, camera, span } in streams {
         let base = rig_config(recording, camera.as_deref(), options.config.as_deref())?;
         let name = free_name(&options.rig.clone().unwrap_or_else(|| replay_name(&base.rig.name)), &names);
-        let mut changes = rig_changes(options, is_led);
+        let mut changes = rig_changes(options, waits_for_release);
         changes.push(("rig.name", name.as_str().into()));
         changes.push(("camera.from_s", span.from_s.into()));
         if span.to_s.is_finite() {
@@ -189,16 +189,17 @@ fn plan_rigs(options: &ReplayOptions, streams: &[Streamed]) -> Result<Vec<Played
         }
         let config = base.with_recording(recording.path(), &changes)?;
         names.push(name);
-        played.push(Played { recording: recording.clone(), config, span: *span });
+        rigs.push(ReplayRig { recording: recording.clone(), config, span: *span });
     }
-    Ok(played)
+    Ok(rigs)
 }
 
-/// Returns the changes of the rig file that the options request. A rig that is led waits for each frame.
-fn rig_changes(options: &ReplayOptions, is_led: bool) -> Vec<(&'static str, toml_edit::Value)> {
-    let paced = !is_led && options.tempo() != Tempo::Rate(Rate::Max);
+/// Returns the changes of the rig file that the options request. A rig that waits for the release of each frame is
+/// stepped.
+fn rig_changes(options: &ReplayOptions, waits_for_release: bool) -> Vec<(&'static str, toml_edit::Value)> {
+    let paced = !waits_for_release && options.tempo() != Tempo::Rate(Rate::Max);
     let mut changes: Vec<(&str, toml_edit::Value)> = vec![("camera.paced", paced.into())];
-    if is_led {
+    if waits_for_release {
         changes.push(("camera.stepped", true.into()));
     } else if let Tempo::Rate(Rate::Times(times)) = options.tempo() {
         changes.push(("camera.playback_rate", times.into()));

@@ -40,19 +40,19 @@ pub fn run(options: &SimulateOptions) -> Result<Outcome, Failure> {
         error => UsageError(format!("{}: {error}", options.scenario)),
     };
     let scenario = simulated::load_scenario(&options.scenario).map_err(named)?;
-    let world = SimulatedFilm::new(&scenario).map_err(named)?;
-    let config = default_config(&world, &options.scenario)?;
-    let format = simulated::stream_format(&world);
+    let film = SimulatedFilm::new(&scenario).map_err(named)?;
+    let config = default_config(&film, &options.scenario)?;
+    let format = simulated::stream_format(&film);
     let camera = CameraIdentity { model: "simulated".into(), serial: options.scenario.clone() };
     let mut info = recording_info(&config, &format, &camera, "none: simulated");
     // A simulated film must not depend on the host.
     info.metadata.remove("host");
     Overwrite::REFUSED.check(&options.output)?;
     let mut writer = RecordingWriter::create(&options.output, &info, &WriterOptions::default())?;
-    for impact in world.impacts() {
+    for impact in film.impacts() {
         writer.write_truth_impact(&impact)?;
     }
-    render_frames(&world, &format, &mut writer)?;
+    render_frames(&film, &format, &mut writer)?;
     let finished = writer.finish()?;
     if options.json {
         let summary = serde_json::json!({
@@ -64,13 +64,13 @@ pub fn run(options: &SimulateOptions) -> Result<Outcome, Failure> {
 }
 
 /// Renders every frame into the recording, with its true velocities.
-fn render_frames(world: &SimulatedFilm, format: &StreamFormat, writer: &mut RecordingWriter) -> Result<(), Failure> {
+fn render_frames(film: &SimulatedFilm, format: &StreamFormat, writer: &mut RecordingWriter) -> Result<(), Failure> {
     let mut bytes = vec![0; format.slot_bytes()];
-    let bar = progress::bar(world.frames(), "simulate");
-    for index in 0..world.frames() {
-        world.render(index, &mut bytes);
-        writer.write_frame(&Frame { meta: simulated::meta(world, index), bytes: &bytes })?;
-        for row in world.truths(index) {
+    let bar = progress::bar(film.frames(), "simulate");
+    for index in 0..film.frames() {
+        film.render(index, &mut bytes);
+        writer.write_frame(&Frame { meta: simulated::meta(film, index), bytes: &bytes })?;
+        for row in film.truths(index) {
             writer.write_truth(&row)?;
         }
         bar.inc(1);
@@ -82,8 +82,8 @@ fn render_frames(world: &SimulatedFilm, format: &StreamFormat, writer: &mut Reco
 /// Returns the configuration attached to the recording of the scenario `name`, which is the default for measuring it.
 ///
 /// That of a built-in experiment has its own. Any other gets one with the scale and the bodies of the scenario.
-fn default_config(world: &SimulatedFilm, name: &str) -> Result<Config, Failure> {
-    let scenario = world.scenario();
+fn default_config(film: &SimulatedFilm, name: &str) -> Result<Config, Failure> {
+    let scenario = film.scenario();
     let built_in = format!("{name}.toml");
     if let Some(text) = super::demo::built_in_config(name) {
         return Ok(Config::parse(text, &built_in)?);
@@ -98,7 +98,7 @@ fn default_config(world: &SimulatedFilm, name: &str) -> Result<Config, Failure> 
             "\n[[body]]\nkind = \"rod\"\n\n[correlation]\nsubset_size_px = 25\nstep_px = 5\nshape = \"translation\"\n"
                 .to_owned()
         }
-        (None, Some(_)) => two_ball_tables(world),
+        (None, Some(_)) => two_ball_tables(film),
         (None, None) => String::new(),
     };
     let text = format!(
@@ -110,13 +110,13 @@ fn default_config(world: &SimulatedFilm, name: &str) -> Result<Config, Failure> 
 }
 
 /// Returns the body tables of two balls, each with a search region around its path.
-fn two_ball_tables(world: &SimulatedFilm) -> String {
-    let scenario = world.scenario();
+fn two_ball_tables(film: &SimulatedFilm) -> String {
+    let scenario = film.scenario();
     let diameters = [Some(scenario.body.diameter_mm), scenario.other.as_ref().map(|other| other.body.diameter_mm)];
     let table = |(number, diameter_mm): (usize, f64)| {
         let mut span = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
-        for index in 0..world.frames() {
-            let Some(truth) = world.truths(index).into_iter().nth(number) else { continue };
+        for index in 0..film.frames() {
+            let Some(truth) = film.truths(index).into_iter().nth(number) else { continue };
             let (Some(x), Some(y), Some(radius)) = (truth.center_x_px, truth.center_y_px, truth.radius_px) else {
                 continue;
             };
@@ -124,7 +124,7 @@ fn two_ball_tables(world: &SimulatedFilm) -> String {
                 *span = [span[0].min(place - radius), span[1].max(place + radius)];
             }
         }
-        let [x, y] = [(span[0], world.width_px()), (span[1], world.height_px())].map(|([low, high], length)| {
+        let [x, y] = [(span[0], film.width_px()), (span[1], film.height_px())].map(|([low, high], length)| {
             let length = f64::from(length);
             // A ball that is never visible is searched for in the whole image.
             let first = (low - ROOM_PX).floor().clamp(0.0, length);

@@ -60,9 +60,9 @@ impl Body {
 }
 
 /// The maximum number of bodies.
-pub(super) const BODIES_MAX: usize = 16;
+pub(super) const MAX_BODIES: usize = 16;
 /// The maximum number of corners of a polygon.
-const CORNERS_MAX: usize = 256;
+const MAX_CORNERS: usize = 256;
 /// The area of the smallest patch that carries as much texture as a subset, px^2.
 const AREA_MIN_PX2: f64 = 150.0;
 const EDGES_DEFAULT: u32 = ROD_EDGES as u32;
@@ -80,8 +80,8 @@ pub(super) fn check_bodies(
     if raw.is_empty() {
         raw.push(RawBody::default());
     }
-    if raw.len() > BODIES_MAX {
-        return Err(text.refuse("body", format!("at most {BODIES_MAX} tables")));
+    if raw.len() > MAX_BODIES {
+        return Err(text.refuse("body", format!("at most {MAX_BODIES} tables")));
     }
     let count = raw.len();
     let mut bodies: Vec<Body> = Vec::new();
@@ -147,9 +147,9 @@ fn check_patch(table: &Table<'_>, raw: &RawBody, image_px: Option<(u32, u32)>) -
         let inside = |[x, y]: &[f64; 2]| (0.0..=right).contains(x) && (0.0..=bottom).contains(y);
         let corners: Option<Vec<[f64; 2]>> =
             corners.iter().map(|corner| <[f64; 2]>::try_from(corner.as_slice()).ok().filter(inside)).collect();
-        corners.filter(|corners| (3..=CORNERS_MAX).contains(&corners.len()))
+        corners.filter(|corners| (3..=MAX_CORNERS).contains(&corners.len()))
     };
-    let allowed = format!("3 to {CORNERS_MAX} corners [x, y], 0 to {right} and 0 to {bottom} px");
+    let allowed = format!("3 to {MAX_CORNERS} corners [x, y], 0 to {right} and 0 to {bottom} px");
     let outline_px = polygon(raw.polygon_px.as_deref().unwrap_or_default());
     let outline_px = outline_px.ok_or_else(|| table.refuse("polygon_px", allowed.as_str()))?;
     let holes = raw.holes_px.iter().flatten().map(|hole| polygon(hole)).collect::<Option<Vec<_>>>();

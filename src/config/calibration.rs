@@ -9,7 +9,7 @@ use crate::motion::{Calibration, Distortion, Lens, Rectifier};
 use toml_edit::{DocumentMut, TableLike, Value, value};
 
 /// The maximum number of coefficients of the Brown model.
-const COEFFICIENTS_MAX: usize = 8;
+const MAX_COEFFICIENTS: usize = 8;
 const FOCAL: Bounds = Bounds::closed(1.0, 1.0e6, "px");
 
 /// A model of lens distortion.
@@ -151,7 +151,7 @@ fn check_lens(table: &Table<'_>, raw: &RawCalibration) -> Result<Option<Lens>, C
         table.refuse("camera_matrix", "[fx, 0, cx, 0, fy, cy, 0, 0, 1] with focal lengths of 1 to 1000000 px")
     })?;
     let max = match model {
-        Model::Brown => COEFFICIENTS_MAX,
+        Model::Brown => MAX_COEFFICIENTS,
         Model::Equidistant => 4,
     };
     let given = raw.distortion.as_deref().unwrap_or_default();

@@ -172,9 +172,9 @@ impl Camera {
 }
 
 const SIZE_PX: std::ops::RangeInclusive<i64> = 16..=65_535;
-const DEFECT_PX_MAX: u32 = 65_534;
+const MAX_DEFECT_PX: u32 = 65_534;
 /// The maximum number of defective pixels.
-const DEFECTS_MAX: usize = 10_000;
+const MAX_DEFECTS: usize = 10_000;
 const OFFSET_PX: std::ops::RangeInclusive<i64> = 0..=65_535;
 const PLAYBACK_RATE: Bounds = Bounds::closed(0.001, 1000.0, "times real time");
 /// The maximum time from the first frame of a recording, s.
@@ -228,14 +228,14 @@ pub(super) fn check_camera(table: &Table<'_>, raw: RawCamera) -> Result<Camera, 
 
 /// Checks the column and row of each defective pixel.
 fn check_defective_px(table: &Table<'_>, raw: &[Vec<i64>]) -> Result<Vec<[u32; 2]>, ConfigError> {
-    let place = |at: &i64| u32::try_from(*at).ok().filter(|at| *at <= DEFECT_PX_MAX);
+    let place = |at: &i64| u32::try_from(*at).ok().filter(|at| *at <= MAX_DEFECT_PX);
     let pixel = |pair: &Vec<i64>| match pair.as_slice() {
         [x, y] => Some([place(x)?, place(y)?]),
         _ => None,
     };
     let pixels: Option<Vec<_>> = raw.iter().map(pixel).collect();
-    pixels.filter(|pixels| pixels.len() <= DEFECTS_MAX).ok_or_else(|| {
-        let allowed = format!("at most {DEFECTS_MAX} pairs of column and row, each 0 to {DEFECT_PX_MAX}");
+    pixels.filter(|pixels| pixels.len() <= MAX_DEFECTS).ok_or_else(|| {
+        let allowed = format!("at most {MAX_DEFECTS} pairs of column and row, each 0 to {MAX_DEFECT_PX}");
         table.refuse("defective_px", allowed)
     })
 }

@@ -73,7 +73,7 @@ pub enum WorkerMode {
 pub const DEFAULT_BLOCK_FRAMES: u32 = 64;
 
 /// The maximum number of correlation processes.
-const WORKERS_MAX: u32 = 64;
+const MAX_WORKERS: u32 = 64;
 
 /// Checks the recordings. Their folder is required.
 pub(super) fn check_record(table: &Table<'_>, raw: RawRecord) -> Result<Record, ConfigError> {
@@ -94,7 +94,7 @@ pub(super) fn check_record(table: &Table<'_>, raw: RawRecord) -> Result<Record, 
 pub(super) fn check_workers(table: &Table<'_>, raw: &RawWorkers) -> Result<Workers, ConfigError> {
     let modes = [("throughput", WorkerMode::Throughput), ("latency", WorkerMode::Latency)];
     Ok(Workers {
-        count: table.integer("count", raw.count, 0..=i64::from(WORKERS_MAX), "")?.unwrap_or_else(default_worker_count),
+        count: table.integer("count", raw.count, 0..=i64::from(MAX_WORKERS), "")?.unwrap_or_else(default_worker_count),
         block_frames: table
             .integer("block_frames", raw.block_frames, 4..=256, "frames")?
             .unwrap_or(DEFAULT_BLOCK_FRAMES),
@@ -108,5 +108,5 @@ pub(super) fn check_workers(table: &Table<'_>, raw: &RawWorkers) -> Result<Worke
 /// the time and a collision is reported twice as soon.
 fn default_worker_count() -> u32 {
     let processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    u32::try_from(processors.min(2).max(processors - 1)).map_or(WORKERS_MAX, |count| count.min(WORKERS_MAX))
+    u32::try_from(processors.min(2).max(processors - 1)).map_or(MAX_WORKERS, |count| count.min(MAX_WORKERS))
 }

@@ -6,7 +6,7 @@ use super::raw::{OneOrMore, RawCorrelation};
 use crate::dic::{CorrelationParams, Interpolation, Method, Shape, WindowShape};
 
 /// The maximum number of intervals.
-const INTERVALS_MAX: usize = 4;
+const MAX_INTERVALS: usize = 4;
 
 /// Checks `interval_frames`: one number, or a rising list.
 pub(super) fn check_intervals(table: &Table<'_>, raw: &RawCorrelation) -> Result<Vec<u32>, ConfigError> {
@@ -15,13 +15,13 @@ pub(super) fn check_intervals(table: &Table<'_>, raw: &RawCorrelation) -> Result
         Some(OneOrMore::One(interval)) => std::slice::from_ref(interval),
         Some(OneOrMore::More(intervals)) => intervals,
     };
-    let is_rising = given.is_sorted_by(|a, b| a < b) && (1..=INTERVALS_MAX).contains(&given.len());
+    let is_rising = given.is_sorted_by(|a, b| a < b) && (1..=MAX_INTERVALS).contains(&given.len());
     if is_rising && given.iter().all(|interval| (1..=255).contains(interval)) {
         return Ok(given.iter().map(|interval| *interval as u32).collect());
     }
     Err(table.refuse(
         "interval_frames",
-        format!("1 to 255 frames, or a rising list of at most {INTERVALS_MAX} such numbers"),
+        format!("1 to 255 frames, or a rising list of at most {MAX_INTERVALS} such numbers"),
     ))
 }
 

@@ -1,15 +1,13 @@
 //! Shapes that a person draws on a picture of the camera, as values of a rig file.
 
-use super::body::BODIES_MAX;
+use super::body::MAX_BODIES;
+use super::polygon::{Point, is_in_polygon, is_self_intersecting};
 use super::trigger::TriggerMode;
 use super::{Config, ConfigError};
 use toml_edit::{Array, ArrayOfTables, DocumentMut, InlineTable, Item, Table, TableLike, Value, value};
 
-/// A point of a frame, (x, y) in px.
-type Point = [f64; 2];
-
 /// The maximum number of corners of a polygon.
-const CORNERS_MAX: usize = 256;
+const MAX_CORNERS: usize = 256;
 
 /// A value of the rig file that can be drawn.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -52,7 +50,7 @@ pub enum DrawingError {
         frame_px: (u32, u32),
     },
     /// The shape has too few or too many points.
-    #[error("a region and an edge have 2 points, and a polygon 3 to {CORNERS_MAX}, but {0} were drawn")]
+    #[error("a region and an edge have 2 points, and a polygon 3 to {MAX_CORNERS}, but {0} were drawn")]
     Count(usize),
     /// Two sides of the polygon cross or touch each other.
     #[error("two sides of the polygon cross each other")]
@@ -85,7 +83,7 @@ impl Config {
             }
             add(ShapeKey::Mask(name(), patch.holes_px.len()), Vec::new());
         }
-        if self.bodies.len() < BODIES_MAX {
+        if self.bodies.len() < MAX_BODIES {
             add(ShapeKey::NewPatch(self.free_patch_name()), Vec::new());
         }
         add(ShapeKey::Edge, self.surface.edge.map_or_else(Vec::new, |edge| edge.to_vec()));
@@ -142,7 +140,7 @@ impl Shape {
     fn check(&self, config: &Config, frame_px: Option<(u32, u32)>) -> Result<(), DrawingError> {
         let is_polygon = matches!(self.key, ShapeKey::Polygon(_) | ShapeKey::Mask(..) | ShapeKey::NewPatch(_));
         let count = self.points_px.len();
-        if !(if is_polygon { 3..=CORNERS_MAX } else { 2..=2 }).contains(&count) {
+        if !(if is_polygon { 3..=MAX_CORNERS } else { 2..=2 }).contains(&count) {
             return Err(DrawingError::Count(count));
         }
         if let Some(frame_px @ (width, height)) = frame_px {
@@ -153,12 +151,12 @@ impl Shape {
                 return Err(DrawingError::Outside { at: *at, frame_px });
             }
         }
-        if is_polygon && crosses_itself(&self.points_px) {
+        if is_polygon && is_self_intersecting(&self.points_px) {
             return Err(DrawingError::Crossing);
         }
         if let ShapeKey::Mask(name, _) = &self.key
             && let Some(patch) = &config.bodies[config.body_index(name)?].patch
-            && !self.points_px.iter().all(|corner| is_within(*corner, &patch.outline_px))
+            && !self.points_px.iter().all(|corner| is_in_polygon(*corner, &patch.outline_px))
         {
             return Err(DrawingError::BeyondPatch);
         }
@@ -270,53 +268,6 @@ fn replace(table: &mut dyn TableLike, key: &str, mut new: Value) {
     } else {
         table.insert(key, value(new));
     }
-}
-
-/// Returns the sides of a polygon.
-fn sides(corners: &[Point]) -> impl Iterator<Item = [Point; 2]> + Clone {
-    corners.iter().zip(corners.iter().cycle().skip(1)).map(|(from, to)| [*from, *to])
-}
-
-/// Whether two sides of a polygon that are no neighbours cross or touch.
-fn crosses_itself(corners: &[Point]) -> bool {
-    let count = corners.len();
-    let mut pairs = sides(corners).enumerate().flat_map(|(k, side)| {
-        sides(corners)
-            .enumerate()
-            .skip(k + 2)
-            .filter(move |(l, _)| (l + 1) % count != k)
-            .map(move |(_, other)| [side, other])
-    });
-    pairs.any(|[one, other]| do_touch(one, other))
-}
-
-/// Twice the area of the triangle of three points, px^2, negative in one direction of rotation.
-fn twice_area([a, b]: [Point; 2], c: Point) -> f64 {
-    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-}
-
-/// Whether two sides have a point in common.
-fn do_touch(one: [Point; 2], other: [Point; 2]) -> bool {
-    let is_apart = |axis: usize| {
-        let range = |side: [Point; 2]| [side[0][axis].min(side[1][axis]), side[0][axis].max(side[1][axis])];
-        let ([low, high], [other_low, other_high]) = (range(one), range(other));
-        high < other_low || other_high < low
-    };
-    let is_divided = |line: [Point; 2], side: [Point; 2]| twice_area(line, side[0]) * twice_area(line, side[1]) <= 0.0;
-    !is_apart(0) && !is_apart(1) && is_divided(one, other) && is_divided(other, one)
-}
-
-/// Whether a point is inside a polygon or on one of its sides.
-fn is_within(point: Point, corners: &[Point]) -> bool {
-    if sides(corners).any(|side| do_touch(side, [point, point])) {
-        return true;
-    }
-    // A ray to the left crosses the sides of a polygon around the point an odd number of times.
-    let is_crossed = |[from, to]: [Point; 2]| {
-        let is_across = (from[1] > point[1]) != (to[1] > point[1]);
-        is_across && from[0] + (point[1] - from[1]) * (to[0] - from[0]) / (to[1] - from[1]) < point[0]
-    };
-    sides(corners).filter(|side| is_crossed(*side)).count() % 2 == 1
 }
 
 impl ShapeKey {

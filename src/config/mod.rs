@@ -35,6 +35,7 @@ mod error;
 mod geometry;
 mod key;
 mod plan;
+mod polygon;
 mod raw;
 mod reference;
 mod serve;
@@ -64,9 +65,9 @@ use std::path::Path;
 use text::Text;
 
 /// The maximum size of a rig file, bytes. A larger file is something else.
-const FILE_BYTES_MAX: u64 = 1 << 20;
+const MAX_FILE_BYTES: u64 = 1 << 20;
 /// The maximum length of a rig's name, bytes.
-const RIG_NAME_MAX: usize = 32;
+const MAX_RIG_NAME_CHARACTERS: usize = 32;
 
 /// `[rig]`: the rig.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -134,7 +135,7 @@ impl Config {
     /// it.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, ConfigError> {
         let origin = path.as_ref().display().to_string();
-        match read_small(path.as_ref()) {
+        match read_limited(path.as_ref()) {
             Ok(text) => Self::parse_with_files(&text, &origin),
             Err(reason) => Err(ConfigError { origin, line: None, problem: Problem::Unreadable(reason).into() }),
         }
@@ -146,7 +147,7 @@ impl Config {
     ///
     /// [`ConfigError`] when a calibration file cannot be used, or as [`parse`](Self::parse).
     fn parse_with_files(text: &str, origin: &str) -> Result<Self, ConfigError> {
-        match calibration::embed_files(text, |name| read_small(Path::new(name))) {
+        match calibration::embed_files(text, |name| read_limited(Path::new(name))) {
             None => Self::parse(text, origin),
             Some(Ok(text)) => Self::parse(&text, origin),
             Some(Err((key, reason))) => Err(Text::new(text, origin)?.refuse(&key, reason)),
@@ -169,32 +170,32 @@ impl Config {
         let rig = check_rig(&Table::new(&file, "rig"), raw.rig.name)?;
         let (camera, scale, surface, calibration) = (raw.camera, raw.scale, raw.surface, raw.calibration);
         let (correlation, rotation, velocity) = (raw.correlation, raw.rotation, raw.velocity);
-        let picture = RawView { camera, scale, surface, calibration, body: raw.body, correlation, rotation, velocity };
-        let picture = Picture::new(&file, picture)?;
+        let settings = RawView { camera, scale, surface, calibration, body: raw.body, correlation, rotation, velocity };
+        let settings = CameraSettings::new(&file, settings)?;
         let context = trigger::TriggerContext {
-            image_px: picture.camera.image_px(),
-            bodies: &picture.bodies,
-            scale: picture.scale,
-            has_edge: picture.surface.edge.is_some(),
-            is_pulsed: picture.camera.is_pulsed(),
+            image_px: settings.camera.image_px(),
+            bodies: &settings.bodies,
+            scale: settings.scale,
+            has_edge: settings.surface.edge.is_some(),
+            is_pulsed: settings.camera.is_pulsed(),
             rig: &rig.name,
         };
         let mut config = Self {
             trigger: trigger::check_trigger(&Table::new(&file, "trigger"), raw.trigger, &context)?,
             rig,
-            scale: picture.scale,
-            surface: picture.surface,
-            bodies: picture.bodies,
-            intervals_frames: picture.intervals_frames,
-            correlation: picture.correlation,
-            rotation: picture.rotation,
-            velocity: picture.velocity,
+            scale: settings.scale,
+            surface: settings.surface,
+            bodies: settings.bodies,
+            intervals_frames: settings.intervals_frames,
+            correlation: settings.correlation,
+            rotation: settings.rotation,
+            velocity: settings.velocity,
             workers: capture::check_workers(&Table::new(&file, "workers"), &raw.workers)?,
             serve: serve::check_serve(&Table::new(&file, "serve"), raw.serve)?,
             bridge: bridge::check_bridge(&Table::new(&file, "bridge"), raw.bridge.unwrap_or_default())?,
-            camera: picture.camera,
+            camera: settings.camera,
             record,
-            calibration: picture.calibration,
+            calibration: settings.calibration,
             views: Vec::new(),
             text: text.into(),
             origin: origin.into(),
@@ -206,7 +207,7 @@ impl Config {
 }
 
 /// The settings of one camera and its image, checked.
-struct Picture {
+struct CameraSettings {
     camera: Camera,
     scale: Option<Scale>,
     surface: Surface,
@@ -218,7 +219,7 @@ struct Picture {
     velocity: Velocity,
 }
 
-impl Picture {
+impl CameraSettings {
     /// Checks the settings of one camera. Those of the bodies' kinds are checked last.
     fn new(file: &Text<'_>, raw: RawView) -> Result<Self, ConfigError> {
         let camera = camera::check_camera(&Table::new(file, "camera"), raw.camera)?;
@@ -231,7 +232,7 @@ impl Picture {
         let bodies = body::check_bodies(file, raw.body, image_px)?;
         let surface = geometry::check_surface(&Table::new(file, "surface"), &raw.surface, &bodies)?;
         geometry::check_edge(file, &surface, calibration.as_ref())?;
-        let picture = Self {
+        let settings = Self {
             scale: geometry::check_scale(&Table::new(file, "scale"), &raw.scale, calibration.as_ref())?,
             surface,
             bodies,
@@ -242,8 +243,8 @@ impl Picture {
             camera,
             calibration,
         };
-        picture.check_bodies(file, raw.rotation.method.as_deref())?;
-        Ok(picture)
+        settings.check_bodies(file, raw.rotation.method.as_deref())?;
+        Ok(settings)
     }
 
     /// Refuses settings that do not apply to the kinds of the bodies.
@@ -268,12 +269,12 @@ impl Picture {
     }
 }
 
-/// Reads a file of at most [`FILE_BYTES_MAX`], or returns the reason why it cannot.
-fn read_small(path: &Path) -> Result<String, String> {
+/// Reads a file of at most [`MAX_FILE_BYTES`], or returns the reason why it cannot.
+fn read_limited(path: &Path) -> Result<String, String> {
     let mut text = String::new();
-    let read = std::fs::File::open(path).and_then(|file| file.take(FILE_BYTES_MAX + 1).read_to_string(&mut text));
+    let read = std::fs::File::open(path).and_then(|file| file.take(MAX_FILE_BYTES + 1).read_to_string(&mut text));
     match read {
-        Ok(bytes) if bytes as u64 > FILE_BYTES_MAX => Err(format!("larger than {FILE_BYTES_MAX} bytes")),
+        Ok(bytes) if bytes as u64 > MAX_FILE_BYTES => Err(format!("larger than {MAX_FILE_BYTES} bytes")),
         Ok(_) => Ok(text),
         Err(error) if error.kind() == ErrorKind::InvalidData => Err("not a text file".into()),
         Err(error) => Err(error.to_string()),
@@ -282,5 +283,5 @@ fn read_small(path: &Path) -> Result<String, String> {
 
 /// Checks the name of the rig.
 fn check_rig(table: &Table<'_>, name: Option<String>) -> Result<Rig, ConfigError> {
-    Ok(Rig { name: table.name("name", name.unwrap_or_else(|| "rig".into()), RIG_NAME_MAX)? })
+    Ok(Rig { name: table.name("name", name.unwrap_or_else(|| "rig".into()), MAX_RIG_NAME_CHARACTERS)? })
 }

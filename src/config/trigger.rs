@@ -94,7 +94,7 @@ pub(super) struct TriggerContext<'a> {
     pub rig: &'a str,
 }
 
-const COMMAND_TEXTS_MAX: usize = 64;
+const MAX_COMMAND_TEXTS: usize = 64;
 const LEAD_S: f64 = 0.01;
 const SILENCE_S: f64 = 0.2;
 /// The modes that record the frames around a moment.
@@ -203,11 +203,11 @@ fn check_required(table: &Table<'_>, trigger: &Trigger, context: &TriggerContext
     Ok(())
 }
 
-/// Checks the program and its arguments: 1 to [`COMMAND_TEXTS_MAX`] texts without NUL, the first not blank; empty
+/// Checks the program and its arguments: 1 to [`MAX_COMMAND_TEXTS`] texts without NUL, the first not blank; empty
 /// without any.
 fn check_command(table: &Table<'_>, texts: Option<Vec<String>>) -> Result<Vec<String>, ConfigError> {
     let Some(texts) = texts else { return Ok(Vec::new()) };
-    let is_valid = (1..=COMMAND_TEXTS_MAX).contains(&texts.len())
+    let is_valid = (1..=MAX_COMMAND_TEXTS).contains(&texts.len())
         && texts.first().is_some_and(|program| !program.trim().is_empty())
         && texts.iter().all(|text| !text.contains('\0'));
     if is_valid { Ok(texts) } else { Err(table.refuse("command", "a program and its arguments, 1 to 64 texts")) }

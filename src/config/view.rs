@@ -4,7 +4,7 @@ use super::check::is_name;
 use super::error::ConfigError;
 use super::raw::RawView;
 use super::text::Text;
-use super::{Config, Picture, RIG_NAME_MAX, TriggerMode};
+use super::{CameraSettings, Config, MAX_RIG_NAME_CHARACTERS, TriggerMode};
 use std::collections::BTreeMap;
 use toml_edit::{DocumentMut, Item, Table, value};
 
@@ -22,9 +22,9 @@ pub struct View {
 }
 
 /// The maximum number of views.
-const VIEWS_MAX: usize = 8;
+const MAX_VIEWS: usize = 8;
 /// The maximum length of a view's name, bytes.
-const NAME_MAX: usize = 16;
+const MAX_NAME_CHARACTERS: usize = 16;
 /// The tables that a view shares with the first camera's.
 pub(super) const TABLES: [&str; 8] =
     ["camera", "scale", "surface", "calibration", "body", "correlation", "rotation", "velocity"];
@@ -35,22 +35,22 @@ pub(super) fn check_views(
     raw: BTreeMap<String, RawView>,
     whole: &Config,
 ) -> Result<Vec<View>, ConfigError> {
-    if raw.len() > VIEWS_MAX {
-        return Err(file.refuse("view", format!("at most {VIEWS_MAX} tables")));
+    if raw.len() > MAX_VIEWS {
+        return Err(file.refuse("view", format!("at most {MAX_VIEWS} tables")));
     }
     let mut views = Vec::new();
     for (name, raw) in raw {
         let rig = format!("{}-{name}", whole.rig.name);
-        if !is_name(&name, NAME_MAX) || rig.len() > RIG_NAME_MAX {
+        if !is_name(&name, MAX_NAME_CHARACTERS) || rig.len() > MAX_RIG_NAME_CHARACTERS {
             let allowed = format!(
-                "named with 1 to {NAME_MAX} of the characters a-z 0-9 _ -, and at most {RIG_NAME_MAX} together with \
-                 rig.name"
+                "named with 1 to {MAX_NAME_CHARACTERS} of the characters a-z 0-9 _ -, and at most \
+                 {MAX_RIG_NAME_CHARACTERS} together with rig.name"
             );
             return Err(file.refuse(&format!("view.{}", super::text::path_name(&name)), allowed));
         }
         let worker_count = raw.body.is_empty().then_some(0);
         // This check reports errors with their line in the file.
-        Picture::new(&file.within(&format!("view.{name}.")), raw)?;
+        CameraSettings::new(&file.within(&format!("view.{name}.")), raw)?;
         let text = view_rig_text(whole, &name, &rig, worker_count);
         let config = Config::parse(&text, &format!("{} [view.{name}]", whole.origin))?;
         views.push(View { name, config });

@@ -43,10 +43,11 @@ fn is_set(date: &str) -> bool {
 /// Returns the date of a picture from its Exif block, a TIFF file of its own: that of the exposure, else that of the
 /// picture. `None` if it states none.
 pub(super) fn from_exif(block: &[u8]) -> Option<String> {
-    let block = Block { bytes: block, is_big_endian: block.starts_with(b"MM") };
+    let block = ExifBlock { bytes: block, is_big_endian: block.starts_with(b"MM") };
     let first = block.number(4, 4)?;
-    let taken = block.find(first, EXIF_DIRECTORY).and_then(|entry| block.number(entry + 8, 4));
-    let dates = [taken.and_then(|place| block.find(place, DATE_TIME_ORIGINAL)), block.find(first, DATE_TIME)];
+    let taken = block.find_entry(first, EXIF_DIRECTORY).and_then(|entry| block.number(entry + 8, 4));
+    let dates =
+        [taken.and_then(|place| block.find_entry(place, DATE_TIME_ORIGINAL)), block.find_entry(first, DATE_TIME)];
     dates.into_iter().flatten().find_map(|entry| {
         let start = block.number(entry + 8, 4)?;
         let text = block.bytes.get(start..start.checked_add(DATE_LETTERS)?)?;
@@ -55,12 +56,12 @@ pub(super) fn from_exif(block: &[u8]) -> Option<String> {
 }
 
 /// The bytes of an Exif block.
-struct Block<'a> {
+struct ExifBlock<'a> {
     bytes: &'a [u8],
     is_big_endian: bool,
 }
 
-impl Block<'_> {
+impl ExifBlock<'_> {
     /// Returns the whole number of `length` bytes at a place; `None` beyond the end.
     fn number(&self, at: usize, length: usize) -> Option<usize> {
         let bytes = self.bytes.get(at..at.checked_add(length)?)?;
@@ -69,7 +70,7 @@ impl Block<'_> {
     }
 
     /// Returns the place of the entry of a tag in the directory at a place; `None` without one.
-    fn find(&self, directory: usize, tag: u64) -> Option<usize> {
+    fn find_entry(&self, directory: usize, tag: u64) -> Option<usize> {
         let count = self.number(directory, 2)?;
         let mut entries = (0..count).map(|index| directory + 2 + index * ENTRY_BYTES);
         entries.find(|entry| self.number(*entry, 2) == Some(tag as usize))

@@ -164,7 +164,7 @@ impl Footage {
     pub(super) fn with_square_pixels(mut self, aspect: f64) -> Self {
         let stored = self.shape();
         let Some(shape) = square::square_shape(stored, aspect) else {
-            if !square::RANGE.contains(&aspect) {
+            if !square::ASPECT_RANGE.contains(&aspect) {
                 self.warnings.push(format!("pixels of {aspect} : 1 are no shape of a pixel; square ones are assumed"));
             }
             return self;
@@ -215,10 +215,10 @@ impl Iterator for Footage {
             Ok(stored) => stored,
             Err(error) => return Some(Err(error)),
         };
-        let moment = self.timeline.moment(stored.index);
+        let slot = self.timeline.slot(stored.index);
         let meta = FrameMeta {
-            sequence: moment.number,
-            stamp_ns: moment.stamp_ns,
+            sequence: slot.number,
+            stamp_ns: slot.stamp_ns,
             width_px: self.width_px,
             height_px: self.height_px,
             stride_bytes: self.width_px * self.format.bytes_per_pixel() as u32,

@@ -3,19 +3,19 @@
 use crate::image::PixelFormat;
 
 /// Minimum number of different levels that show which bits are in use.
-const LEVELS_MIN: usize = 32;
+const MIN_LEVELS: usize = 32;
 /// Minimum number of bits that a camera uses.
-const BITS_MIN: u32 = 8;
+const MIN_BITS: u32 = 8;
 
 /// Counts the bits at the lower end of little-endian 16-bit words that no pixel uses. Returns 0 for an image of fewer
-/// than [`LEVELS_MIN`] levels, or if fewer than [`BITS_MIN`] bits would be left.
+/// than [`MIN_LEVELS`] levels, or if fewer than [`MIN_BITS`] bits would be left.
 pub(super) fn unused_low_bits(pixels: &[u8]) -> u32 {
     let words = || pixels.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]]));
     let unused_bits = words().fold(0, |used, word| used | word).trailing_zeros();
     let mut levels: Vec<u16> = words().collect();
     levels.sort_unstable();
     levels.dedup();
-    if unused_bits <= 16 - BITS_MIN && levels.len() >= LEVELS_MIN { unused_bits } else { 0 }
+    if unused_bits <= 16 - MIN_BITS && levels.len() >= MIN_LEVELS { unused_bits } else { 0 }
 }
 
 /// Returns the pixel format of 16-bit words with this number of significant bits: `Mono16` for all but 10 and 12.

@@ -33,7 +33,7 @@ pub use rate::RateSource;
 pub use sequence::Order;
 
 use sequence::{is_collection, is_image};
-use shape::FRAME_BYTES;
+use shape::MAX_FRAME_BYTES;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -120,11 +120,11 @@ fn open_file(path: &Path) -> Result<(File, u64), ImportError> {
 }
 
 /// Returns the memory that decoding a frame of a file of this size may take, bytes: twice the size and
-/// [`SPARE_BYTES`], at most [`FRAME_BYTES`].
+/// [`SPARE_BYTES`], at most [`MAX_FRAME_BYTES`].
 ///
 /// A file that decodes to more is no film of an impact.
 fn memory_limit_bytes(file_bytes: u64) -> u64 {
-    file_bytes.saturating_mul(2).saturating_add(SPARE_BYTES).min(FRAME_BYTES)
+    file_bytes.saturating_mul(2).saturating_add(SPARE_BYTES).min(MAX_FRAME_BYTES)
 }
 
 /// Unpacks pixels of `bits` (9 to 16) bits, stored without gaps and with the most significant bit first, to

@@ -6,7 +6,7 @@ use super::footage::Footage;
 use super::rate::Rate;
 use super::shape::Shape;
 use super::timeline::Timeline;
-use super::{FRAME_BYTES, ImportError, grey, open_file};
+use super::{ImportError, MAX_FRAME_BYTES, grey, open_file};
 use crate::image::PixelFormat;
 use std::fs::File;
 use std::os::unix::fs::FileExt;
@@ -15,7 +15,7 @@ use std::path::Path;
 /// The first bytes of an array.
 const MAGIC: &[u8; 6] = b"\x93NUMPY";
 /// Maximum length of the header. One that describes three axes has about a hundred bytes.
-const HEADER_BYTES: u64 = 1 << 16;
+const MAX_HEADER_BYTES: u64 = 1 << 16;
 
 /// Opens an array of frames. A 2-D array is one frame; a fourth axis of 3 or 4 holds colours.
 pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError> {
@@ -25,7 +25,7 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
     let (header, start) = read_header(&file, path, file_bytes)?;
     let array = Array::parse(&header).map_err(invalid)?;
     let FrameSizes { frames: count, height_px, width_px, channels } = array.shape;
-    let format = if array.is_wide { PixelFormat::Mono16 } else { PixelFormat::Mono8 };
+    let format = array.format();
     let shape = Shape::new(path, width_px, height_px, format)?;
     let bytes = shape.bytes() * channels;
     let end = count.checked_mul(bytes).and_then(|all| all.checked_add(start));
@@ -35,39 +35,37 @@ pub(super) fn open(path: &Path, fps: Option<f64>) -> Result<Footage, ImportError
     }
     let rate = Rate::known(path, fps, None)?;
     let columns = match array.order {
-        AxisOrder::FirstSlowest => None,
-        AxisOrder::FirstFastest if count * bytes > FRAME_BYTES => {
-            let advice = "save numpy.ascontiguousarray of it";
-            return Err(invalid(format!(
-                "{} bytes in Fortran order; at most {FRAME_BYTES} are read: {advice}",
-                count * bytes
-            )));
-        }
-        AxisOrder::FirstFastest => Some(read_bytes(&file, path, start, count * bytes)?),
+        AxisOrder::C => None,
+        AxisOrder::Fortran => Some(read_columns(&file, path, start, count * bytes)?),
     };
     let path = path.to_path_buf();
-    let sample_bytes = format.bytes_per_pixel();
     let frames = (0..count).map(move |number| {
-        let mut pixels = match &columns {
+        let samples = match &columns {
             None => read_bytes(&file, &path, start + number * bytes, bytes)?,
-            Some(columns) => array.shape.frame_from_fortran(columns, number as usize, sample_bytes),
+            Some(columns) => array.shape.frame_from_fortran(columns, number as usize, format.bytes_per_pixel()),
         };
-        if array.is_big_endian {
-            pixels.chunks_exact_mut(2).for_each(<[u8]>::reverse);
-        }
-        Ok(match channels {
-            1 => pixels,
-            _ => {
-                let pixel = pixels.chunks_exact(channels as usize * sample_bytes);
-                grey::luma(format, &pixel.flat_map(|pixel| &pixel[..3 * sample_bytes]).copied().collect::<Vec<u8>>())
-            }
-        })
+        Ok(array.grey_frame(samples))
     });
     let mut footage = Footage::new(shape, Timeline::consecutive(rate), count, frames);
     if channels > 1 {
         footage.provenance.grey_rule = grey::LUMA.to_owned();
     }
     footage.with_bits_of_first(&name)
+}
+
+/// Reads the samples of an array in Fortran order, `bytes` from byte `start` of the file on, since every frame is
+/// spread over all of them.
+///
+/// # Errors
+///
+/// [`ImportError::Invalid`] with the cure when there are too many; [`ImportError::Io`] when the file cannot be read.
+fn read_columns(file: &File, path: &Path, start: u64, bytes: u64) -> Result<Vec<u8>, ImportError> {
+    if bytes > MAX_FRAME_BYTES {
+        let advice = "save numpy.ascontiguousarray of it";
+        let reason = format!("{bytes} bytes in Fortran order; at most {MAX_FRAME_BYTES} are read: {advice}");
+        return Err(ImportError::invalid(path, reason));
+    }
+    read_bytes(file, path, start, bytes)
 }
 
 /// Reads this number of bytes from byte `at` of the file on.
@@ -82,7 +80,7 @@ fn read_bytes(file: &File, path: &Path, at: u64, bytes: u64) -> Result<Vec<u8>, 
 /// # Errors
 ///
 /// [`ImportError::Invalid`] for a file that is no array, has another version, ends within its header, or has one longer
-/// than [`HEADER_BYTES`].
+/// than [`MAX_HEADER_BYTES`].
 fn read_header(file: &File, path: &Path, file_bytes: u64) -> Result<(String, u64), ImportError> {
     let read = |at: u64, count: u64| {
         if at + count > file_bytes {
@@ -103,8 +101,11 @@ fn read_header(file: &File, path: &Path, file_bytes: u64) -> Result<(String, u64
             return Err(ImportError::invalid(path, format!("version {other} of the format; 1 to 3 are supported")));
         }
     };
-    if length > HEADER_BYTES {
-        return Err(ImportError::invalid(path, format!("a header of {length} bytes; at most {HEADER_BYTES} are read")));
+    if length > MAX_HEADER_BYTES {
+        return Err(ImportError::invalid(
+            path,
+            format!("a header of {length} bytes; at most {MAX_HEADER_BYTES} are read"),
+        ));
     }
     let text = read(8 + length_bytes, length)?;
     Ok((String::from_utf8_lossy(&text).into_owned(), 8 + length_bytes + length))
@@ -123,10 +124,10 @@ struct FrameSizes {
 /// The order of the axes in the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum AxisOrder {
-    /// C order: frame by frame.
-    FirstSlowest,
-    /// Fortran order: the first pixel of all frames, then the next one.
-    FirstFastest,
+    /// Frame by frame: the first axis is the slowest.
+    C,
+    /// The first pixel of all frames, then the next one: the first axis is the fastest.
+    Fortran,
 }
 
 /// The content of the header, a Python dictionary with three entries.
@@ -156,8 +157,8 @@ impl Array {
             }
         };
         let order = match entry_after(header, "fortran_order")? {
-            order if order.starts_with("False") => AxisOrder::FirstSlowest,
-            order if order.starts_with("True") => AxisOrder::FirstFastest,
+            order if order.starts_with("False") => AxisOrder::C,
+            order if order.starts_with("True") => AxisOrder::Fortran,
             order => return Err(format!("fortran_order is {}, neither True nor False", brief(order))),
         };
         let shape = entry_after(header, "shape")?;
@@ -175,6 +176,25 @@ impl Array {
             Some([frames, height, width, channels @ (1 | 3 | 4)]) => sized(*frames, *height, *width, *channels),
             _ => Err(format!("an array of shape {}; frames x height x width is supported", brief(shape))),
         }
+    }
+
+    /// Returns the format of the grey levels.
+    fn format(&self) -> PixelFormat {
+        if self.is_wide { PixelFormat::Mono16 } else { PixelFormat::Mono8 }
+    }
+
+    /// Converts the samples of a frame, in C order, to packed little-endian grey levels. Colours become their luma, and
+    /// transparency is ignored.
+    fn grey_frame(&self, mut samples: Vec<u8>) -> Vec<u8> {
+        if self.is_big_endian {
+            samples.chunks_exact_mut(2).for_each(<[u8]>::reverse);
+        }
+        if self.shape.channels == 1 {
+            return samples;
+        }
+        let (format, sample_bytes) = (self.format(), self.format().bytes_per_pixel());
+        let pixels = samples.chunks_exact(self.shape.channels as usize * sample_bytes);
+        grey::luma(format, &pixels.flat_map(|pixel| &pixel[..3 * sample_bytes]).copied().collect::<Vec<u8>>())
     }
 }
 

@@ -1,27 +1,28 @@
 //! Images whose pixels are not square.
 
-use super::shape::{FRAME_BYTES, Shape};
+use super::shape::{MAX_FRAME_BYTES, Shape};
 use image::imageops::{FilterType, resize};
 use image::{ImageBuffer, Luma, Primitive};
 use std::ops::RangeInclusive;
 
 /// Pixel aspects that can be meant. Beyond them, a field of the file is damaged or means something else.
-pub(super) const RANGE: RangeInclusive<f64> = 0.25..=4.0;
+pub(super) const ASPECT_RANGE: RangeInclusive<f64> = 0.25..=4.0;
 /// Difference from 1 that comes from rounded resolutions.
-const ROUNDING: f64 = 5e-3;
+const MAX_ROUNDING_ERROR: f64 = 5e-3;
 
 /// Returns the shape of an image with square pixels, from pixels `aspect` times as wide as high.
 ///
 /// The image grows along the longer side of a pixel, so that nothing is lost. `None` when the aspect is 1 up to
-/// [`ROUNDING`] or outside [`RANGE`], or the image would have the same shape or exceed [`FRAME_BYTES`].
+/// [`MAX_ROUNDING_ERROR`] or outside [`ASPECT_RANGE`], or the image would have the same shape or exceed
+/// [`MAX_FRAME_BYTES`].
 pub(super) fn square_shape(stored: Shape, aspect: f64) -> Option<Shape> {
     let longer = |side: u32, factor: f64| (f64::from(side) * factor).round().min(f64::from(u32::MAX)) as u32;
     let shape = match aspect > 1.0 {
         true => Shape { width_px: longer(stored.width_px, aspect), ..stored },
         false => Shape { height_px: longer(stored.height_px, aspect.recip()), ..stored },
     };
-    let is_meant = RANGE.contains(&aspect) && (aspect - 1.0).abs() > ROUNDING;
-    (is_meant && shape != stored && shape.bytes() <= FRAME_BYTES).then_some(shape)
+    let is_meant = ASPECT_RANGE.contains(&aspect) && (aspect - 1.0).abs() > MAX_ROUNDING_ERROR;
+    (is_meant && shape != stored && shape.bytes() <= MAX_FRAME_BYTES).then_some(shape)
 }
 
 /// Resamples packed pixels from the shape `stored` to `shape` by cubic interpolation (R. Keys 1981,

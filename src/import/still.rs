@@ -12,12 +12,12 @@ pub(super) struct Still {
     /// Packed little-endian pixels.
     pub(super) bytes: Vec<u8>,
     /// The way from the stored image to this one.
-    pub(super) look: Look,
+    pub(super) display: DisplayInfo,
 }
 
 /// The statements of a file about the display of an image.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Look {
+pub(super) struct DisplayInfo {
     pub(super) orientation: Orientation,
     /// Width of a stored pixel over its height.
     pub(super) pixel_aspect: f64,
@@ -29,7 +29,7 @@ pub(super) struct Look {
     pub(super) is_lossy: bool,
 }
 
-impl Default for Look {
+impl Default for DisplayInfo {
     fn default() -> Self {
         Self { orientation: Orientation::AS_STORED, pixel_aspect: 1.0, bits: 8, grey_rule: "", is_lossy: false }
     }
@@ -41,19 +41,19 @@ impl Still {
     /// # Errors
     ///
     /// [`ImportError::Invalid`] when the bytes do not fill the shape.
-    pub(super) fn new(path: &Path, stored: Shape, bytes: Vec<u8>, look: Look) -> Result<Self, ImportError> {
+    pub(super) fn new(path: &Path, stored: Shape, bytes: Vec<u8>, display: DisplayInfo) -> Result<Self, ImportError> {
         if bytes.len() as u64 != stored.bytes() {
             let reason = format!("{} bytes are decoded, expected {}", bytes.len(), stored.bytes());
             return Err(ImportError::invalid(path, reason));
         }
-        let (shape, bytes) = (look.orientation.shape(stored), look.orientation.apply(stored, bytes));
-        let square = square::square_shape(shape, look.orientation.aspect(look.pixel_aspect));
+        let (shape, bytes) = (display.orientation.shape(stored), display.orientation.apply(stored, bytes));
+        let square = square::square_shape(shape, display.orientation.aspect(display.pixel_aspect));
         let bytes = match square {
             Some(square) => square::resample(shape, square, bytes),
             None => bytes,
         };
-        let pixel_aspect = if square.is_some() { look.pixel_aspect } else { 1.0 };
-        Ok(Self { shape: square.unwrap_or(shape), bytes, look: Look { pixel_aspect, ..look } })
+        let pixel_aspect = if square.is_some() { display.pixel_aspect } else { 1.0 };
+        Ok(Self { shape: square.unwrap_or(shape), bytes, display: DisplayInfo { pixel_aspect, ..display } })
     }
 
     /// Converts a decoded image of the file `path`. Colours become their luma.
@@ -61,13 +61,13 @@ impl Still {
     /// # Errors
     ///
     /// [`ImportError::Invalid`] for an image of floating-point numbers, without pixels or too large.
-    pub(super) fn from_picture(path: &Path, picture: DynamicImage, look: Look) -> Result<Self, ImportError> {
+    pub(super) fn from_picture(path: &Path, picture: DynamicImage, display: DisplayInfo) -> Result<Self, ImportError> {
         let (width_px, height_px) = (u64::from(picture.width()), u64::from(picture.height()));
         let (format, bytes, grey_rule) = grey_levels(picture).ok_or_else(|| {
             ImportError::invalid(path, "floating-point numbers; save it in grey or RGB with 8 or 16 bits")
         })?;
         let shape = Shape::new(path, width_px, height_px, format)?;
-        Self::new(path, shape, bytes, Look { bits: format.bits(), grey_rule, ..look })
+        Self::new(path, shape, bytes, DisplayInfo { bits: format.bits(), grey_rule, ..display })
     }
 }
 

@@ -8,16 +8,16 @@ use super::rate::{Rate, RateSource};
 use crate::numeric::quantile;
 
 /// Relative difference of two rates that contradict each other.
-const CONTRADICTION: f64 = 0.01;
+const MAX_RATE_DEVIATION: f64 = 0.01;
 /// Distance of a frame's time from the grid of a constant rate, in periods, at which it is off the grid: half way to
 /// where it might count as its neighbour.
-const OFF_GRID: f64 = 0.25;
+const MAX_GRID_DISTANCE_PERIODS: f64 = 0.25;
 /// Share of frames off the grid above which there is no grid, and no number of missing frames.
-const IRREGULAR: f64 = 0.1;
+const MAX_OFF_GRID_SHARE: f64 = 0.1;
 /// Distance from the grid, in median distances, at which a frame does not belong to it.
-const OUTLIER: f64 = 4.0;
+const MAX_MEDIAN_DISTANCES: f64 = 4.0;
 /// Number of equal long intervals in a row that is another rate, and no gaps.
-const RATE_CHANGE: usize = 4;
+const MIN_EQUAL_INTERVALS: usize = 4;
 
 /// Frames that are missing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -30,7 +30,7 @@ pub(super) struct Gaps {
 
 /// A frame's number, with missing ones counted, and its time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Moment {
+pub(super) struct Slot {
     pub(super) number: u64,
     /// ns since the Unix epoch, or since the first frame where the file has no date.
     pub(super) stamp_ns: u64,
@@ -77,7 +77,7 @@ impl Timeline {
 
     /// Returns the number and the time of the stored frame `index`, from 0. Frames beyond the last known one follow it
     /// at the nominal rate.
-    pub(super) fn moment(&self, index: u64) -> Moment {
+    pub(super) fn slot(&self, index: u64) -> Slot {
         let period_ns = 1e9 / self.rate_hz;
         let beyond = |length: usize| index.saturating_sub(length as u64 - 1);
         let at = |slots: usize| (index as usize).min(slots - 1);
@@ -92,7 +92,7 @@ impl Timeline {
             }
             _ => (index, index as f64 * period_ns),
         };
-        Moment { number, stamp_ns: self.first_ns.saturating_add(since_ns.round() as u64) }
+        Slot { number, stamp_ns: self.first_ns.saturating_add(since_ns.round() as u64) }
     }
 
     /// Counts the missing frames between the stored ones, and the places where they are missing.
@@ -131,7 +131,7 @@ impl Grid {
     /// Whether frames follow each other in several equal steps of more than one period. Gaps are not that regular.
     fn changes_rate(&self) -> bool {
         let steps: Vec<u64> = self.numbers.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        steps.windows(RATE_CHANGE).any(|run| run[0] > 1 && run.iter().all(|step| *step == run[0]))
+        steps.windows(MIN_EQUAL_INTERVALS).any(|run| run[0] > 1 && run.iter().all(|step| *step == run[0]))
     }
 }
 
@@ -162,7 +162,7 @@ impl FrameTimes {
         // A rate that fits the times as well as their resolution can show is exact where theirs is rounded.
         let rate = header.filter(|header| self.fits(&grid, header.hz)).unwrap_or(rate_of_times);
         let stretch = fps.map_or(1.0, |fps| rate.hz / fps);
-        warnings.extend(fps.filter(|fps| (fps / rate.hz - 1.0).abs() > CONTRADICTION).map(|fps| {
+        warnings.extend(fps.filter(|fps| (fps / rate.hz - 1.0).abs() > MAX_RATE_DEVIATION).map(|fps| {
             format!("by their own times the frames come at {:.6} frames/s; --fps {fps} stretches these times", rate.hz)
         }));
         let rate = fps.map_or(rate, |hz| Rate { hz, source: RateSource::Option });
@@ -212,7 +212,7 @@ impl FrameTimes {
         for _ in 0..2 {
             let off_ns = |index: usize| (times[index] - start_ns - numbers[index] as f64 * period_ns).abs();
             let usual_ns = quantile(&mut (0..times.len()).map(off_ns).collect::<Vec<f64>>(), 0.5)?;
-            let limit_ns = (OUTLIER * usual_ns).max(1.0);
+            let limit_ns = (MAX_MEDIAN_DISTANCES * usual_ns).max(1.0);
             let on_grid = (0..times.len()).filter(|index| off_ns(*index) <= limit_ns);
             let (on_numbers, on_times): (Vec<u64>, Vec<f64>) =
                 on_grid.map(|index| (numbers[index], times[index])).unzip();
@@ -227,11 +227,11 @@ impl FrameTimes {
         self.times_ns.iter().map(|time| time.saturating_sub(first) as f64).collect()
     }
 
-    /// Returns whether a stated rate agrees with that of the grid within [`CONTRADICTION`]. A contradiction with a
+    /// Returns whether a stated rate agrees with that of the grid within [`MAX_RATE_DEVIATION`]. A contradiction with a
     /// header is added to the warnings.
     fn agrees_with(&self, grid: &Grid, header: &Rate, warnings: &mut Vec<String>) -> bool {
         let hz = 1e9 / grid.period_ns;
-        let agrees = (header.hz / hz - 1.0).abs() < CONTRADICTION;
+        let agrees = (header.hz / hz - 1.0).abs() < MAX_RATE_DEVIATION;
         if !agrees {
             let RateSource::Header(field) = &header.source else { return false };
             warnings.push(format!(
@@ -256,7 +256,8 @@ impl FrameTimes {
         let times = self.since_first_ns();
         let off_ns = |index: usize| times[index] - grid.start_ns - grid.numbers[index] as f64 * grid.period_ns;
         let worst_ns = (0..times.len()).map(|index| off_ns(index).abs()).fold(0.0, f64::max);
-        let off_grid = (0..times.len()).filter(|index| off_ns(*index).abs() > OFF_GRID * grid.period_ns).count();
+        let off_grid =
+            (0..times.len()).filter(|index| off_ns(*index).abs() > MAX_GRID_DISTANCE_PERIODS * grid.period_ns).count();
         let consecutive = Timeline::consecutive(rate.clone());
         if worst_ns <= self.resolution_ns.max(1.0) && !grid.changes_rate() {
             return match grid.numbers.last().is_some_and(|last| *last + 1 == times.len() as u64) {
@@ -264,7 +265,7 @@ impl FrameTimes {
                 false => Timeline::numbered(rate, grid.numbers),
             };
         }
-        let is_irregular = off_grid as f64 > IRREGULAR * times.len() as f64 || grid.changes_rate();
+        let is_irregular = off_grid as f64 > MAX_OFF_GRID_SHARE * times.len() as f64 || grid.changes_rate();
         if off_grid > 0 || grid.changes_rate() {
             let all = times.len();
             warnings.push(format!(

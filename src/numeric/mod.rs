@@ -19,7 +19,7 @@ pub use normal::{normal, normal_cdf, normal_f64};
 pub use order_statistics::{MAX_COUNT, nth_highest, nth_smallest};
 pub use polynomial::{MAX_ORDER, Polynomial, Sample};
 pub use quantile::{median, otsu, quantile};
-pub use random::{COUNT, Stream, Xorshift, key, scramble};
+pub use random::{GOLDEN_GAMMA, Stream, Xorshift, key, scramble};
 pub use symmetric::invert;
 pub(crate) use vector::vectorized;
 pub use vector::{Portable, Vector, instruction_set};

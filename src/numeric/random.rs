@@ -9,13 +9,16 @@ pub fn scramble(value: u64) -> u64 {
 }
 
 /// The increment of the counter: the bits of the golden ratio.
-pub const COUNT: u64 = 0x9e37_79b9_7f4a_7c15;
+pub const GOLDEN_GAMMA: u64 = 0x9e37_79b9_7f4a_7c15;
 
 /// Returns the key of a stream. Different seeds, purposes and items give independent streams.
 ///
 /// `purpose` is a constant of the caller. `item` counts the streams of one purpose, such as the frames of a film.
 pub fn key(seed: u64, purpose: u64, item: u64) -> u64 {
-    scramble(scramble(scramble(seed.wrapping_add(COUNT)) ^ purpose.wrapping_mul(COUNT)) ^ item.wrapping_mul(COUNT))
+    scramble(
+        scramble(scramble(seed.wrapping_add(GOLDEN_GAMMA)) ^ purpose.wrapping_mul(GOLDEN_GAMMA))
+            ^ item.wrapping_mul(GOLDEN_GAMMA),
+    )
 }
 
 /// A stream of random numbers.
@@ -32,7 +35,7 @@ impl Stream {
 
     /// Returns the next 64 random bits.
     fn next(&mut self) -> u64 {
-        self.state = self.state.wrapping_add(COUNT);
+        self.state = self.state.wrapping_add(GOLDEN_GAMMA);
         scramble(self.state)
     }
 
@@ -63,7 +66,7 @@ pub struct Xorshift {
 
 impl Default for Xorshift {
     fn default() -> Self {
-        Self { state: COUNT }
+        Self { state: GOLDEN_GAMMA }
     }
 }
 

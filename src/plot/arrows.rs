@@ -44,9 +44,9 @@ impl ArrowScale {
     }
 }
 
-/// Draws the reference in grey with an arrow per vector, scaled so that the longest spans one step.
+/// Draws the reference in grey with an arrow per displacement.
 ///
-/// Lines are scaled so that the longest spans one grid step, `step_px`. A subset without a displacement is a blue dot.
+/// Arrows are scaled so that the longest spans one grid step, `step_px`. A subset without a displacement is a blue dot.
 pub fn draw_vectors(image: ImageView<'_>, field: &[FieldPoint], step_px: u32) -> image::RgbImage {
     let mut canvas = Canvas::from_picture(grey_picture(image));
     let longest = field.iter().filter_map(|p| p.displacement).map(|d| d.u_px.hypot(d.v_px)).fold(0.0, f32::max);

@@ -25,7 +25,7 @@ impl Quantity {
     pub const WORDS: [(&str, Self); 4] = [("u", Self::U), ("v", Self::V), ("zncc", Self::Zncc), ("sigma", Self::Sigma)];
 
     /// Returns the name, and the unit after a blank; empty for a quantity without a unit.
-    fn title(self) -> (&'static str, &'static str) {
+    fn name_and_unit(self) -> (&'static str, &'static str) {
         match self {
             Self::U => ("u", " px"),
             Self::V => ("v", " px"),
@@ -69,12 +69,12 @@ const MARGIN_PX: u32 = 3;
 
 /// The range of values in a map.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Range {
+struct ValueRange {
     low: f32,
     high: f32,
 }
 
-impl Range {
+impl ValueRange {
     /// Returns the range of all valid points; `None` if there are none.
     fn from_field(field: &[FieldPoint], quantity: Quantity) -> Option<Self> {
         let values = field.iter().filter_map(|point| quantity.value_at(point));
@@ -124,8 +124,8 @@ pub struct ColorMap {
 /// with the minimum on the left and the maximum on the right.
 pub fn draw_map(image: ImageView<'_>, field: &[FieldPoint], quantity: Quantity, step_px: u32) -> ColorMap {
     let mut picture = grey_picture(image);
-    let (name, unit) = quantity.title();
-    let Some(range) = Range::from_field(field, quantity) else {
+    let (name, unit) = quantity.name_and_unit();
+    let Some(range) = ValueRange::from_field(field, quantity) else {
         return ColorMap { picture, legend: format!("map of {name}: no valid subset") };
     };
     for point in field {
@@ -232,7 +232,7 @@ mod tests {
     fn every_quantity_is_its_own_and_invalid_zncc_does_not_stretch_the_range() {
         let mut field = [point(12.0, Some(1.0)), point(20.0, None)];
         field[1].zncc = Some(0.1);
-        let range = |quantity: Quantity| Range::from_field(&field, quantity).unwrap().low;
+        let range = |quantity: Quantity| ValueRange::from_field(&field, quantity).unwrap().low;
         for ((word, quantity), expected) in Quantity::WORDS.into_iter().zip([1.0, -1.0, 0.9, 0.003_535_534]) {
             assert!((range(quantity) - expected).abs() < 1e-6, "{word}: {}", range(quantity));
         }

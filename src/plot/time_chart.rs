@@ -13,8 +13,8 @@ const TOP: f64 = 10.0;
 /// Height of the time axis with its numbers.
 const AXIS: f64 = 34.0;
 
-/// Maximum number of points drawn as they are. More are thinned to the extremes of each column.
-const POINTS_MAX: usize = 1600;
+/// Maximum number of points drawn as they are. More are decimated to the extremes of each column.
+const MAX_POINTS: usize = 1600;
 
 /// One point of a curve.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -93,7 +93,7 @@ impl TimeChart {
                 @if self.has_axis { (draw_time_axis(&scale)) }
                 @for curve in &self.curves {
                     @for stretch in &curve.stretches {
-                        @let stretch = thinned(stretch, &scale);
+                        @let stretch = decimated(stretch, &scale);
                         (draw_band(&scale, curve.class, &stretch))
                         (draw_line(&scale, curve.class, &stretch))
                     }
@@ -177,13 +177,13 @@ fn draw_time_axis(scale: &Scale) -> Markup {
     }
 }
 
-/// Returns the points of a stretch. Of more than [`POINTS_MAX`], it returns the lowest and the highest of each column,
+/// Returns the points of a stretch. Of more than [`MAX_POINTS`], it returns the lowest and the highest of each column,
 /// which is as wide as the chart's own unit.
-fn thinned(stretch: &[TimePoint], scale: &Scale) -> Vec<TimePoint> {
-    if stretch.len() <= POINTS_MAX {
+fn decimated(stretch: &[TimePoint], scale: &Scale) -> Vec<TimePoint> {
+    if stretch.len() <= MAX_POINTS {
         return stretch.to_vec();
     }
-    let mut kept: Vec<TimePoint> = Vec::with_capacity(POINTS_MAX + 2);
+    let mut kept: Vec<TimePoint> = Vec::with_capacity(MAX_POINTS + 2);
     let column = |point: &TimePoint| scale.x(point.x).floor() as i64;
     for points in stretch.chunk_by(|a, b| column(a) == column(b)) {
         let lowest = (0..points.len()).min_by(|a, b| points[*a].y.total_cmp(&points[*b].y)).unwrap_or(0);
@@ -268,7 +268,7 @@ mod tests {
             (0..100_000).map(|k| TimePoint { x: f64::from(k), y: 0.0, sigma: 0.0 }).collect();
         points[54_321].y = 1.0;
         let scale = Scale { x: [0.0, 99_999.0], y: [0.0, 1.0], height: 100.0 };
-        let thin = thinned(&points, &scale);
+        let thin = decimated(&points, &scale);
         assert!(thin.len() <= 2 * WIDTH as usize, "{}", thin.len());
         assert!(thin.contains(&points[54_321]));
         assert!(thin.is_sorted_by(|a, b| a.x <= b.x));

@@ -5,7 +5,7 @@ use image::{GrayImage, ImageBuffer, ImageFormat, Luma};
 use std::io::Cursor;
 
 /// Maximum memory for decoding a picture, bytes.
-const PICTURE_BYTES: u64 = 1 << 30;
+const MAX_PICTURE_BYTES: u64 = 1 << 30;
 
 /// Encodes a picture of grey levels from 0 to 65535, rounded to whole ones, as PNG: in 8 bits if all fit, else in 16.
 ///
@@ -37,7 +37,7 @@ pub fn to_png_of_bits(picture: &Image, bits: u32) -> Option<Vec<u8>> {
 pub fn from_png(png: &[u8]) -> Option<Image> {
     let mut reader = image::ImageReader::with_format(Cursor::new(png), ImageFormat::Png);
     let mut limits = image::Limits::default();
-    limits.max_alloc = Some(PICTURE_BYTES);
+    limits.max_alloc = Some(MAX_PICTURE_BYTES);
     reader.limits(limits);
     let picture = reader.decode().ok()?;
     let (width, height) = (picture.width() as usize, picture.height() as usize);

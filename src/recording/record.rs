@@ -36,28 +36,28 @@ pub(super) struct Fields<'a>(pub(super) &'a [u8]);
 
 impl<'a> Fields<'a> {
     /// Reads the next `count` bytes.
-    pub(super) fn take(&mut self, count: usize) -> Option<&'a [u8]> {
+    pub(super) fn next_bytes(&mut self, count: usize) -> Option<&'a [u8]> {
         let (head, rest) = self.0.split_at_checked(count)?;
         self.0 = rest;
         Some(head)
     }
 
     pub(super) fn u16(&mut self) -> Option<u16> {
-        self.take(2)?.try_into().ok().map(u16::from_le_bytes)
+        self.next_bytes(2)?.try_into().ok().map(u16::from_le_bytes)
     }
 
     pub(super) fn u32(&mut self) -> Option<u32> {
-        self.take(4)?.try_into().ok().map(u32::from_le_bytes)
+        self.next_bytes(4)?.try_into().ok().map(u32::from_le_bytes)
     }
 
     pub(super) fn u64(&mut self) -> Option<u64> {
-        self.take(8)?.try_into().ok().map(u64::from_le_bytes)
+        self.next_bytes(8)?.try_into().ok().map(u64::from_le_bytes)
     }
 
     /// Reads bytes preceded by a 32-bit length.
     pub(super) fn block(&mut self) -> Option<&'a [u8]> {
         let length = self.u32()?;
-        self.take(usize::try_from(length).ok()?)
+        self.next_bytes(usize::try_from(length).ok()?)
     }
 
     /// Reads UTF-8 preceded by its 32-bit length.
@@ -143,7 +143,7 @@ pub(super) struct ChunkHeader {
 /// Parses the header from the first bytes of a chunk record's body. The times of its messages are skipped.
 pub(super) fn parse_chunk_header(body: &[u8]) -> Option<ChunkHeader> {
     let mut fields = Fields(body);
-    fields.take(16)?;
+    fields.next_bytes(16)?;
     let (uncompressed_bytes, crc) = (fields.u64()?, fields.u32()?);
     let compression = fields.text()?.to_owned();
     let stored_bytes = fields.u64()?;

@@ -8,14 +8,14 @@ use maud::{Markup, PreEscaped, html};
 
 /// Draws every chart of a body, one below the other on one time axis; `None` for a body without velocity rows.
 pub(super) fn section(shot: &Shot, body: u32) -> Option<Markup> {
-    let drawer = Drawer::new(shot, body)?;
+    let charts = BodyCharts::new(shot, body)?;
     Some(html! {
         div class="curves" {
-            (drawer.legend())
-            @for velocity in &VELOCITIES { (drawer.velocity_chart(velocity)) }
-            (drawer.displacement_chart())
-            @if let Some(radius) = drawer.radius_chart() { (radius) }
-            (drawer.visible_fraction_chart())
+            (charts.legend())
+            @for velocity in &VELOCITIES { (charts.velocity_chart(velocity)) }
+            (charts.displacement_chart())
+            @if let Some(radius) = charts.radius_chart() { (radius) }
+            (charts.visible_fraction_chart())
         }
     })
 }
@@ -52,15 +52,15 @@ const VELOCITIES: [VelocityChart; 3] = [
     },
 ];
 
-/// Draws the rows of one body.
-pub(super) struct Drawer<'a> {
+/// The charts of one body over time.
+pub(super) struct BodyCharts<'a> {
     shot: &'a Shot,
     rows: Vec<&'a VelocitySample>,
     truth: Vec<&'a VelocitySample>,
     time: Timeline,
 }
 
-impl<'a> Drawer<'a> {
+impl<'a> BodyCharts<'a> {
     /// Collects the rows of a body; `None` when it has none.
     pub(super) fn new(shot: &'a Shot, body: u32) -> Option<Self> {
         let rows: Vec<&VelocitySample> = shot.velocities.iter().filter(|row| row.body == body).collect();
@@ -101,11 +101,11 @@ impl<'a> Drawer<'a> {
         let curves = self.measured_and_true_curves(|row| row.velocity.as_ref().and_then(number));
         let chart = TimeChart { title: (*title).into(), curves, height: 130.0, has_axis: false };
         let note = self.typical_sigma(|row| row.velocity.as_ref().and_then(number).map(|(_, sigma)| sigma));
-        self.figure(&html! { (heading) ", " (unit) }, note.as_ref(), &chart)
+        self.captioned(&html! { (heading) ", " (unit) }, note.as_ref(), &chart)
     }
 
-    /// Wraps a chart with its heading and note; a chart without a point states that it was not measured.
-    fn figure(&self, heading: &Markup, note: Option<&Markup>, chart: &TimeChart) -> Markup {
+    /// Wraps a chart into a figure with its heading and note; a chart without a point states that it was not measured.
+    fn captioned(&self, heading: &Markup, note: Option<&Markup>, chart: &TimeChart) -> Markup {
         html! {
             figure {
                 @match chart.draw(&self.time) {
@@ -120,7 +120,7 @@ impl<'a> Drawer<'a> {
     }
 
     /// Splits a number with its uncertainty into stretches over time, ms. A lost frame or a missing number ends one.
-    fn stretches(
+    fn unbroken_stretches(
         &self,
         rows: &[&VelocitySample],
         number: impl Fn(&VelocitySample) -> Option<(f64, f64)>,
@@ -130,7 +130,7 @@ impl<'a> Drawer<'a> {
             let sigma = if sigma.is_finite() { sigma } else { 0.0 };
             Some((row.frame, TimePoint { x: 1e3 * self.shot.seconds(row.stamp_ns), y, sigma }))
         };
-        stretches(rows.iter().filter_map(point))
+        join_consecutive(rows.iter().filter_map(point))
     }
 
     /// Returns the measured curve of a number without uncertainty.
@@ -140,7 +140,7 @@ impl<'a> Drawer<'a> {
         label: &'static str,
         number: impl Fn(&VelocitySample) -> Option<f64>,
     ) -> TimeCurve {
-        TimeCurve { class, label, stretches: self.stretches(&self.rows, |row| Some((number(row)?, 0.0))) }
+        TimeCurve { class, label, stretches: self.unbroken_stretches(&self.rows, |row| Some((number(row)?, 0.0))) }
     }
 
     /// Returns the measured curve of a number with its uncertainty, and the true one, which may be empty.
@@ -148,9 +148,9 @@ impl<'a> Drawer<'a> {
         &self,
         number: impl Fn(&VelocitySample) -> Option<(f64, f64)>,
     ) -> Vec<TimeCurve> {
-        let truth = self.stretches(&self.truth, |row| number(row).map(|(y, _)| (y, 0.0)));
+        let truth = self.unbroken_stretches(&self.truth, |row| number(row).map(|(y, _)| (y, 0.0)));
         vec![
-            TimeCurve { class: "a", label: "", stretches: self.stretches(&self.rows, &number) },
+            TimeCurve { class: "a", label: "", stretches: self.unbroken_stretches(&self.rows, &number) },
             TimeCurve { class: "truth", label: "", stretches: truth },
         ]
     }
@@ -174,7 +174,7 @@ impl<'a> Drawer<'a> {
         let y = self.curve("a", "up", |row| Some(factor * (y0 - row.center_y_px?)));
         let title = "Displacement of the centre from its first position";
         let chart = TimeChart { title: title.into(), curves: vec![x, y], height: 130.0, has_axis: false };
-        self.figure(&html! { (title) ", " (unit) }, None, &chart)
+        self.captioned(&html! { (title) ", " (unit) }, None, &chart)
     }
 
     /// Draws the radius, px; `None` for a body without one.
@@ -182,19 +182,19 @@ impl<'a> Drawer<'a> {
         let radius = self.curve("a", "", |row| row.radius_px);
         let is_round = !radius.stretches.is_empty();
         let chart = TimeChart { title: "Radius".into(), curves: vec![radius], height: 70.0, has_axis: false };
-        is_round.then(|| self.figure(&html! { "Radius, px" }, None, &chart))
+        is_round.then(|| self.captioned(&html! { "Radius, px" }, None, &chart))
     }
 
     /// Draws the visible share of the body, %.
     fn visible_fraction_chart(&self) -> Markup {
         let visible = self.curve("a", "", |row| Some(100.0 * row.visible_fraction?));
         let chart = TimeChart { title: "Visible fraction".into(), curves: vec![visible], height: 70.0, has_axis: true };
-        self.figure(&html! { "Visible fraction, %" }, None, &chart)
+        self.captioned(&html! { "Visible fraction, %" }, None, &chart)
     }
 }
 
 /// Joins the points of consecutive frames into stretches.
-pub(super) fn stretches(points: impl Iterator<Item = (u64, TimePoint)>) -> Vec<Vec<TimePoint>> {
+pub(super) fn join_consecutive(points: impl Iterator<Item = (u64, TimePoint)>) -> Vec<Vec<TimePoint>> {
     let mut stretches: Vec<Vec<TimePoint>> = Vec::new();
     let mut last_frame = None;
     for (frame, point) in points {

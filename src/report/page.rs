@@ -11,9 +11,9 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use std::collections::BTreeMap;
 
 /// Maximum number of events listed one by one.
-const EVENTS_MAX: usize = 100;
+const MAX_EVENTS: usize = 100;
 /// Maximum length of the rig file shown, bytes.
-const CONFIG_BYTES_MAX: usize = 100_000;
+const MAX_CONFIG_BYTES: usize = 100_000;
 
 /// Wraps `body` into an HTML document with the style sheet and a footer.
 ///
@@ -103,7 +103,7 @@ fn collision_section(shot: &Shot, impact: &Impact) -> Markup {
                 p class="alert" { "This collision is " (impact.status.as_str()) ": not all of it could be measured." }
             }
             (headline_tiles(&measured, spin_refusal(shot, impact)))
-            (snapshot::strip(shot, impact))
+            (snapshot::picture_strip(shot, impact))
             div class="groups" {
                 @for (name, group) in GROUPS { (quantity_table(name, group, &measured, truth.as_ref())) }
             }
@@ -272,7 +272,7 @@ fn record_section(shot: &Shot) -> Markup {
             }
             @match &shot.config_toml {
                 Some(config) => {
-                    @let shown = &config[..char_boundary(config, CONFIG_BYTES_MAX)];
+                    @let shown = &config[..char_boundary(config, MAX_CONFIG_BYTES)];
                     details {
                         summary { "Settings (config.toml)" }
                         pre {
@@ -294,19 +294,19 @@ fn char_boundary(text: &str, limit_bytes: usize) -> usize {
     (0..=text.len().min(limit_bytes)).rev().find(|at| text.is_char_boundary(*at)).unwrap_or(0)
 }
 
-/// Writes the table of the first [`EVENTS_MAX`] events, with times from the first frame.
+/// Writes the table of the first [`MAX_EVENTS`] events, with times from the first frame.
 fn event_table(shot: &Shot) -> Markup {
     html! {
         table class="events" {
             thead { tr { th { "Event" } th { "at, ms" } th {} } }
             tbody {
-                @for event in shot.events.iter().take(EVENTS_MAX) {
+                @for event in shot.events.iter().take(MAX_EVENTS) {
                     @let at_ms = fixed(1e3 * shot.seconds(event.stamp_ns), 3);
                     tr { td { (event.kind) } td { (at_ms) } td { (event.text) } }
                 }
             }
         }
-        @if shot.events.len() > EVENTS_MAX { p class="note" { "and " (shot.events.len() - EVENTS_MAX) " more" } }
+        @if shot.events.len() > MAX_EVENTS { p class="note" { "and " (shot.events.len() - MAX_EVENTS) " more" } }
     }
 }
 

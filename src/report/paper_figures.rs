@@ -1,6 +1,6 @@
 //! The paper's figures of an experiment, drawn from a recording as files that need nothing else.
 
-use super::curves::{Drawer, stretches};
+use super::curves::{BodyCharts, join_consecutive};
 use super::shot::{Shot, Snapshot};
 use super::snapshot;
 use crate::plot::{self, TimeChart, TimeCurve, TimePoint, fixed, three_digits};
@@ -73,7 +73,7 @@ pub fn figures(shot: &Shot, experiment: &Experiment<'_>) -> Vec<Figure> {
         "lacrosse" => ["fig19-position", "fig20-velocity", "fig21-spin", "fig18-field"],
         _ => return Vec::new(),
     };
-    let Some(drawer) = Drawer::new(shot, 0) else { return Vec::new() };
+    let Some(charts) = BodyCharts::new(shot, 0) else { return Vec::new() };
     let is_rod = experiment.name == "rod";
     let subject = if is_rod { "the mark on the rod" } else { "the centre of the ball" };
     let velocity_number = |number: fn(&BodyVelocity) -> Option<(f64, f64)>| {
@@ -83,7 +83,7 @@ pub fn figures(shot: &Shot, experiment: &Experiment<'_>) -> Vec<Figure> {
     let tangential = velocity_number(|v| Some((v.vt_m_s, v.sigma_v_m_s)));
     let spin = velocity_number(|v| v.omega_rad_s.zip(v.sigma_omega_rad_s));
     let axes = SurfaceAxes::new(shot, experiment);
-    let panel = |title: &'static str, number: Number<'_>| (title, labelled_pair(&drawer, number));
+    let panel = |title: &'static str, number: Number<'_>| (title, labelled_pair(&charts, number));
     let mut positions = vec![panel("normal position, mm", &|row| axes.normal_mm(row))];
     let mut velocities = vec![panel("normal velocity, m/s", &normal)];
     if is_rod {
@@ -94,13 +94,13 @@ pub fn figures(shot: &Shot, experiment: &Experiment<'_>) -> Vec<Figure> {
         velocities.push(panel("tangential velocity, m/s", &tangential));
     }
     if !experiment.comparisons.is_empty() {
-        let truth = labelled_pair(&drawer, &normal).into_iter().filter(|curve| curve.class == "truth");
+        let truth = labelled_pair(&charts, &normal).into_iter().filter(|curve| curve.class == "truth");
         velocities.push((BY_THE_PAPER, comparison_curves(shot, experiment).chain(truth).collect()));
     }
     let drawings = [
-        draw_panels(&drawer, &format!("Position of {subject}"), positions),
-        draw_panels(&drawer, &format!("Velocity of {subject}"), velocities),
-        draw_panels(&drawer, "Angular velocity of the ball, counter-clockwise", vec![panel("spin, rad/s", &spin)]),
+        draw_panels(&charts, &format!("Position of {subject}"), positions),
+        draw_panels(&charts, &format!("Velocity of {subject}"), velocities),
+        draw_panels(&charts, "Angular velocity of the ball, counter-clockwise", vec![panel("spin, rad/s", &spin)]),
         draw_snapshots(shot, experiment.name),
     ];
     let named = names.into_iter().zip(drawings).filter(|(name, _)| !name.is_empty());
@@ -143,10 +143,10 @@ impl SurfaceAxes {
 }
 
 /// Returns the measured curve and the true one, labelled.
-fn labelled_pair(drawer: &Drawer<'_>, number: Number<'_>) -> Vec<TimeCurve> {
+fn labelled_pair(charts: &BodyCharts<'_>, number: Number<'_>) -> Vec<TimeCurve> {
     let named =
         |curve: TimeCurve| TimeCurve { label: if curve.class == "truth" { "truth" } else { "measured" }, ..curve };
-    drawer.measured_and_true_curves(number).into_iter().map(named).collect()
+    charts.measured_and_true_curves(number).into_iter().map(named).collect()
 }
 
 /// Returns the heights of the edges of a rod's tapes above the first position of the lowest, mm.
@@ -165,7 +165,7 @@ fn edge_curves(shot: &Shot, experiment: &Experiment<'_>) -> Vec<TimeCurve> {
             };
             Some((row.frame, point))
         };
-        TimeCurve { class: "b", label: LABELS[edge], stretches: stretches(shot.rods.iter().filter_map(point)) }
+        TimeCurve { class: "b", label: LABELS[edge], stretches: join_consecutive(shot.rods.iter().filter_map(point)) }
     };
     (0..ROD_EDGES).map(curve).filter(|curve| !curve.stretches.is_empty()).collect()
 }
@@ -182,14 +182,14 @@ fn comparison_curves<'a>(shot: &'a Shot, experiment: &Experiment<'a>) -> impl It
 }
 
 /// Draws panels one below the other; `None` when one of them has no point.
-fn draw_panels(drawer: &Drawer<'_>, title: &str, panels: Vec<Panel>) -> Option<String> {
+fn draw_panels(charts: &BodyCharts<'_>, title: &str, panels: Vec<Panel>) -> Option<String> {
     let each = TITLE + PLOT + AXIS;
     let height = HEADING + each * panels.len() as f64;
     let drawn: Option<Vec<_>> = panels
         .into_iter()
         .map(|(label, curves)| {
             let chart = TimeChart { title: label.to_owned(), curves, height: PLOT, has_axis: true };
-            Some((label, chart.draw(drawer.time())?))
+            Some((label, chart.draw(charts.time())?))
         })
         .collect();
     let content = html! {

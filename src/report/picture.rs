@@ -4,7 +4,7 @@ use crate::image::{Frame, FrameMeta, Image};
 use base64::prelude::{BASE64_STANDARD, Engine as _};
 
 /// Maximum side of a picture on the page, px. Larger parts of a frame are averaged down to it.
-const SIDE_PX_MAX: usize = 360;
+const MAX_SIDE_PX: usize = 360;
 
 /// A part of a frame, px.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,7 +40,7 @@ impl Crop {
     }
 }
 
-/// Encodes a part of a frame as an 8-bit grey PNG, stretched from black to white, averaged down to [`SIDE_PX_MAX`].
+/// Encodes a part of a frame as an 8-bit grey PNG, stretched from black to white, averaged down to [`MAX_SIDE_PX`].
 ///
 /// Returns `None` for a frame that does not unpack.
 ///
@@ -51,7 +51,7 @@ pub(super) fn encode_png(meta: FrameMeta, bytes: &[u8], crop: Crop) -> Option<Ve
     let mut image = Image::default();
     Frame { meta, bytes }.unpack(&mut image).ok()?;
     let view = image.view();
-    let side = crop.width.max(crop.height).div_ceil(SIDE_PX_MAX).max(1);
+    let side = crop.width.max(crop.height).div_ceil(MAX_SIDE_PX).max(1);
     let (columns, rows) = (crop.width.div_ceil(side), crop.height.div_ceil(side));
     let mean = |column: usize, row: usize| {
         let (x, y) = (crop.x + column * side, crop.y + row * side);

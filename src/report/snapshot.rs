@@ -8,10 +8,10 @@ use maud::{Markup, html};
 use std::fmt::Write as _;
 
 /// Maximum number of arrows in one picture. Of more, every n-th is drawn.
-const ARROWS_MAX: usize = 200;
+const MAX_ARROWS: usize = 200;
 
 /// Draws the pictures of a collision, or states that there are none; nothing for a collision without moments.
-pub(super) fn strip(shot: &Shot, impact: &Impact) -> Markup {
+pub(super) fn picture_strip(shot: &Shot, impact: &Impact) -> Markup {
     let of_impact = |s: &&Snapshot| s.impact == (impact.body, impact.number);
     let shown: Vec<&Snapshot> = shot.snapshots.iter().filter(of_impact).collect();
     if shown.is_empty() {
@@ -100,7 +100,7 @@ pub(super) fn draw(snapshot: &Snapshot, crop: Crop, png: &[u8], gain: f64) -> Ma
 
 /// Returns the SVG path of all arrows of a field, px; displacements are enlarged by `gain`.
 fn arrow_path(field: &PairField, gain: f64) -> String {
-    let every = field.points.len().div_ceil(ARROWS_MAX).max(1);
+    let every = field.points.len().div_ceil(MAX_ARROWS).max(1);
     let mut path = String::new();
     for point in field.points.iter().step_by(every) {
         let Some(motion) = point.displacement else { continue };

@@ -9,7 +9,7 @@ const OUTLIER_SCORE: f64 = 3.5;
 /// Factor from the median absolute deviation to the standard deviation of normal errors.
 const MAD_TO_SIGMA: f64 = 1.482_602_218_505_602;
 /// Minimum number of values with outliers. Among three, one value cannot be distinguished from the other two.
-const VALUES_MIN: usize = 4;
+const MIN_VALUES: usize = 4;
 
 /// The mean and the spread of a number.
 #[derive(Debug, Clone, PartialEq)]
@@ -50,7 +50,7 @@ impl Spread {
 /// The standard deviation is at least the median stated uncertainty and at least the value's own. Values that agree
 /// better than stated, and a value that states a large uncertainty, are therefore no outliers.
 fn outliers(values: &[Estimate]) -> Vec<bool> {
-    if values.len() < VALUES_MIN {
+    if values.len() < MIN_VALUES {
         return vec![false; values.len()];
     }
     let middle = |of: &dyn Fn(&Estimate) -> f64| median(&mut values.iter().map(of).collect::<Vec<_>>()).unwrap_or(0.0);

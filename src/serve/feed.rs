@@ -12,9 +12,9 @@ use tokio::sync::broadcast::error::{RecvError, TryRecvError};
 use tokio::sync::broadcast::{self, Receiver, Sender};
 
 /// The number of batches that wait for a slow client: two seconds of a topic that comes every millisecond.
-const WAITING_BATCHES: usize = 2048;
+const MAX_WAITING_BATCHES: usize = 2048;
 /// The maximum number of rows of a batch, so that a burst does not fill the memory.
-pub(super) const BATCH_ROWS: usize = 16;
+pub(super) const MAX_BATCH_ROWS: usize = 16;
 
 /// Rows that became available together.
 #[derive(Debug)]
@@ -52,7 +52,7 @@ pub(super) struct Feed {
 
 impl Default for Feed {
     fn default() -> Self {
-        Self { sender: broadcast::channel(WAITING_BATCHES).0, sent: Arc::default() }
+        Self { sender: broadcast::channel(MAX_WAITING_BATCHES).0, sent: Arc::default() }
     }
 }
 
@@ -62,7 +62,7 @@ impl Feed {
         self.sender.receiver_count() > 0
     }
 
-    /// Counts rows and sends them to all clients as one batch. The caller passes at most [`BATCH_ROWS`].
+    /// Counts rows and sends them to all clients as one batch. The caller passes at most [`MAX_BATCH_ROWS`].
     pub(super) fn send(&self, rows: &[Map<String, Value>]) {
         let mut sent = self.lock_sent();
         let first = *sent;
@@ -105,7 +105,7 @@ impl Follower {
     pub(super) async fn next(&mut self) -> Option<Delivery> {
         loop {
             match self.receiver.recv().await {
-                Ok(batch) => return Some(self.deliver(batch)),
+                Ok(batch) => return Some(self.delivery(batch)),
                 Err(RecvError::Lagged(_)) => {}
                 Err(RecvError::Closed) => return None,
             }
@@ -113,18 +113,18 @@ impl Follower {
     }
 
     /// Returns the next rows if they are there already, as [`next`](Self::next) does.
-    pub(super) fn take(&mut self) -> Option<Delivery> {
+    pub(super) fn try_next(&mut self) -> Option<Delivery> {
         loop {
             match self.receiver.try_recv() {
-                Ok(batch) => return Some(self.deliver(batch)),
+                Ok(batch) => return Some(self.delivery(batch)),
                 Err(TryRecvError::Lagged(_)) => {}
                 Err(TryRecvError::Empty | TryRecvError::Closed) => return None,
             }
         }
     }
 
-    /// Counts the rows that were lost before a batch.
-    fn deliver(&mut self, batch: Arc<Batch>) -> Delivery {
+    /// Returns a batch as a delivery, with the number of rows that were lost before it.
+    fn delivery(&mut self, batch: Arc<Batch>) -> Delivery {
         let lost = batch.first.saturating_sub(self.next);
         self.next = batch.first + batch.rows.len() as u64;
         Delivery { lost, batch }
@@ -153,14 +153,14 @@ mod tests {
         feed.send(&[row(1), row(2)]);
         let first = next(&mut follower);
         assert_eq!((first.lost, first.batch.rows.len()), (0, 2));
-        for number in 3..3 + WAITING_BATCHES + 5 {
+        for number in 3..3 + MAX_WAITING_BATCHES + 5 {
             feed.send(&[row(number)]);
         }
         let later = next(&mut follower);
         assert_eq!((later.lost, later.batch.rows[0].as_str()), (5, "{\"frame\":8}"));
         assert_eq!(&later.batch.events[..], b"id: 8\ndata: {\"frame\":8}\n\n");
         assert_eq!(next(&mut follower).lost, 0);
-        assert_eq!(follower.take().unwrap().batch.rows[0].as_str(), "{\"frame\":10}");
+        assert_eq!(follower.try_next().unwrap().batch.rows[0].as_str(), "{\"frame\":10}");
     }
 
     #[test]
@@ -168,7 +168,7 @@ mod tests {
         let feed = Feed::default();
         feed.send(&[row(0)]);
         let mut follower = feed.follow();
-        (1..=WAITING_BATCHES + 3).for_each(|number| feed.send(&[row(number)]));
+        (1..=MAX_WAITING_BATCHES + 3).for_each(|number| feed.send(&[row(number)]));
         let first = next(&mut follower);
         assert_eq!((first.lost, first.batch.rows[0].as_str()), (3, "{\"frame\":4}"));
     }

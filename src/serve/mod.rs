@@ -15,6 +15,7 @@ mod feed;
 mod files;
 mod foxglove;
 mod guard;
+mod heartbeat;
 mod login;
 mod mqtt;
 mod numbers;
@@ -22,7 +23,6 @@ mod outlets;
 mod page;
 mod picture;
 mod picture_feed;
-mod pulse;
 mod replay;
 mod rig_file;
 mod rig_state;
@@ -49,8 +49,8 @@ use access::Token;
 use app::App;
 use clock::now;
 use datagrams::Datagrams;
+use heartbeat::TurnCounter;
 use login::Login;
-use pulse::Pulse;
 use rows::RowContext;
 use shots::Shots;
 use std::io::ErrorKind;
@@ -178,7 +178,7 @@ pub fn run(service: &Service<'_>, stop: &Stop, announce: impl Fn(Offer)) -> Resu
     }
     let app = Arc::new(App::new(Arc::new(config.clone()), token));
     let link = Link::new(stop);
-    let pulse = service.launch.domain.as_ref().map(|_| Pulse::default());
+    let turns = service.launch.domain.as_ref().map(|_| TurnCounter::default());
     let open = |address| Datagrams::open(address, Arc::clone(&app.outlets));
     let datagrams = config.serve.udp.map(open).transpose()?;
     let (recorded, wake) = sync_channel(1);
@@ -188,7 +188,7 @@ pub fn run(service: &Service<'_>, stop: &Stop, announce: impl Fn(Offer)) -> Resu
         state: app.state.clone(),
         outlets: Arc::clone(&app.outlets),
         recorded,
-        pulse: pulse.clone(),
+        turns: turns.clone(),
     };
     std::thread::scope(|scope| {
         let (app, link) = (&app, &link);
@@ -203,7 +203,7 @@ pub fn run(service: &Service<'_>, stop: &Stop, announce: impl Fn(Offer)) -> Resu
         scope.spawn(|| Watcher::new(&app.config, link, &app.shots, &app.control, outputs).run());
         announce(Offer::Page(bound));
         let served =
-            run_server(listener, app, &Server { service, stop, login, pulse: pulse.unwrap_or_default() }, &announce);
+            run_server(listener, app, &Server { service, stop, login, turns: turns.unwrap_or_default() }, &announce);
         // The threads end too.
         stop.request();
         served
@@ -216,7 +216,7 @@ struct Server<'a> {
     stop: &'a Stop,
     /// The way into the MQTT broker, if there is one.
     login: Option<Login>,
-    pulse: Pulse,
+    turns: TurnCounter,
 }
 
 /// Runs the server on the thread that calls it, until a stop is requested. `announce` gets the address for Foxglove
@@ -230,7 +230,7 @@ fn run_server(
     let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;
     runtime.block_on(async {
         let listener = tokio::net::TcpListener::from_std(listener)?;
-        tokio::spawn(server.pulse.clone().count_turns());
+        tokio::spawn(server.turns.clone().count_turns());
         if let Some(login) = server.login.clone() {
             mqtt::start(app, login);
         }

@@ -15,7 +15,7 @@ const QUALITY: u8 = 85;
 const SATURATED: u8 = 255;
 /// The interval of the rows that the sharpness is estimated from.
 const SHARPNESS_ROWS: usize = 4;
-const UNSATURATED_MAX: f32 = 235.0;
+const MAX_UNSATURATED_LEVEL: f32 = 235.0;
 
 /// A picture with its description.
 #[derive(Debug, Clone)]
@@ -77,8 +77,8 @@ impl PictureEncoder {
     /// Encodes a frame as a grey JPEG file; `None` for a frame that does not unpack or cannot be compressed.
     ///
     /// Each pixel of the picture is the mean of a block of `scale` x `scale` pixels, scaled from the full range to 0 to
-    /// [`UNSATURATED_MAX`], or [`SATURATED`] if a pixel of the block is. Incomplete blocks at the right and lower edges
-    /// are left out.
+    /// [`MAX_UNSATURATED_LEVEL`], or [`SATURATED`] if a pixel of the block is. Incomplete blocks at the right and lower
+    /// edges are left out.
     pub(crate) fn encode(&mut self, frame: &Frame<'_>) -> Option<Encoded> {
         frame.unpack(&mut self.image).ok()?;
         let view = self.image.view();
@@ -96,7 +96,7 @@ impl PictureEncoder {
                     highest = highest.max(*level);
                 }
                 let mean = sum / (scale * scale) as f32;
-                let grey = (mean * (UNSATURATED_MAX / full)).round() as u8;
+                let grey = (mean * (MAX_UNSATURATED_LEVEL / full)).round() as u8;
                 self.grey.push(if highest >= full { SATURATED } else { grey });
             }
         }

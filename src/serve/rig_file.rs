@@ -116,17 +116,17 @@ fn revision_of(text: &str) -> String {
 /// Replaces the content of a file at once: a reader finds the old or the new one, also after a power cut. Returns
 /// whether the file was still the `old` one; otherwise it stays as it is.
 fn replace_file(path: &Path, old: &str, new: &str) -> io::Result<bool> {
-    let beside = path.with_extension(format!("{}.part", std::process::id()));
-    let replaced = write_copy(&beside, path, new).and_then(|()| {
+    let temporary = path.with_extension(format!("{}.part", std::process::id()));
+    let replaced = write_copy(&temporary, path, new).and_then(|()| {
         let is_same = fs::read_to_string(path)? == old;
         if is_same {
-            fs::rename(&beside, path)?;
+            fs::rename(&temporary, path)?;
         }
         Ok(is_same)
     });
     if !matches!(replaced, Ok(true)) {
         // It may not exist.
-        let _ = fs::remove_file(&beside);
+        let _ = fs::remove_file(&temporary);
     } else if let Some(folder) = path.parent() {
         // The file is replaced, and at worst a power cut undoes that.
         let _ = File::open(folder).and_then(|folder| folder.sync_all());

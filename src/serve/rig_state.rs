@@ -1,4 +1,4 @@
-//! The state of a rig in one word, from its events and the reports of its processes.
+//! The state of a rig, from its events and the reports of its processes.
 
 use crate::config::{Config, TriggerMode};
 use crate::message::{Event, EventKind, Role, StatusMessage};
@@ -15,7 +15,7 @@ const MAX_IMPACTS: usize = 64;
 
 /// The state of a rig.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Word {
+pub(super) enum RigState {
     Starting,
     Disarmed,
     Filling,
@@ -27,7 +27,7 @@ pub(super) enum Word {
     Fault,
 }
 
-impl Word {
+impl RigState {
     /// Returns the word that the page shows.
     pub(super) fn as_str(self) -> &'static str {
         match self {
@@ -44,10 +44,10 @@ impl Word {
     }
 }
 
-/// A word with its explanation.
+/// A state with its explanation.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct State {
-    pub(super) word: Word,
+pub(super) struct ExplainedState {
+    pub(super) state: RigState,
     pub(super) detail: String,
 }
 
@@ -228,37 +228,39 @@ impl PageState {
         }
     }
 
-    /// Returns the word of the state and its explanation at this time of the page's clock, s.
-    pub(super) fn state(&self, now_s: f64) -> State {
-        let state = |word: Word, detail: String| State { word, detail };
+    /// Returns the state and its explanation at this time of the page's clock, s.
+    pub(super) fn state(&self, now_s: f64) -> ExplainedState {
+        let explained = |state: RigState, detail: String| ExplainedState { state, detail };
         if let Some(fault) = self.fault(now_s) {
-            return state(Word::Fault, fault);
+            return explained(RigState::Fault, fault);
         }
         let saved = self.shot.and_then(|shot| shot.saved);
         let is_open = self.shot.is_some() && saved.is_none();
         match (self.config.trigger.mode, &self.config.record) {
-            _ if self.origin_ns.is_none() => state(Word::Starting, "waiting for the first frame".into()),
+            _ if self.origin_ns.is_none() => explained(RigState::Starting, "waiting for the first frame".into()),
             _ if is_open => self.open_shot_state(),
-            _ if self.has_ended && saved.is_none() => state(Word::Ended, "the camera delivers no more frames".into()),
-            _ if self.has_ended => state(Word::Saved, "the camera delivers no more frames".into()),
-            (TriggerMode::Off, Some(_)) => state(Word::Measuring, "the whole stream is recorded".into()),
-            (TriggerMode::Off, None) => state(Word::Measuring, "nothing is recorded".into()),
+            _ if self.has_ended && saved.is_none() => {
+                explained(RigState::Ended, "the camera delivers no more frames".into())
+            }
+            _ if self.has_ended => explained(RigState::Saved, "the camera delivers no more frames".into()),
+            (TriggerMode::Off, Some(_)) => explained(RigState::Measuring, "the whole stream is recorded".into()),
+            (TriggerMode::Off, None) => explained(RigState::Measuring, "nothing is recorded".into()),
             _ if saved.is_some_and(|saved| !self.is_armed || now_s - saved.at_s < SAVED_S) => {
                 let then = if self.is_armed { "the rig is armed again" } else { "the rig is disarmed" };
-                state(Word::Saved, then.into())
+                explained(RigState::Saved, then.into())
             }
-            _ if !self.is_armed => state(Word::Disarmed, "triggers are ignored".into()),
-            _ if self.ring_fraction() < 1.0 => state(Word::Filling, "the ring of frames fills".into()),
-            (mode, _) => state(Word::Ready, format!("waiting for the trigger ({})", mode.as_str())),
+            _ if !self.is_armed => explained(RigState::Disarmed, "triggers are ignored".into()),
+            _ if self.ring_fraction() < 1.0 => explained(RigState::Filling, "the ring of frames fills".into()),
+            (mode, _) => explained(RigState::Ready, format!("waiting for the trigger ({})", mode.as_str())),
         }
     }
 
     /// Returns the state during a shot: triggered until its last frame was filmed, then measuring.
-    fn open_shot_state(&self) -> State {
+    fn open_shot_state(&self) -> ExplainedState {
         let end_ns = self.shot.map_or(0, |shot| shot.trigger_ns) + (self.config.trigger.post_s * 1e9) as u64;
         match self.camera_status().is_some_and(|status| status.stamp_ns >= end_ns) {
-            true => State { word: Word::Measuring, detail: "the shot is measured and written".into() },
-            false => State { word: Word::Triggered, detail: "the shot is filmed".into() },
+            true => ExplainedState { state: RigState::Measuring, detail: "the shot is measured and written".into() },
+            false => ExplainedState { state: RigState::Triggered, detail: "the shot is filmed".into() },
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::control::Control;
 use super::numbers::{impact_json, status_reason};
-use super::rig_state::{PageState, Word};
+use super::rig_state::{PageState, RigState};
 use super::shots::Shots;
 use crate::config::Config;
 use crate::message::{Role, StatusMessage};
@@ -37,15 +37,15 @@ impl StateText {
 
 /// Returns the state of the rig as a JSON object.
 pub(super) fn snapshot(config: &Config, rig: &PageState, shots: &Shots, control: &Control, now_s: f64) -> Value {
-    let state = rig.state(now_s);
+    let explained = rig.state(now_s);
     let saved = rig.shot.and_then(|shot| shot.saved).map(|saved| saved.number);
     json!({
         "rig": config.rig.name,
         "version": env!("CARGO_PKG_VERSION"),
-        "state": state.word.as_str(),
-        "detail": state.detail,
+        "state": explained.state.as_str(),
+        "detail": explained.detail,
         "shot": saved,
-        "percent": (state.word == Word::Filling).then(|| (100.0 * rig.ring_fraction()).floor()),
+        "percent": (explained.state == RigState::Filling).then(|| (100.0 * rig.ring_fraction()).floor()),
         "armed": rig.is_armed,
         "actions": rig.actions(),
         "trigger": config.trigger.mode.as_str(),

@@ -15,10 +15,10 @@ use std::time::Duration;
 use tokio::time::{sleep, timeout};
 
 /// Interval of a sign of life on a stream without rows, so that a client that is gone is noticed.
-const SIGN_OF_LIFE: Duration = Duration::from_secs(10);
+const KEEP_ALIVE_PERIOD: Duration = Duration::from_secs(10);
 /// Time in which server-sent events gather, because a write for each row would cost most of the server's time. Rows by
 /// WebSocket go out at once.
-const GATHER: Duration = Duration::from_millis(10);
+const GATHER_TIME: Duration = Duration::from_millis(10);
 /// The maximum size of events that are sent together, bytes, so that a burst does not fill the memory.
 const MAX_GATHERED_BYTES: usize = 64 << 10;
 /// The maximum size of a message from a client, bytes. Messages of clients are ignored.
@@ -35,7 +35,7 @@ fn event_stream(stream: impl Stream<Item = Result<Bytes, Infallible>> + Send + '
 /// event `lost`.
 fn topic_events(feed: &Feed) -> Response {
     event_stream(stream::unfold(feed.follow(), |mut follower| async move {
-        let bytes = match timeout(SIGN_OF_LIFE, follower.next()).await {
+        let bytes = match timeout(KEEP_ALIVE_PERIOD, follower.next()).await {
             Err(_) => Bytes::from_static(b":\n\n"),
             Ok(None) => return None,
             Ok(Some(first)) => gather_events(first, &mut follower).await,
@@ -44,9 +44,9 @@ fn topic_events(feed: &Feed) -> Response {
     }))
 }
 
-/// Returns a delivery and those within [`GATHER`] after it as server-sent events.
+/// Returns a delivery and those within [`GATHER_TIME`] after it as server-sent events.
 async fn gather_events(first: Delivery, follower: &mut Follower) -> Bytes {
-    sleep(GATHER).await;
+    sleep(GATHER_TIME).await;
     let mut bytes = Vec::new();
     let mut next = Some(first);
     while let Some(Delivery { lost, batch }) = next {
@@ -54,7 +54,7 @@ async fn gather_events(first: Delivery, follower: &mut Follower) -> Bytes {
             bytes.extend_from_slice(format!("event: lost\ndata: {{\"lost\":{lost}}}\n\n").as_bytes());
         }
         bytes.extend_from_slice(&batch.events);
-        next = if bytes.len() < MAX_GATHERED_BYTES { follower.take() } else { None };
+        next = if bytes.len() < MAX_GATHERED_BYTES { follower.try_next() } else { None };
     }
     bytes.into()
 }
@@ -122,7 +122,7 @@ async fn send_rows(mut socket: WebSocket, mut follower: Follower) {
                 Some(Ok(Message::Close(_)) | Err(_)) | None => return,
                 Some(Ok(_)) => continue,
             },
-            delivery = timeout(SIGN_OF_LIFE, follower.next()) => delivery,
+            delivery = timeout(KEEP_ALIVE_PERIOD, follower.next()) => delivery,
         };
         let sent = match delivery {
             Err(_) => socket.send(Message::Ping(Bytes::new())).await,

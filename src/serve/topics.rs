@@ -3,7 +3,7 @@
 //! They are plain threads, because a wait on shared memory would stop every client of the server.
 
 use super::datagrams::Datagrams;
-use super::feed::{BATCH_ROWS, Feed};
+use super::feed::{Feed, MAX_BATCH_ROWS};
 use super::rows::{self, RowContext};
 use crate::bus::{Bus, BusError};
 use crate::message::VelocityMessage;
@@ -112,7 +112,7 @@ pub(super) fn send_velocities(rig: &str, mut context: RowContext, outputs: Veloc
                 if feed.is_followed() {
                     batch.extend(rows::velocity_row(&message, &context));
                 }
-                if batch.len() >= BATCH_ROWS {
+                if batch.len() >= MAX_BATCH_ROWS {
                     feed.send(&std::mem::take(&mut batch));
                 }
             }

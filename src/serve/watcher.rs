@@ -2,9 +2,9 @@
 
 use super::clock::now;
 use super::control::Control;
-use super::feed::{BATCH_ROWS, Feed};
+use super::feed::{Feed, MAX_BATCH_ROWS};
+use super::heartbeat::{Heartbeat, TurnCounter};
 use super::outlets::Outlets;
-use super::pulse::{Heartbeat, Pulse};
 use super::rig_state::PageState;
 use super::rows::{self, RowContext};
 use super::shots::Shots;
@@ -35,7 +35,7 @@ pub(super) struct Outputs {
     /// Wakes the reader of the recordings.
     pub(super) recorded: std::sync::mpsc::SyncSender<()>,
     /// The turns of the server, for the supervisor of this process.
-    pub(super) pulse: Option<Pulse>,
+    pub(super) turns: Option<TurnCounter>,
 }
 
 /// The topics of a running rig.
@@ -44,20 +44,20 @@ struct Topics {
     events: Subscriber<Event>,
     impacts: Subscriber<ImpactMessage>,
     statuses: Subscriber<StatusMessage>,
-    heart: Option<Heartbeat>,
+    heartbeat: Option<Heartbeat>,
     bus: Bus,
 }
 
 impl Topics {
     /// Opens the topics of a rig; `None` when it does not run.
-    fn open(rig: &str, pulse: Option<&Pulse>) -> Result<Option<Self>, BusError> {
+    fn open(rig: &str, turns: Option<&TurnCounter>) -> Result<Option<Self>, BusError> {
         if !Bus::is_running(rig) {
             return Ok(None);
         }
         let bus = Bus::join(rig, "serve")?;
         let (events, impacts, statuses) = (bus.listen()?, bus.listen()?, bus.listen()?);
-        let heart = pulse.map(|pulse| Heartbeat::new(&bus, pulse.clone())).transpose()?;
-        Ok(Some(Self { events, impacts, statuses, heart, bus }))
+        let heartbeat = turns.map(|turns| Heartbeat::new(&bus, turns.clone())).transpose()?;
+        Ok(Some(Self { events, impacts, statuses, heartbeat, bus }))
     }
 }
 
@@ -132,7 +132,7 @@ impl<'a> Watcher<'a> {
         }
         let is_new = topics.is_none();
         if is_new {
-            *topics = Topics::open(&self.config.rig.name, self.outputs.pulse.as_ref()).unwrap_or_else(|error| {
+            *topics = Topics::open(&self.config.rig.name, self.outputs.turns.as_ref()).unwrap_or_else(|error| {
                 // The processes may be about to create them.
                 log::debug!("{error}; trying again");
                 None
@@ -149,8 +149,8 @@ impl<'a> Watcher<'a> {
     /// Reads all topics, updates the state and sends events and collisions to the clients; returns whether there was an
     /// event or a collision.
     fn read_topics(&mut self, topics: &mut Topics) -> Result<bool, BusError> {
-        if let Some(heart) = &mut topics.heart {
-            heart.publish_if_due()?;
+        if let Some(heartbeat) = &mut topics.heartbeat {
+            heartbeat.publish_if_due()?;
         }
         let now_s = self.now_s();
         for status in take_all(&topics.statuses)? {
@@ -196,8 +196,8 @@ fn take_all<T: Topic>(topic: &Subscriber<T>) -> Result<Vec<T>, BusError> {
     Ok(all)
 }
 
-/// Sends rows to the clients of a topic, at most [`BATCH_ROWS`] at a time.
+/// Sends rows to the clients of a topic, at most [`MAX_BATCH_ROWS`] at a time.
 fn send_in_batches(feed: &Feed, rows: impl Iterator<Item = Map<String, Value>>) {
     let rows: Vec<_> = rows.collect();
-    rows.chunks(BATCH_ROWS).for_each(|batch| feed.send(batch));
+    rows.chunks(MAX_BATCH_ROWS).for_each(|batch| feed.send(batch));
 }

@@ -7,8 +7,8 @@ use crate::results::Circle;
 
 /// The range of radii that is searched, relative to that of the ball.
 pub(super) const RADIUS_RANGE: [f64; 2] = [0.8, 1.25];
-/// The number of frames without the ball after which it is searched in every fourth frame only.
-const PATIENCE_FRAMES: u32 = 8;
+/// The maximum number of frames in a row without the ball; beyond it, the ball is searched in every fourth frame only.
+const MAX_MISSES: u32 = 8;
 
 /// A ball in one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,7 +49,7 @@ impl Follower {
     pub fn push(&mut self, frame: ExaminedFrame<'_>, t_s: f64) {
         let predicted = self.predict_circle(t_s).filter(|_| self.misses == 0);
         let followed = predicted.and_then(|near| self.finder.follow(frame.image, &near));
-        let is_searched = self.misses < PATIENCE_FRAMES || frame.index.is_multiple_of(4);
+        let is_searched = self.misses < MAX_MISSES || frame.index.is_multiple_of(4);
         let found = followed.or_else(|| if is_searched { self.finder.find(frame.image) } else { None });
         match found {
             Some(circle) => {

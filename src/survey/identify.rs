@@ -142,7 +142,7 @@ impl Examination<'_> {
     pub fn finish(self) -> Identified {
         let needed = ((MIN_SHARE * self.examined.len() as f64).ceil() as usize).max(MIN_FRAMES);
         let circles = self.agreeing_circles();
-        if circles.len() >= needed && moves(&circles) {
+        if circles.len() >= needed && have_moved(&circles) {
             let mut radii: Vec<f64> = circles.iter().map(|(_, circle)| circle.radius_px).collect();
             return Identified::Ball { radius_px: median(&mut radii).unwrap_or(0.0), circles };
         }
@@ -174,8 +174,9 @@ impl Examination<'_> {
     }
 }
 
-/// Whether the centres extend over more than [`MIN_MOTION_PX`], unlike those of a circle of the background.
-fn moves(circles: &[(u64, Circle)]) -> bool {
+/// Whether the centres of the circles extend over more than [`MIN_MOTION_PX`], unlike those of a circle of the
+/// background.
+fn have_moved(circles: &[(u64, Circle)]) -> bool {
     let span = |coordinate: fn(&Circle) -> f64| {
         let values = || circles.iter().map(|(_, circle)| coordinate(circle));
         values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min)

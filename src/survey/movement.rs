@@ -10,9 +10,10 @@ const SIGNIFICANT_SIGMAS: f32 = 6.0;
 /// The minimum difference that is a motion, as a fraction of the range of grey levels in the background. Compressed
 /// films have less noise than this between their key frames, and more at them.
 const MIN_CONTRAST: f32 = 0.03;
-/// The area of the smallest thing that counts, reduced pixels.
-const MIN_AREA: usize = 6;
-/// Marks that are at most twice as far apart belong together, reduced pixels. A speckled body differs in patches.
+/// The minimum area of a region that may be a body, reduced pixels.
+const MIN_REGION_PIXELS: usize = 6;
+/// Half of the maximum distance of marked pixels that belong together, reduced pixels. A speckled body differs in
+/// patches.
 const JOIN_REACH: usize = 2;
 /// The share of the image above which everything moves: the camera does, or the light.
 const EVERYWHERE_FRACTION: f64 = 0.5;
@@ -65,9 +66,9 @@ pub struct Appearance {
 }
 
 impl Mover {
-    /// Returns this and another mover as one: the region of both and all their appearances.
+    /// Returns this mover merged with another: the region of both and all their appearances.
     #[must_use]
-    pub fn joined(&self, other: &Self) -> Self {
+    pub fn merged_with(&self, other: &Self) -> Self {
         let [a, b] = [self.bounds_px, other.bounds_px];
         let (left, top) = (a[0].min(b[0]), a[1].min(b[1]));
         let (right, bottom) = ((a[0] + a[2]).max(b[0] + b[2]), (a[1] + a[3]).max(b[1] + b[3]));
@@ -79,15 +80,16 @@ impl Mover {
 
 impl Movement {
     /// Returns whether each reduced pixel of a frame differs from the background by more than the threshold, row-major.
-    pub fn moving(&self, image: ImageView<'_>) -> Vec<bool> {
+    pub fn moving_pixels(&self, image: ImageView<'_>) -> Vec<bool> {
         let difference = absolute_difference(&reduce_image(image, self.factor), &self.background);
         difference.iter().map(|difference| *difference > self.threshold_dn).collect()
     }
 }
 
 impl Sampler {
-    /// Finds what moves, by the difference of each sample from the median of all; `None` for fewer than three samples.
-    pub fn movement(&self) -> Option<Movement> {
+    /// Detects what moves, by the difference of each sample from the median of all; `None` for fewer than three
+    /// samples.
+    pub fn detect_movement(&self) -> Option<Movement> {
         if self.frames.len() < 3 {
             return None;
         }
@@ -95,26 +97,22 @@ impl Sampler {
         let differences: Vec<Vec<f32>> =
             self.frames.iter().map(|frame| absolute_difference(&frame.image, &background)).collect();
         let noise_dn = noise_dn(&differences);
-        let low = background.levels_dn.iter().copied().fold(f32::INFINITY, f32::min);
-        let high = background.levels_dn.iter().copied().fold(0.0, f32::max);
-        let threshold = (SIGNIFICANT_SIGMAS * noise_dn).max(MIN_CONTRAST * (high - low)).max(1.0);
+        let threshold_dn = motion_threshold_dn(&background, noise_dn);
         let (width, height) = (background.width, background.height);
         let masks: Vec<Mask> = differences
             .iter()
-            .map(|difference| Mask { marked: difference.iter().map(|d| *d > threshold).collect(), width, height })
-            .map(|mask| without_specks(&mask.closed(JOIN_REACH)))
+            .map(|difference| Mask { marked: difference.iter().map(|d| *d > threshold_dn).collect(), width, height })
+            .map(|mask| remove_small_regions(&mask.closed(JOIN_REACH)))
             .collect();
-        let mut swept = vec![false; width * height];
-        masks.iter().for_each(|mask| swept.iter_mut().zip(&mask.marked).for_each(|(swept, marked)| *swept |= marked));
-        let swept_fraction = swept.iter().filter(|swept| **swept).count() as f64 / swept.len() as f64;
-        let swept = Mask { marked: swept, width, height };
+        let swept = union(&masks);
+        let swept_fraction = swept.marked.iter().filter(|swept| **swept).count() as f64 / swept.marked.len() as f64;
         let regions = group_regions(swept.closed(JOIN_REACH).components(), &masks);
         let movers = regions.iter().take(MAX_MOVERS).map(|region| self.mover(region, &masks)).collect();
         Some(Movement {
             background,
             factor: self.factor(),
             noise_dn,
-            threshold_dn: threshold,
+            threshold_dn,
             swept: swept.marked,
             swept_fraction,
             is_everywhere: swept_fraction > EVERYWHERE_FRACTION,
@@ -184,6 +182,22 @@ impl Sampler {
     }
 }
 
+/// Returns the difference from the background from which a pixel moves, DN, at this noise, DN.
+fn motion_threshold_dn(background: &ReducedImage, noise_dn: f32) -> f32 {
+    let low = background.levels_dn.iter().copied().fold(f32::INFINITY, f32::min);
+    let high = background.levels_dn.iter().copied().fold(0.0, f32::max);
+    (SIGNIFICANT_SIGMAS * noise_dn).max(MIN_CONTRAST * (high - low)).max(1.0)
+}
+
+/// Returns the mask of the pixels that any of the masks marks. Panics without a mask.
+fn union(masks: &[Mask]) -> Mask {
+    let mut marked = vec![false; masks[0].marked.len()];
+    for mask in masks {
+        marked.iter_mut().zip(&mask.marked).for_each(|(marked, other)| *marked |= other);
+    }
+    Mask { marked, ..masks[0] }
+}
+
 /// Returns the bounds of two regions together: left, top, and one past right and bottom.
 fn united_bounds(a: [usize; 4], b: [usize; 4]) -> [usize; 4] {
     [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])]
@@ -230,11 +244,11 @@ fn group_regions(regions: Vec<Component>, masks: &[Mask]) -> Vec<Component> {
     movers
 }
 
-/// Returns a mask without the regions of fewer than [`MIN_AREA`] pixels, which are too small to be a body.
-fn without_specks(mask: &Mask) -> Mask {
+/// Returns a mask without the regions of fewer than [`MIN_REGION_PIXELS`] pixels, which are too small to be a body.
+fn remove_small_regions(mask: &Mask) -> Mask {
     let mut marked = vec![false; mask.marked.len()];
     let components = mask.components();
-    let kept = components.iter().filter(|component| component.pixels.len() >= MIN_AREA);
+    let kept = components.iter().filter(|component| component.pixels.len() >= MIN_REGION_PIXELS);
     kept.flat_map(|component| &component.pixels).for_each(|at| marked[*at] = true);
     Mask { marked, ..*mask }
 }
@@ -286,7 +300,7 @@ mod tests {
 
     #[test]
     fn a_moving_square_is_found_in_every_frame_and_its_way_is_swept() {
-        let movement = sampled(8, 21).movement().unwrap();
+        let movement = sampled(8, 21).detect_movement().unwrap();
         assert!(!movement.is_everywhere && movement.noise_dn < 3.0, "{}", movement.noise_dn);
         assert_eq!(movement.movers.len(), 1);
         let mover = &movement.movers[0];
@@ -306,7 +320,7 @@ mod tests {
             (30..38).for_each(|y| data[y * 200 + left..y * 200 + left + 8].fill(150.0));
             sampler.push(index, ImageView::new(&data, 200, 60).unwrap());
         }
-        let movement = sampler.movement().unwrap();
+        let movement = sampler.detect_movement().unwrap();
         let movers: Vec<_> = movement.movers.iter().map(|mover| (mover.bounds_px, mover.appearances.len())).collect();
         assert_eq!(movers, [([5, 30, 184, 8], 12)]);
         let mut flash = Sampler::new(64, 64, 9);
@@ -315,13 +329,13 @@ mod tests {
             let data: Vec<f32> = (0..4096).map(|at| if at % 64 < 8 { level } else { 20.0 }).collect();
             flash.push(index, ImageView::new(&data, 64, 64).unwrap());
         }
-        assert!(flash.movement().unwrap().movers.is_empty());
+        assert!(flash.detect_movement().unwrap().movers.is_empty());
     }
 
     #[test]
     fn nothing_moves_in_noise() {
-        let movement = sampled(0, 20).movement().unwrap();
+        let movement = sampled(0, 20).detect_movement().unwrap();
         assert_eq!((movement.movers.len(), movement.swept_fraction), (0, 0.0));
-        assert!(sampled(0, 2).movement().is_none());
+        assert!(sampled(0, 2).detect_movement().is_none());
     }
 }

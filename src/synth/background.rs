@@ -34,7 +34,7 @@ pub(crate) struct Background {
 }
 
 /// The moving objects in one exposure.
-pub(crate) struct Exposed<'a> {
+pub(crate) struct ExposedObjects<'a> {
     /// The occluder at each moment.
     pub(crate) occluders: &'a [Option<HalfPlane>],
     /// The bodies, from the back to the front.
@@ -112,7 +112,7 @@ impl Background {
 
     /// Renders one row of the image into `light`, DN: static parts, a moving occluder, the bodies and their shadows
     /// and mirror images. The flicker of the lamp is not included.
-    pub(crate) fn render_row(&self, exposed: &Exposed<'_>, row: usize, light: &mut [f32]) {
+    pub(crate) fn render_row(&self, exposed: &ExposedObjects<'_>, row: usize, light: &mut [f32]) {
         let start = row * self.width;
         light.copy_from_slice(&self.still_dn[start..start + self.width]);
         if let Some(occluder) = self.occluder.filter(OccludingEdge::is_moving) {

@@ -1,6 +1,6 @@
 //! A film rendered from a scenario.
 
-use super::background::{Background, Exposed};
+use super::background::{Background, ExposedObjects};
 use super::ground_truth::{body_velocity, frame_status, phase_at, rigid_step, true_impact};
 use super::scenario::{MotionSetup, Scenario, ScenarioError, Shape};
 use super::sensor::Sensor;
@@ -12,7 +12,7 @@ use crate::synth::render::SpeckledSphere;
 use crate::synth::render::total_sigma_px;
 use crate::synth::render::{Ball, HalfPlane, Moment, Patch, Surface};
 use crate::synth::render::{DiscOutline, Occluder, visible_fraction};
-use crate::synth::render::{Field, Pattern};
+use crate::synth::render::{Pattern, SpeckleRegion};
 use crate::synth::render::{RegularPaint, Rod};
 use std::ops::Range;
 
@@ -32,22 +32,22 @@ pub struct SimulatedFilm {
     scenario: Scenario,
     format: PixelFormat,
     /// One ball or two, from the back to the front.
-    actors: Vec<Actor>,
+    bodies: Vec<FilmedBody>,
     sensor: Sensor,
     background: Background,
     /// The index of this film of the same ball; each has its own noise.
     take: u64,
 }
 
-/// A filmed body.
+/// The drawing of a body.
 #[derive(Debug, Clone)]
-enum Body {
+enum BodyDrawing {
     Ball(Box<Ball>),
     Rod(Box<Rod>),
 }
 
-impl Body {
-    /// Places the paint of a body and prepares its drawing.
+impl BodyDrawing {
+    /// Places the paint of a body and prepares its shapes and light.
     ///
     /// `number` selects the random stream of its speckles, `full_dn` is the maximum grey level.
     ///
@@ -58,7 +58,7 @@ impl Body {
         let speckles = Stream::new(key(scenario.seed, SPECKLES, number));
         let sigma_px = total_sigma_px(scenario.camera.blur_px);
         let (pattern, radius_px) = (&scenario.body.pattern, scenario.radius_px());
-        let scatter = |field: Field| Pattern::scatter(pattern, field, sigma_px, speckles.clone());
+        let scatter = |region: SpeckleRegion| Pattern::scatter(pattern, region, sigma_px, speckles.clone());
         let ball = |surface: Surface| Self::Ball(Box::new(Ball::new(scenario, surface, full_dn)));
         let regular = RegularPaint::new(pattern, scenario.body.shape, radius_px, sigma_px, speckles.clone());
         if let Some(paint) = regular.filter(|_| scenario.body.rod.is_none()) {
@@ -66,9 +66,9 @@ impl Body {
         }
         Ok(match (&scenario.body.rod, scenario.body.shape) {
             (Some(rod), _) => {
-                Self::Rod(Box::new(Rod::new(scenario, rod, scatter(Rod::speckled_field(scenario, rod))?, full_dn)))
+                Self::Rod(Box::new(Rod::new(scenario, rod, scatter(Rod::speckle_region(scenario, rod))?, full_dn)))
             }
-            (None, Shape::Disc | Shape::Plane) => ball(Surface::Flat(scatter(Field::Disc(radius_px))?)),
+            (None, Shape::Disc | Shape::Plane) => ball(Surface::Flat(scatter(SpeckleRegion::Disc(radius_px))?)),
             (None, Shape::Sphere) => {
                 ball(Surface::Sphere(SpeckledSphere::scatter(pattern, radius_px, sigma_px, speckles)?))
             }
@@ -85,24 +85,24 @@ impl Body {
     }
 }
 
-/// A body and its trajectory.
+/// A body with its trajectory and its drawing.
 #[derive(Debug, Clone)]
-struct Actor {
+struct FilmedBody {
     /// The scenario of this body alone.
     scenario: Scenario,
     trajectory: Trajectory,
-    body: Body,
+    drawing: BodyDrawing,
 }
 
-impl Actor {
-    /// Prepares the body of a scenario and solves its motion; see [`Body::new`].
+impl FilmedBody {
+    /// Prepares the drawing of a scenario's body and solves its motion; see [`BodyDrawing::new`].
     ///
     /// # Errors
     ///
     /// Returns [`ScenarioError`] if the pattern does not fit the body, or the ball does not bounce exactly once.
     fn new(scenario: Scenario, number: u64, full_dn: f32) -> Result<Self, ScenarioError> {
-        let (trajectory, body) = (Trajectory::new(&scenario)?, Body::new(&scenario, number, full_dn)?);
-        Ok(Self { scenario, trajectory, body })
+        let (trajectory, drawing) = (Trajectory::new(&scenario)?, BodyDrawing::new(&scenario, number, full_dn)?);
+        Ok(Self { scenario, trajectory, drawing })
     }
 
     /// Returns the magnification of the body at `time_s` after the first stamp, relative to the scenario's `mm_per_px`.
@@ -142,7 +142,7 @@ impl Actor {
     }
 
     fn is_ball(&self) -> bool {
-        matches!(self.body, Body::Ball(_))
+        matches!(self.drawing, BodyDrawing::Ball(_))
     }
 
     /// Returns the outline of the ball at `time_s` after the first stamp.
@@ -167,13 +167,13 @@ impl SimulatedFilm {
             _ => PixelFormat::Mono8,
         };
         let sensor = Sensor::new(camera, format, scenario.seed);
-        let mut actors = vec![Actor::new(scenario.clone(), 0, sensor.full_dn())?];
+        let mut bodies = vec![FilmedBody::new(scenario.clone(), 0, sensor.full_dn())?];
         if let Some(other) = &scenario.other {
-            let other = Actor::new(scenario.second_ball_alone(other), 1, sensor.full_dn());
-            actors.push(other.map_err(|error| ScenarioError::Other(Box::new(error)))?);
+            let other = FilmedBody::new(scenario.second_ball_alone(other), 1, sensor.full_dn());
+            bodies.push(other.map_err(|error| ScenarioError::Other(Box::new(error)))?);
         }
         let background = Background::new(scenario, sensor.full_dn());
-        Ok(Self { scenario: scenario.clone(), format, actors, sensor, background, take: 0 })
+        Ok(Self { scenario: scenario.clone(), format, bodies, sensor, background, take: 0 })
     }
 
     /// Films the same ball again, with the same camera and light, but another motion and other noise.
@@ -187,15 +187,15 @@ impl SimulatedFilm {
     pub fn retake(&self, motion: MotionSetup, take: u64) -> Result<Self, ScenarioError> {
         let scenario = Scenario { motion, ..self.scenario.clone() };
         scenario.check()?;
-        let mut actors = self.actors.clone();
-        (actors[0].trajectory, actors[0].scenario) = (Trajectory::new(&scenario)?, scenario.clone());
+        let mut bodies = self.bodies.clone();
+        (bodies[0].trajectory, bodies[0].scenario) = (Trajectory::new(&scenario)?, scenario.clone());
         // An edge that is placed by the motion moves with it.
         let background = if scenario.occluder.is_some() {
             Background::new(&scenario, self.sensor.full_dn())
         } else {
             self.background.clone()
         };
-        Ok(Self { scenario, actors, background, take, ..self.clone() })
+        Ok(Self { scenario, bodies, background, take, ..self.clone() })
     }
 
     /// The scenario of the film.
@@ -295,17 +295,17 @@ impl SimulatedFilm {
     ) {
         let width = self.width_px() as usize;
         let times = self.exposure_times(start_s);
-        let draw = |(body, actor): (usize, &Actor)| {
+        let draw = |(body, filmed): (usize, &FilmedBody)| {
             let moments: Vec<Moment> = times.iter().map(|time_s| self.moment_at(body, *time_s)).collect();
-            actor.body.draw(&moments, actor.magnification(start_s + 0.5 * self.exposure_s()), width, rows.clone())
+            filmed.drawing.draw(&moments, filmed.magnification(start_s + 0.5 * self.exposure_s()), width, rows.clone())
         };
-        let patches: Vec<Patch> = self.actors.iter().enumerate().map(draw).collect();
+        let patches: Vec<Patch> = self.bodies.iter().enumerate().map(draw).collect();
         let occluders: Vec<Option<HalfPlane>> =
             times.iter().map(|time_s| self.background.occluder_at(*time_s)).collect();
         let middle_s = start_s + 0.5 * self.exposure_s();
         let balls: Vec<DiscOutline> =
-            self.actors.iter().filter(|actor| actor.is_ball()).map(|actor| actor.outline(middle_s)).collect();
-        let exposed = Exposed { occluders: &occluders, patches: &patches, balls: &balls };
+            self.bodies.iter().filter(|filmed| filmed.is_ball()).map(|filmed| filmed.outline(middle_s)).collect();
+        let exposed = ExposedObjects { occluders: &occluders, patches: &patches, balls: &balls };
         let lamp = self.background.lamp_brightness(start_s, self.exposure_s());
         let mut light = vec![0.0; width];
         for row in rows {
@@ -326,17 +326,17 @@ impl SimulatedFilm {
 
     /// Returns the ground truth of every body in a frame; see [`truth`](Self::truth).
     pub fn truths(&self, index: u64) -> Vec<VelocitySample> {
-        (0..self.actors.len()).map(|body| self.body_truth(body, index)).collect()
+        (0..self.bodies.len()).map(|body| self.body_truth(body, index)).collect()
     }
 
     /// Returns the ground truth of one body in a frame; see [`truth`](Self::truth).
     fn body_truth(&self, body: usize, index: u64) -> VelocitySample {
-        let actor = &self.actors[body];
-        let Actor { scenario, trajectory, .. } = actor;
-        let shown_s = self.center_time_s(actor, index);
-        let (pose, radius_px) = (actor.pose(shown_s), actor.radius_px(shown_s));
+        let filmed = &self.bodies[body];
+        let FilmedBody { scenario, trajectory, .. } = filmed;
+        let shown_s = self.center_time_s(filmed, index);
+        let (pose, radius_px) = (filmed.pose(shown_s), filmed.radius_px(shown_s));
         let visible = self.visible_fraction(body, shown_s);
-        let next = (index + 1 < self.frames()).then(|| actor.pose(self.center_time_s(actor, index + 1)));
+        let next = (index + 1 < self.frames()).then(|| filmed.pose(self.center_time_s(filmed, index + 1)));
         VelocitySample {
             frame: index,
             body: body as u32,
@@ -355,8 +355,8 @@ impl SimulatedFilm {
 
     /// Returns the visible fraction of the area of a body at `time_s`, 0 to 1; 1 for a rod.
     fn visible_fraction(&self, body: usize, time_s: f64) -> f64 {
-        let actor = &self.actors[body];
-        if actor.scenario.body.rod.is_some() {
+        let filmed = &self.bodies[body];
+        if filmed.scenario.body.rod.is_some() {
             // The mark of a rod lies above the surface, which occludes the end of the rod.
             return 1.0;
         }
@@ -365,17 +365,17 @@ impl SimulatedFilm {
             (plane, Some(front)) => {
                 let occluders: Vec<Occluder> =
                     plane.map(Occluder::Edge).into_iter().chain([Occluder::Ball(front)]).collect();
-                visible_fraction(&actor.outline(time_s), &occluders)
+                visible_fraction(&filmed.outline(time_s), &occluders)
             }
-            (Some(plane), None) => plane.visible_fraction(pose.center_px, actor.radius_px(time_s)),
+            (Some(plane), None) => plane.visible_fraction(pose.center_px, filmed.radius_px(time_s)),
             (None, None) => 1.0,
         }
     }
 
     /// Returns the rotation of the first body since the first frame, counter-clockwise, deg.
     pub fn angle_deg(&self, index: u64) -> f64 {
-        let actor = &self.actors[0];
-        let angle = |index: u64| actor.trajectory.pose_at(self.center_time_s(actor, index)).angle_rad;
+        let filmed = &self.bodies[0];
+        let angle = |index: u64| filmed.trajectory.pose_at(self.center_time_s(filmed, index)).angle_rad;
         (angle(index) - angle(0)).to_degrees()
     }
 
@@ -387,12 +387,12 @@ impl SimulatedFilm {
 
     /// Returns the ground truth of every body's collision; see [`impact`](Self::impact).
     pub fn impacts(&self) -> Vec<Impact> {
-        (0..self.actors.len()).filter_map(|body| self.body_impact(body)).collect()
+        (0..self.bodies.len()).filter_map(|body| self.body_impact(body)).collect()
     }
 
     /// Returns the ground truth of the collision of one body; `None` for a motion without a collision.
     fn body_impact(&self, body: usize) -> Option<Impact> {
-        let Actor { scenario, trajectory, .. } = &self.actors[body];
+        let FilmedBody { scenario, trajectory, .. } = &self.bodies[body];
         let (MotionSetup::Impact(setup), Trajectory::Impact { collision, .. }) = (&scenario.motion, trajectory) else {
             return None;
         };
@@ -405,11 +405,12 @@ impl SimulatedFilm {
 
     /// Returns the time at which a frame shows the centre of a body, s after the first stamp: the middle of the
     /// exposure of its row.
-    fn center_time_s(&self, actor: &Actor, index: u64) -> f64 {
+    fn center_time_s(&self, filmed: &FilmedBody, index: u64) -> f64 {
         let middle_s = self.exposure_start_s(index) + 0.5 * self.exposure_s();
         // The row that shows it is read while it moves on. The iteration converges by the ratio of its speed to the
         // readout's.
-        (0..READOUT_ITERATIONS).fold(middle_s, |time_s, _| middle_s + self.row_delay_s(actor.pose(time_s).center_px[1]))
+        (0..READOUT_ITERATIONS)
+            .fold(middle_s, |time_s, _| middle_s + self.row_delay_s(filmed.pose(time_s).center_px[1]))
     }
 
     /// Returns the delay of a row's exposure relative to the frame's stamp, s.
@@ -432,8 +433,8 @@ impl SimulatedFilm {
 
     /// Returns the pose of the body with index `body` and its occluders at `time_s` after the first stamp.
     fn moment_at(&self, body: usize, time_s: f64) -> Moment {
-        let front = self.actors.get(body + 1).map(|actor| actor.outline(time_s));
-        Moment { pose: self.actors[body].pose(time_s), occluder: self.background.occluder_at(time_s), front }
+        let front = self.bodies.get(body + 1).map(|filmed| filmed.outline(time_s));
+        Moment { pose: self.bodies[body].pose(time_s), occluder: self.background.occluder_at(time_s), front }
     }
 
     /// Returns times (s after the first stamp) whose mean image is that of the exposure.
@@ -441,7 +442,7 @@ impl SimulatedFilm {
     /// Two Gauss points per half pixel of motion; the middle of the exposure if almost nothing moves.
     fn exposure_times(&self, start_s: f64) -> Vec<f64> {
         let exposure_s = self.exposure_s();
-        let moved_px = self.actors.iter().map(|actor| actor.path_length_px(start_s, exposure_s)).fold(0.0, f64::max)
+        let moved_px = self.bodies.iter().map(|filmed| filmed.path_length_px(start_s, exposure_s)).fold(0.0, f64::max)
             + self.background.occluder_px_s().abs() * exposure_s;
         if moved_px < MAX_SINGLE_PX {
             return vec![start_s + 0.5 * exposure_s];

@@ -3,7 +3,7 @@
 use super::scenario::CameraSetup;
 use crate::image::PixelFormat;
 use crate::numeric::normal_cdf;
-use crate::numeric::{COUNT, Stream, key, scramble};
+use crate::numeric::{GOLDEN_GAMMA, Stream, key, scramble};
 
 /// The number of noise values; 12 random bits choose one.
 const QUANTILES: usize = 4096;
@@ -83,9 +83,9 @@ impl Sensor {
     /// Adds read and shot noise to a row, DN. Four pixels share one random number of 64 bits.
     fn add_noise(&self, key: u64, row: usize, light_dn: &mut [f32]) {
         let blocks = light_dn.len().div_ceil(LANES) as u64;
-        let mut count = key.wrapping_add((row as u64 * blocks).wrapping_mul(COUNT));
+        let mut count = key.wrapping_add((row as u64 * blocks).wrapping_mul(GOLDEN_GAMMA));
         for block in light_dn.chunks_mut(LANES) {
-            count = count.wrapping_add(COUNT);
+            count = count.wrapping_add(GOLDEN_GAMMA);
             let bits = scramble(count);
             for (lane, light) in block.iter_mut().enumerate() {
                 let place = (bits >> (16 * lane + 4)) as usize % QUANTILES;

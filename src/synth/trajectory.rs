@@ -51,14 +51,17 @@ pub(crate) struct Segment {
 }
 
 impl Segment {
-    /// Returns centre (px), angle (rad) and orientation at a time after the first stamp, s.
-    fn pose_at(&self, time_s: f64) -> ([f64; 2], f64, Orientation) {
+    /// Returns the pose at a time after the first stamp, s.
+    fn pose_at(&self, time_s: f64, m_per_px: f64) -> Pose {
         let since_s = time_s - self.start_s;
-        (
-            [self.center_px[0] + self.px_s[0] * since_s, self.center_px[1] + self.px_s[1] * since_s],
-            self.angle_rad + self.rad_s[2] * since_s,
-            Orientation::from_rotation_vector(self.rad_s.map(|rad_s| rad_s * since_s)).after(&self.orientation),
-        )
+        let turned = Orientation::from_rotation_vector(self.rad_s.map(|rad_s| rad_s * since_s));
+        Pose {
+            center_px: [self.center_px[0] + self.px_s[0] * since_s, self.center_px[1] + self.px_s[1] * since_s],
+            angle_rad: self.angle_rad + self.rad_s[2] * since_s,
+            orientation: turned.after(&self.orientation),
+            velocity_m_s: [self.px_s[0] * m_per_px, -self.px_s[1] * m_per_px],
+            omega_rad_s: self.rad_s[2],
+        }
     }
 }
 
@@ -73,21 +76,24 @@ fn segment_at(segments: &[Segment], time_s: f64) -> &Segment {
 /// Places each segment at the end of the previous one, from `start_px` at `start_s` after the first stamp.
 fn chain_segments(start_px: [f64; 2], start_s: f64, rate_hz: f64, parts: &[PartSetup]) -> Vec<Segment> {
     let mut segments: Vec<Segment> = Vec::new();
-    let mut start = (start_s, start_px, 0.0, Orientation::in_plane(0.0));
+    let mut next = Segment {
+        start_s,
+        center_px: start_px,
+        angle_rad: 0.0,
+        orientation: Orientation::in_plane(0.0),
+        px_s: [0.0; 2],
+        rad_s: [0.0; 3],
+    };
     for part in parts {
-        let (start_s, center_px, angle_rad, orientation) = start;
         let [about_x, about_y] = part.tilt_deg_frame;
         let segment = Segment {
-            start_s,
-            center_px,
-            angle_rad,
-            orientation,
             px_s: [part.vx_px_frame * rate_hz, part.vy_px_frame * rate_hz],
             rad_s: [about_x, about_y, part.omega_deg_frame].map(|deg| deg.to_radians() * rate_hz),
+            ..next
         };
-        let end_s = start_s + part.frames / rate_hz;
-        let (center_px, angle_rad, orientation) = segment.pose_at(end_s);
-        start = (end_s, center_px, angle_rad, orientation);
+        let end_s = segment.start_s + part.frames / rate_hz;
+        let Pose { center_px, angle_rad, orientation, .. } = segment.pose_at(end_s, 1.0);
+        next = Segment { start_s: end_s, center_px, angle_rad, orientation, ..segment };
         segments.push(segment);
     }
     segments
@@ -159,17 +165,7 @@ impl Trajectory {
                     omega_rad_s: *rad_s,
                 }
             }
-            Self::Piecewise { segments, m_per_px } => {
-                let segment = segment_at(segments, time_s);
-                let (center_px, angle_rad, orientation) = segment.pose_at(time_s);
-                Pose {
-                    center_px,
-                    angle_rad,
-                    orientation,
-                    velocity_m_s: [segment.px_s[0] * m_per_px, -segment.px_s[1] * m_per_px],
-                    omega_rad_s: segment.rad_s[2],
-                }
-            }
+            Self::Piecewise { segments, m_per_px } => segment_at(segments, time_s).pose_at(time_s, *m_per_px),
             Self::Impact { collision, start_s, center_px, tangent, ringing, m_per_px } => {
                 let mut motion = collision.motion_at(time_s - start_s);
                 if let Some(ringing) = ringing {

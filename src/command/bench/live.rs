@@ -69,7 +69,7 @@ pub(super) fn run(options: &BenchOptions) -> Result<(), Failure> {
 const FINDING_FRAMES: u64 = 2;
 
 /// Mean time per frame, us, over the medians of repeats, which outliers do not affect.
-struct Frames {
+struct FrameTimes {
     all: f64,
     /// Frames in which the ball is predicted from previous frames.
     following: f64,
@@ -78,7 +78,7 @@ struct Frames {
 }
 
 /// Times of parts, us.
-struct Rows {
+struct PartTimes {
     /// The parts of a frame with whole-body match and subsets.
     per_frame: Vec<(&'static str, f64)>,
     other: Vec<(&'static str, f64)>,
@@ -95,18 +95,18 @@ impl Film {
     fn new() -> Result<Self, Failure> {
         let mut scenario = Scenario::translation(MOTION.u_px, MOTION.v_px, MOTION.angle_deg);
         scenario.camera.frames = 64;
-        let world = SimulatedFilm::new(&scenario)?;
-        let drawn = (0..world.frames()).map(|index| {
-            let mut bytes = vec![0; world.frame_bytes()];
-            world.render(index, &mut bytes);
-            (simulated::meta(&world, index), bytes)
+        let film = SimulatedFilm::new(&scenario)?;
+        let drawn = (0..film.frames()).map(|index| {
+            let mut bytes = vec![0; film.frame_bytes()];
+            film.render(index, &mut bytes);
+            (simulated::meta(&film, index), bytes)
         });
         Ok(Self { frames: drawn.collect(), ball: BallParams::new(50.0, 70.0) })
     }
 
     /// Measures the time a worker needs per frame, us, by repeating the film for `duration`. Each frame counts with its
     /// median.
-    fn time_frame_us(&self, rotation: Rotation, duration: Duration) -> Result<Frames, Failure> {
+    fn time_frame_us(&self, rotation: Rotation, duration: Duration) -> Result<FrameTimes, Failure> {
         let params = MeasureParams {
             correlation: CorrelationParams { step_px: STEP_PX, ..CorrelationParams::default() },
             intervals_frames: vec![1],
@@ -139,7 +139,11 @@ impl Film {
             let of = || us.iter().enumerate().filter(|(frame, _)| of(*frame));
             of().map(|(_, us)| us).sum::<f64>() / of().count() as f64
         };
-        Ok(Frames { all: mean(&|_| true), following: mean(&|frame| !is_finding(frame)), finding: mean(&is_finding) })
+        Ok(FrameTimes {
+            all: mean(&|_| true),
+            following: mean(&|frame| !is_finding(frame)),
+            finding: mean(&is_finding),
+        })
     }
 
     /// Measures the durations of the parts of a frame, us, each over `duration`; also returns the number of subsets.
@@ -147,7 +151,7 @@ impl Film {
     /// # Errors
     ///
     /// When the ball is not found in the film, or cannot be matched.
-    fn time_parts_us(&self, duration: Duration) -> Result<(usize, Rows), Failure> {
+    fn time_parts_us(&self, duration: Duration) -> Result<(usize, PartTimes), Failure> {
         let (mut first, mut second) = (Image::new(512, 512), Image::new(512, 512));
         for (image, (meta, bytes)) in [(&mut first, &self.frames[20]), (&mut second, &self.frames[21])] {
             Frame { meta: *meta, bytes }.unpack(image)?;
@@ -196,7 +200,7 @@ impl Film {
         let other =
             [("subsets: affine, from neighbours", neighbor), ("subsets: translation, kept reference", translation)];
         let us = |(name, rate): (&'static str, f64)| (name, 1e6 / rate);
-        Ok((subsets, Rows { per_frame: per_frame.map(us).to_vec(), other: other.map(us).to_vec() }))
+        Ok((subsets, PartTimes { per_frame: per_frame.map(us).to_vec(), other: other.map(us).to_vec() }))
     }
 }
 
@@ -212,15 +216,15 @@ struct Pair {
 }
 
 impl Pair {
-    /// Prepares two frames and the ball in them, with a margin of `around_px` around it.
-    fn new(circle: &Circle, (first, second): (&Image, &Image), shape: Shape, around_px: f64) -> Result<Self, Failure> {
+    /// Prepares two frames and the ball in them, with a margin of `margin_px` around it.
+    fn new(circle: &Circle, (first, second): (&Image, &Image), shape: Shape, margin_px: f64) -> Result<Self, Failure> {
         let params = CorrelationParams { step_px: STEP_PX, shape, ..CorrelationParams::default() };
         let correlator = Correlator::new(&params, 512, 512)?;
         let (x_px, y_px) = (circle.x_px, circle.y_px);
         let radius_px = 0.96 * circle.radius_px;
         let points = grid::disc(x_px, y_px, radius_px, STEP_PX, params.subset_size_px, 512, 512);
         let (mut reference, mut target) = (PreparedFrame::default(), PreparedFrame::default());
-        let part = part_around(circle, around_px);
+        let part = part_around(circle, margin_px);
         correlator.prepare_part_into(first.view(), part, &mut reference);
         correlator.prepare_part_into(second.view(), part, &mut target);
         let body = RigidBody::new(&reference, &Region::Disc { x_px, y_px, radius_px })
@@ -252,8 +256,8 @@ impl Pair {
 }
 
 /// Returns the part of a frame (x, y, width, height) that holds a ball and a margin, px.
-fn part_around(circle: &Circle, around_px: f64) -> [u32; 4] {
-    let reach = circle.radius_px + around_px;
+fn part_around(circle: &Circle, margin_px: f64) -> [u32; 4] {
+    let reach = circle.radius_px + margin_px;
     let side = (2.0 * reach).ceil() as u32 + 1;
     [(circle.x_px - reach).floor() as u32, (circle.y_px - reach).floor() as u32, side, side]
 }

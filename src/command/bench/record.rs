@@ -4,7 +4,7 @@ use super::{BenchOptions, median_of};
 use crate::failure::Failure;
 use crate::image::{Frame, FrameMeta, PixelFormat};
 use crate::interrupt::{self, Unfinished};
-use crate::numeric::{COUNT, key, scramble};
+use crate::numeric::{GOLDEN_GAMMA, key, scramble};
 use crate::recording::{RecordingInfo, RecordingWriter, WriterOptions, part_path};
 use serde_json::json;
 use std::fs::File;
@@ -185,6 +185,6 @@ fn cpu_s() -> f64 {
 fn noise_frame(seed: u64) -> Vec<u8> {
     let first = key(seed, 0, 0);
     (0..FRAME_BYTES as u64 / 8)
-        .flat_map(|k| scramble(first.wrapping_add(k.wrapping_mul(COUNT))).to_le_bytes())
+        .flat_map(|k| scramble(first.wrapping_add(k.wrapping_mul(GOLDEN_GAMMA))).to_le_bytes())
         .collect()
 }

@@ -19,8 +19,8 @@ const STILL_DEG: f64 = 0.01;
 /// Minimum number of displacements for a scatter.
 const MIN_POINTS: usize = 30;
 
-/// The measurement of a static scene.
-pub(super) struct Floor {
+/// The displacements measured in a static scene.
+pub(super) struct NoiseFloor {
     /// Every measurement.
     pub(super) measured: Vec<Measured>,
     /// Scatter of the subset displacements per axis, px; `None` if the body moves or too few subsets were measured.
@@ -29,23 +29,23 @@ pub(super) struct Floor {
     pub(super) body_px: Option<f64>,
     pub(super) body_deg: Option<f64>,
     /// Mean motion per frame of a moving body, px and deg.
-    pub(super) moves: Option<(f64, f64)>,
+    pub(super) motion: Option<(f64, f64)>,
     /// Fraction of the frames in which a body was found.
-    pub(super) found: f64,
+    pub(super) found_fraction: f64,
     /// Fraction of the subsets that are valid.
-    pub(super) valid: f64,
+    pub(super) valid_fraction: f64,
     /// Processor time per frame of a worker, s.
     measure_s: f64,
     /// Processor time per frame of the other processes, s: the copy into the ring and the tracker.
-    rest_s: f64,
+    overhead_s: f64,
 }
 
-impl Floor {
+impl NoiseFloor {
     /// Returns the rate that so many workers keep up with on so many processors, which the other processes need as
     /// well, frames per second.
     pub(super) fn capacity_hz(&self, workers: usize, processors: usize) -> f64 {
         let measured_hz = workers as f64 / self.measure_s;
-        measured_hz.min(processors as f64 / (self.measure_s + self.rest_s))
+        measured_hz.min(processors as f64 / (self.measure_s + self.overhead_s))
     }
 
     /// Returns the fields of the first frame pair, one per body.
@@ -61,7 +61,7 @@ impl Floor {
 /// # Errors
 ///
 /// When the frames cannot be measured.
-pub(super) fn measure_floor(config: &Config, grabbed: &Grabbed) -> Result<Floor, Failure> {
+pub(super) fn measure_noise_floor(config: &Config, grabbed: &Grabbed) -> Result<NoiseFloor, Failure> {
     let format = grabbed.format;
     let (params, tracker_params) = analysis_params(config, &format);
     let shortest = params.intervals_frames[0];
@@ -78,7 +78,7 @@ pub(super) fn measure_floor(config: &Config, grabbed: &Grabbed) -> Result<Floor,
     measurer.finish(&mut measured);
     let frames = grabbed.frames.len().max(1) as f64;
     let measure_s = began.elapsed().as_secs_f64().max(1e-9) / frames;
-    let rest_s = pass_on_s(grabbed, &measured, &tracker_params) / frames;
+    let overhead_s = overhead_s(grabbed, &measured, &tracker_params) / frames;
     measured.retain(|measured| measured.step.interval_frames == shortest);
     let detected = measured.iter().filter(|measured| measured.step.outline.is_some()).count();
     let points = || measured.iter().filter_map(|measured| measured.field.as_ref()).flat_map(|field| &field.points);
@@ -89,29 +89,29 @@ pub(super) fn measure_floor(config: &Config, grabbed: &Grabbed) -> Result<Floor,
             measured.step.motion.filter(RigidStep::has_rotation).map(|step| [step.dx_px, step.dy_px, step.dtheta_deg])
         })
         .collect();
-    let moves = significant_motion(&steps);
-    let still = moves.is_none();
+    let motion = significant_motion(&steps);
+    let still = motion.is_none();
     let spreads = standard_deviations(&steps);
     let body = |axes: &[usize]| {
         let squares = axes.iter().map(|axis| spreads.map(|spreads| spreads[*axis].powi(2))).sum::<Option<f64>>();
         squares.filter(|_| still).map(|squares| (squares / axes.len() as f64).sqrt())
     };
-    Ok(Floor {
+    Ok(NoiseFloor {
         subset_px: subset_scatter_px(&measured).filter(|_| still),
         body_px: body(&[0, 1]),
         body_deg: body(&[2]),
-        moves,
-        found: detected as f64 / measured.len().max(1) as f64,
-        valid: valid as f64 / points().count().max(1) as f64,
+        motion,
+        found_fraction: detected as f64 / measured.len().max(1) as f64,
+        valid_fraction: valid as f64 / points().count().max(1) as f64,
         measure_s,
-        rest_s,
+        overhead_s,
         measured,
     })
 }
 
 /// Returns the time that the processes around the workers take for all frames, s: the copy of each frame, and the
 /// tracker's work on their steps.
-fn pass_on_s(grabbed: &Grabbed, measured: &[Measured], params: &TrackerParams) -> f64 {
+fn overhead_s(grabbed: &Grabbed, measured: &[Measured], params: &TrackerParams) -> f64 {
     let began = now();
     let mut slot = vec![0; grabbed.format.slot_bytes()];
     for (_, bytes) in &grabbed.frames {

@@ -1,7 +1,7 @@
 //! The findings of a rig check: values, verdicts and advice.
 
-use super::displacement::Floor;
-use super::fixed::Fixed;
+use super::displacement::NoiseFloor;
+use super::fixed_pattern::FixedPattern;
 use super::grab::Grabbed;
 use super::light::Flicker;
 use super::texture::{Levels, Speckles};
@@ -47,27 +47,27 @@ pub struct Finding {
     /// The verdict.
     pub verdict: Verdict,
     /// Advice, or an explanation of the value.
-    pub words: String,
+    pub advice: String,
 }
 
 impl Finding {
     /// Whether the rig is not ready because of it. Lost frames count as lost data instead, which the exit code states.
-    pub(super) fn keeps_from_use(&self) -> bool {
+    pub(super) fn is_blocking(&self) -> bool {
         self.verdict == Verdict::Bad && self.name != "lost-frames"
     }
 }
 
 /// The measurements that the findings are derived from.
-pub(super) struct Seen<'a> {
+pub(super) struct Measurements<'a> {
     pub(super) config: &'a Config,
     pub(super) grabbed: &'a Grabbed,
-    pub(super) floor: &'a Floor,
+    pub(super) floor: &'a NoiseFloor,
     pub(super) levels: Levels,
     pub(super) speckles: Speckles,
     pub(super) blur_px: Option<f64>,
     pub(super) flicker: Option<Flicker>,
     pub(super) defective_px: &'a [[u32; 2]],
-    pub(super) fixed: Option<Fixed>,
+    pub(super) fixed_pattern: Option<FixedPattern>,
     pub(super) expected_px: Option<f64>,
     pub(super) full_dn: f64,
 }
@@ -81,18 +81,18 @@ fn verdict_by_limits(value: f64, fair: f64, bad: f64) -> Verdict {
     }
 }
 
-/// Returns a finding with its advice, `words`. Without a value its verdict is `Unknown`.
-fn finding(name: &'static str, value: Option<f64>, unit: &'static str, verdict: Verdict, words: &str) -> Finding {
+/// Returns a finding with its advice. Without a value its verdict is `Unknown`.
+fn finding(name: &'static str, value: Option<f64>, unit: &'static str, verdict: Verdict, advice: &str) -> Finding {
     Finding {
         name,
         value,
         unit,
         verdict: if value.is_some() { verdict } else { Verdict::Unknown },
-        words: words.into(),
+        advice: advice.into(),
     }
 }
 
-impl Seen<'_> {
+impl Measurements<'_> {
     /// Returns all findings, in the order in which a rig is set up.
     pub(super) fn findings(&self) -> Vec<Finding> {
         let groups =
@@ -190,9 +190,9 @@ impl Seen<'_> {
     /// Returns the finding about pixels that respond differently, by the underestimate of displacements that they
     /// cause.
     fn fixed_pattern_finding(&self) -> Finding {
-        let short = self.fixed.map_or(0.0, |fixed| fixed.underestimate_fraction());
+        let short = self.fixed_pattern.map_or(0.0, |pattern| pattern.underestimate_fraction());
         let verdict = verdict_by_limits(short, 1e-3, 1e-2);
-        let words = match (self.fixed, verdict) {
+        let words = match (self.fixed_pattern, verdict) {
             (None, _) => "not measured: the scene moves, or too little of it is visible".into(),
             (_, Verdict::Good) => "pixels respond uniformly".into(),
             _ => format!(
@@ -202,7 +202,7 @@ impl Seen<'_> {
                 100.0 * short
             ),
         };
-        finding("fixed-pattern", self.fixed.map(|fixed| fixed.dn), "DN", verdict, &words)
+        finding("fixed-pattern", self.fixed_pattern.map(|pattern| pattern.dn), "DN", verdict, &words)
     }
 
     /// Returns the finding about hot and dead pixels.
@@ -274,12 +274,12 @@ impl Seen<'_> {
     /// Returns the findings about visible bodies, matched subsets and the noise floor of displacements.
     fn displacement_findings(&self) -> Vec<Finding> {
         let floor = self.floor;
-        let found = verdict_by_limits(1.0 - floor.found, 0.05, 0.5);
+        let found = verdict_by_limits(1.0 - floor.found_fraction, 0.05, 0.5);
         let visible = match found {
             Verdict::Good => "a body is visible in every frame",
             _ => "bodies are not found: make them visible, and check roi_px, diameter_mm and the radii in the rig file",
         };
-        let valid = verdict_by_limits(1.0 - floor.valid, 0.1, 0.5);
+        let valid = verdict_by_limits(1.0 - floor.valid_fraction, 0.1, 0.5);
         let matched = match valid {
             Verdict::Good => "nearly every subset is matched",
             _ => "subsets are not matched: see pattern, light and focus above",
@@ -287,7 +287,7 @@ impl Seen<'_> {
         let noisy = verdict_by_limits(floor.subset_px.unwrap_or(0.0), 0.05, 0.25);
         let compared =
             self.expected_px.map_or_else(String::new, |px| format!("; {px:.4} px expected from noise and pattern"));
-        let words = match (floor.subset_px, floor.moves) {
+        let words = match (floor.subset_px, floor.motion) {
             (None, Some((px, deg))) => {
                 format!("not measured: the body moves by {px:.3} px and {deg:.3} deg per frame; hold it still")
             }
@@ -299,8 +299,8 @@ impl Seen<'_> {
         };
         let body = "whole body, frame to frame";
         vec![
-            finding("body-found", Some(floor.found), "", found, visible),
-            finding("subsets-matched", Some(floor.valid), "", valid, matched),
+            finding("body-found", Some(floor.found_fraction), "", found, visible),
+            finding("subsets-matched", Some(floor.valid_fraction), "", valid, matched),
             finding("noise-floor", floor.subset_px, "px", noisy, &words),
             finding(
                 "noise-floor-body",

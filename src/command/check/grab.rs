@@ -1,6 +1,6 @@
 //! Frames from the camera of a rig, without its other processes.
 
-use crate::bus::{Bus, Limits};
+use crate::bus::{Bus, FramePublisher, Limits};
 use crate::camera::{CameraError, CameraIdentity, Next, Pace, StreamFormat};
 use crate::config::Config;
 use crate::failure::Failure;
@@ -8,14 +8,14 @@ use crate::image::FrameMeta;
 use crate::process::{Source, Stop};
 use std::time::{Duration, Instant};
 
-/// Number of frames kept: two blocks of the default length and the target of the last pair.
-pub(super) const KEPT: usize = 33;
+/// Maximum number of frames that are kept: two blocks of the default length and the target of the last pair.
+pub(super) const MAX_KEPT_FRAMES: usize = 33;
 /// Maximum number of frames taken from a source on demand.
-const ON_DEMAND_MAX: usize = 1000;
+const MAX_ON_DEMAND_FRAMES: usize = 1000;
 /// Timeout of a silent camera.
-const SILENCE: Duration = Duration::from_secs(5);
+const SILENCE_TIMEOUT: Duration = Duration::from_secs(5);
 /// The time to wait for a frame before a stop is checked.
-const WAIT: Duration = Duration::from_millis(50);
+const FRAME_TIMEOUT: Duration = Duration::from_millis(50);
 /// Row step for the mean grey level of a frame.
 const ROW_STEP: usize = 4;
 
@@ -41,8 +41,8 @@ impl Grabbed {
     }
 }
 
-/// Films with the rig's camera for `seconds`, and until [`KEPT`] frames have come. A source on demand gives up to
-/// [`ON_DEMAND_MAX`] frames instead.
+/// Films with the rig's camera for `seconds`, and until [`MAX_KEPT_FRAMES`] frames have come. A source on demand gives
+/// up to [`MAX_ON_DEMAND_FRAMES`] frames instead.
 ///
 /// It ends earlier at the end of the source, after a silence of 5 s, or on a stop.
 ///
@@ -58,6 +58,22 @@ pub(super) fn grab(config: &Config, seconds: f64, stop: &Stop) -> Result<Grabbed
     let is_live = source.pace() == Pace::Live;
     let mut grabbed =
         Grabbed { format, camera: source.identity().clone(), frames: Vec::new(), means: Vec::new(), lost: 0, is_live };
+    film(&mut source, &mut ring, &mut grabbed, seconds, stop)?;
+    source.close();
+    if grabbed.frames.len() < 3 && !stop.requested() {
+        return Err(too_few_frames_error(config, grabbed.frames.len()).into());
+    }
+    Ok(grabbed)
+}
+
+/// Films until [`grab`] has what it needs, and adds each frame to `grabbed`.
+fn film(
+    source: &mut Source,
+    ring: &mut FramePublisher,
+    grabbed: &mut Grabbed,
+    seconds: f64,
+    stop: &Stop,
+) -> Result<(), Failure> {
     let (mut queued, mut next, mut torn, mut first_ns) = (0, None, 0, None);
     let mut began = now();
     let mut last_frame = began;
@@ -72,7 +88,7 @@ pub(super) fn grab(config: &Config, seconds: f64, stop: &Stop) -> Result<Grabbed
             source.camera().start()?;
             (began, last_frame) = (now(), now());
         }
-        match source.camera().next(WAIT)? {
+        match source.camera().next(FRAME_TIMEOUT)? {
             Next::Frame(mut slot, meta) => {
                 let from = *first_ns.get_or_insert(meta.stamp_ns);
                 grabbed.add_frame(&meta, slot.bytes_mut(), from);
@@ -92,40 +108,37 @@ pub(super) fn grab(config: &Config, seconds: f64, stop: &Stop) -> Result<Grabbed
             Next::Timeout => {}
             Next::End => break,
         }
-        let enough =
-            if is_live { began.elapsed().as_secs_f64() >= seconds } else { grabbed.means.len() >= ON_DEMAND_MAX };
-        if enough && grabbed.means.len() >= KEPT {
-            break;
-        }
-        if last_frame.elapsed() > SILENCE {
-            break;
-        }
-    }
-    source.close();
-    grabbed.lost += torn;
-    if grabbed.frames.len() < 3 && !stop.requested() {
-        let id = config.camera.id.clone().or(config.camera.scenario.clone()).unwrap_or_default();
-        let came = grabbed.frames.len();
-        let waits = match &config.camera.trigger_source {
-            Some(trigger) => format!("; it waits for a trigger on {trigger}"),
-            None => String::new(),
+        let enough = if grabbed.is_live {
+            began.elapsed().as_secs_f64() >= seconds
+        } else {
+            grabbed.means.len() >= MAX_ON_DEMAND_FRAMES
         };
-        return Err(CameraError::NotFound {
-            id,
-            reason: format!("received {came} frames, at least 3 are needed{waits}"),
+        let is_complete = enough && grabbed.means.len() >= MAX_KEPT_FRAMES;
+        if is_complete || last_frame.elapsed() > SILENCE_TIMEOUT {
+            break;
         }
-        .into());
     }
-    Ok(grabbed)
+    grabbed.lost += torn;
+    Ok(())
+}
+
+/// Returns the error of a camera that has delivered only so many frames.
+fn too_few_frames_error(config: &Config, received: usize) -> CameraError {
+    let id = config.camera.id.clone().or(config.camera.scenario.clone()).unwrap_or_default();
+    let waits = match &config.camera.trigger_source {
+        Some(trigger) => format!("; it waits for a trigger on {trigger}"),
+        None => String::new(),
+    };
+    CameraError::NotFound { id, reason: format!("received {received} frames, at least 3 are needed{waits}") }
 }
 
 impl Grabbed {
-    /// Adds the time and the mean grey level of a frame, and keeps the frame if it is among the first [`KEPT`].
-    /// `first_ns` is the stamp of the first.
+    /// Adds the time and the mean grey level of a frame, and keeps the frame if it is among the first
+    /// [`MAX_KEPT_FRAMES`]. `first_ns` is the stamp of the first.
     fn add_frame(&mut self, meta: &FrameMeta, bytes: &[u8], first_ns: u64) {
         let since_s = meta.stamp_ns.saturating_sub(first_ns) as f64 * 1e-9;
         self.means.push((since_s, mean_dn(meta, bytes)));
-        if self.frames.len() < KEPT {
+        if self.frames.len() < MAX_KEPT_FRAMES {
             // Renumbered from 0, so that blocks begin where the measurer expects them.
             let renumbered = FrameMeta { sequence: self.frames.len() as u64, ..*meta };
             let size = meta.stride_bytes as usize * meta.height_px as usize;

@@ -3,7 +3,7 @@
 mod defects;
 mod displacement;
 mod finding;
-mod fixed;
+mod fixed_pattern;
 mod grab;
 mod light;
 mod region;
@@ -18,9 +18,9 @@ use crate::image::FrameMeta;
 use crate::interrupt::{self, Interrupted};
 use crate::process::{Stop, analysis_params};
 use crate::report;
-use displacement::Floor;
-use finding::Seen;
-use fixed::Fixed;
+use displacement::NoiseFloor;
+use finding::Measurements;
+use fixed_pattern::FixedPattern;
 use grab::Grabbed;
 use region::{Region, Stack};
 use serde_json::{Value, json};
@@ -86,7 +86,7 @@ pub fn run(options: &CheckOptions, stop: &Stop) -> Result<Outcome, Failure> {
     if stop.requested() {
         return Err(Interrupted.into());
     }
-    let floor = displacement::measure_floor(&config, &grabbed)?;
+    let floor = displacement::measure_noise_floor(&config, &grabbed)?;
     let inspection = inspect(&config, &grabbed, &floor)?;
     if options.json {
         print_line(&inspection_as_json(&config, &grabbed, &inspection).to_string());
@@ -99,7 +99,7 @@ pub fn run(options: &CheckOptions, stop: &Stop) -> Result<Outcome, Failure> {
             print_line(&output.display().to_string());
         }
     }
-    let unready = inspection.findings.iter().filter(|finding| finding.keeps_from_use());
+    let unready = inspection.findings.iter().filter(|finding| finding.is_blocking());
     let what = unready.map(|finding| finding.name).collect::<Vec<_>>().join(", ");
     if !what.is_empty() {
         return Err(NotReady { rig: config.rig.name.clone(), what }.into());
@@ -118,20 +118,20 @@ struct Inspection {
 
 /// Computes the findings from the frames and from the noise floor measured in them. Of a moving scene only the first
 /// frame counts.
-fn inspect(config: &Config, grabbed: &Grabbed, floor: &Floor) -> Result<Inspection, Failure> {
+fn inspect(config: &Config, grabbed: &Grabbed, floor: &NoiseFloor) -> Result<Inspection, Failure> {
     let format = grabbed.format;
     let subset_px = config.correlation.subset_size_px;
     let (width, height) = (format.width_px as usize, format.height_px as usize);
     let region = Region::from_subsets(&floor.first_fields(), subset_px, width, height);
     let correction = analysis_params(config, &format).0.correction(width, height)?;
-    let max_frames = if floor.moves.is_some() { 1 } else { usize::MAX };
+    let max_frames = if floor.motion.is_some() { 1 } else { usize::MAX };
     let stack = Stack::new(grabbed, max_frames, &correction)?;
     let full_dn = f64::from((1_u32 << format.format.bits()) - 1);
     let levels = texture::measure_levels(&stack, &region, full_dn);
     let noise_dn = levels.noise_dn.unwrap_or(0.0);
     let defective_px = defects::find_defects(grabbed, &correction, noise_dn, full_dn)?;
     let slope = texture::slope_dn_px(&stack, &region, noise_dn);
-    let seen = Seen {
+    let measurements = Measurements {
         config,
         grabbed,
         floor,
@@ -140,8 +140,8 @@ fn inspect(config: &Config, grabbed: &Grabbed, floor: &Floor) -> Result<Inspecti
         blur_px: texture::edge_blur_px(&stack, &region),
         flicker: light::estimate_flicker(&grabbed.means),
         defective_px: &defective_px,
-        fixed: fixed::fixed_pattern_dn(&stack, &region, levels.noise_dn, full_dn)
-            .map(|dn| Fixed { dn, slope_dn_px: slope }),
+        fixed_pattern: fixed_pattern::fixed_pattern_dn(&stack, &region, levels.noise_dn, full_dn)
+            .map(|dn| FixedPattern { dn, slope_dn_px: slope }),
         // Two noisy images and one sum of squared gradients (Pan et al. 2008, doi:10.1364/OE.16.007037).
         expected_px: (slope > 0.0)
             .then_some(levels.noise_dn)
@@ -149,7 +149,7 @@ fn inspect(config: &Config, grabbed: &Grabbed, floor: &Floor) -> Result<Inspecti
             .map(|noise_dn| std::f64::consts::SQRT_2 * noise_dn / (slope * f64::from(subset_px))),
         full_dn,
     };
-    let findings = seen.findings();
+    let findings = measurements.findings();
     Ok(Inspection { findings, stack, region, defective_px })
 }
 
@@ -171,13 +171,13 @@ fn inspection_as_json(config: &Config, grabbed: &Grabbed, inspection: &Inspectio
     let rows = findings.iter().map(|finding| {
         json!({
             "name": finding.name, "value": finding.value, "unit": finding.unit,
-            "verdict": finding.verdict.as_str(), "text": finding.words,
+            "verdict": finding.verdict.as_str(), "text": finding.advice,
         })
     });
     json!({
         "rig": config.rig.name, "camera": grabbed.camera.model, "serial": grabbed.camera.serial,
-        "frames": grabbed.means.len(), "ready": !findings.iter().any(Finding::keeps_from_use), "findings": rows.collect::<Vec<_>>(),
-        "defective_px": inspection.defective_px,
+        "frames": grabbed.means.len(), "ready": !findings.iter().any(Finding::is_blocking),
+        "findings": rows.collect::<Vec<_>>(), "defective_px": inspection.defective_px,
     })
 }
 
@@ -187,7 +187,7 @@ fn print_findings(findings: &[Finding]) {
         |finding: &Finding| vec![finding.name.to_owned(), value_text(finding), finding.verdict.as_str().to_owned()];
     let rows: Vec<Vec<String>> = findings.iter().map(cells).collect();
     for (line, finding) in table(&rows).lines().zip(findings) {
-        print_line(&format!("{line}  {}", finding.words));
+        print_line(&format!("{line}  {}", finding.advice));
     }
 }
 
@@ -199,7 +199,7 @@ fn findings_page(config: &Config, grabbed: &Grabbed, inspection: &Inspection) ->
         name: finding.name.replace('-', " "),
         value: value_text(finding),
         verdict: finding.verdict.as_str(),
-        advice: finding.words.clone(),
+        advice: finding.advice.clone(),
     };
     let mut pictures = Vec::new();
     if let Some((meta, bytes)) = grabbed.frames.first() {

@@ -57,36 +57,56 @@ enum Tolerance {
     Free,
 }
 
-/// A compared number: column, heading, unit, factor from the column's unit, tolerance.
-type Line = (&'static str, &'static str, &'static str, f64, Tolerance);
+/// A number of an impact that is compared with the truth.
+#[derive(Debug, Clone, Copy)]
+struct Quantity {
+    /// The column of the `impact` table.
+    column: &'static str,
+    heading: &'static str,
+    /// The printed unit, empty for a number without one.
+    unit: &'static str,
+    /// The factor from the column's unit to the printed one.
+    factor: f64,
+    tolerance: Tolerance,
+}
+
+/// Returns a quantity that is printed in the unit of its column.
+const fn quantity(column: &'static str, heading: &'static str, unit: &'static str, tolerance: Tolerance) -> Quantity {
+    Quantity { column, heading, unit, factor: 1.0, tolerance }
+}
+
+/// Returns a time, which is printed in ms.
+const fn time(column: &'static str, heading: &'static str, tolerance: Tolerance) -> Quantity {
+    Quantity { column, heading, unit: "ms", factor: 1e3, tolerance }
+}
 
 /// The compared numbers of a ball.
-const LINES: [Line; 12] = [
-    ("vn_before_m_s", "normal speed before", "m/s", 1.0, Tolerance::Share(0.01)),
-    ("vn_after_m_s", "normal speed after", "m/s", 1.0, Tolerance::Share(0.01)),
-    ("vt_before_m_s", "tangential speed before", "m/s", 1.0, Tolerance::Share(0.01)),
-    ("vt_after_m_s", "tangential speed after", "m/s", 1.0, Tolerance::Share(0.01)),
-    ("omega_before_rad_s", "spin before", "rad/s", 1.0, Tolerance::Free),
-    ("omega_after_rad_s", "spin after", "rad/s", 1.0, Tolerance::Share(0.05)),
-    ("restitution", "restitution", "", 1.0, Tolerance::Share(0.01)),
-    ("start_s", "contact starts", "ms", 1e3, Tolerance::Frames(1.0)),
-    ("deepest_s", "deepest", "ms", 1e3, Tolerance::Frames(1.0)),
-    ("end_s", "contact ends", "ms", 1e3, Tolerance::Frames(1.0)),
-    ("contact_time_s", "contact lasts", "ms", 1e3, Tolerance::Frames(2.0)),
-    ("compression_max_mm", "compressed by", "mm", 1.0, Tolerance::Free),
+const BALL_QUANTITIES: [Quantity; 12] = [
+    quantity("vn_before_m_s", "normal speed before", "m/s", Tolerance::Share(0.01)),
+    quantity("vn_after_m_s", "normal speed after", "m/s", Tolerance::Share(0.01)),
+    quantity("vt_before_m_s", "tangential speed before", "m/s", Tolerance::Share(0.01)),
+    quantity("vt_after_m_s", "tangential speed after", "m/s", Tolerance::Share(0.01)),
+    quantity("omega_before_rad_s", "spin before", "rad/s", Tolerance::Free),
+    quantity("omega_after_rad_s", "spin after", "rad/s", Tolerance::Share(0.05)),
+    quantity("restitution", "restitution", "", Tolerance::Share(0.01)),
+    time("start_s", "contact starts", Tolerance::Frames(1.0)),
+    time("deepest_s", "deepest", Tolerance::Frames(1.0)),
+    time("end_s", "contact ends", Tolerance::Frames(1.0)),
+    time("contact_time_s", "contact lasts", Tolerance::Frames(2.0)),
+    quantity("compression_max_mm", "compressed by", "mm", Tolerance::Free),
 ];
 
 /// The numbers of a rod, which has no spin and no tangential motion.
-const ROD_LINES: [Line; 9] = [
-    ("vn_before_m_s", "normal speed before", "m/s", 1.0, Tolerance::Share(0.0015)),
-    ("vn_after_m_s", "normal speed after", "m/s", 1.0, Tolerance::Share(0.003)),
-    ("restitution", "restitution", "", 1.0, Tolerance::Amount(0.002)),
-    ("start_s", "contact starts", "ms", 1e3, Tolerance::Frames(0.5)),
-    ("deepest_s", "deepest", "ms", 1e3, Tolerance::Frames(0.1)),
-    ("end_s", "contact ends", "ms", 1e3, Tolerance::Frames(0.5)),
-    ("contact_time_s", "contact lasts", "ms", 1e3, Tolerance::Frames(1.0)),
-    ("compression_max_mm", "compressed by", "mm", 1.0, Tolerance::Free),
-    ("acceleration_max_m_s2", "acceleration at most", "m/s^2", 1.0, Tolerance::Free),
+const ROD_QUANTITIES: [Quantity; 9] = [
+    quantity("vn_before_m_s", "normal speed before", "m/s", Tolerance::Share(0.0015)),
+    quantity("vn_after_m_s", "normal speed after", "m/s", Tolerance::Share(0.003)),
+    quantity("restitution", "restitution", "", Tolerance::Amount(0.002)),
+    time("start_s", "contact starts", Tolerance::Frames(0.5)),
+    time("deepest_s", "deepest", Tolerance::Frames(0.1)),
+    time("end_s", "contact ends", Tolerance::Frames(0.5)),
+    time("contact_time_s", "contact lasts", Tolerance::Frames(1.0)),
+    quantity("compression_max_mm", "compressed by", "mm", Tolerance::Free),
+    quantity("acceleration_max_m_s2", "acceleration at most", "m/s^2", Tolerance::Free),
 ];
 
 /// Runs a simulated rig with all its processes and prints the measurement against the truth.
@@ -96,7 +116,7 @@ const ROD_LINES: [Line; 9] = [
 /// When the rig cannot run or a measured number is out of tolerance.
 pub fn run(options: &DemoOptions, stop: &Stop) -> Result<Outcome, Failure> {
     let config = demo_config(options)?;
-    let total = process::truth_world(&config)?.map_or(0, |world| world.frames());
+    let total = process::truth_world(&config)?.map_or(0, |film| film.frames());
     let bar = progress::bar(total, "measure");
     let tracker = Child::first(Role::Track);
     let summary = process::supervise(&config, stop, Extras::default(), |latest| {
@@ -114,7 +134,8 @@ pub fn run(options: &DemoOptions, stop: &Stop) -> Result<Outcome, Failure> {
     };
     let is_rod = config.bodies.iter().all(|body| body.kind == BodyKind::Rod);
     let figures = write_figures(&config, &options.experiment, path)?;
-    let agrees = print_comparison(path, &figures, if is_rod { &ROD_LINES } else { &LINES }, options.json)?;
+    let agrees =
+        print_comparison(path, &figures, if is_rod { &ROD_QUANTITIES } else { &BALL_QUANTITIES }, options.json)?;
     if !agrees {
         return Err(Failure::internal(format!(
             "the measurement is out of tolerance; the recording is {}",
@@ -185,7 +206,7 @@ fn write_figures(config: &Config, experiment: &str, path: &Path) -> Result<Vec<P
 /// # Errors
 ///
 /// When the recording has not exactly one impact and one true one.
-fn print_comparison(path: &Path, figures: &[PathBuf], lines: &[Line], json: bool) -> Result<bool, Failure> {
+fn print_comparison(path: &Path, figures: &[PathBuf], quantities: &[Quantity], json: bool) -> Result<bool, Failure> {
     let recording = Recording::open(path)?;
     let measured = last_revisions(&recording)?;
     let truths = recording.truth_impacts()?.collect::<Result<Vec<_>, _>>()?;
@@ -201,7 +222,8 @@ fn print_comparison(path: &Path, figures: &[PathBuf], lines: &[Line], json: bool
     };
     let rate_hz = recording.metadata().get("frame_rate_hz").and_then(|text| text.parse::<f64>().ok());
     let frame_s = 1.0 / rate_hz.unwrap_or(f64::NAN);
-    let compared: Vec<Compared> = lines.iter().map(|line| Compared::new(line, measured, truth, frame_s)).collect();
+    let compared: Vec<Compared> =
+        quantities.iter().map(|quantity| Compared::new(quantity, measured, truth, frame_s)).collect();
     if json {
         let rows: Vec<_> = compared.iter().map(Compared::as_json).collect();
         print_line(&serde_json::json!({ "recording": path, "figures": figures, "compared": rows }).to_string());
@@ -230,8 +252,8 @@ impl Compared {
     /// Compares a number of two impacts with its tolerance; `frame_s` is the duration of a frame, s.
     ///
     /// A number that one of them lacks is within tolerance only if it has no limit.
-    fn new(line: &Line, measured: &Impact, truth: &Impact, frame_s: f64) -> Self {
-        let (column, heading, unit, factor, tolerance) = *line;
+    fn new(quantity: &Quantity, measured: &Impact, truth: &Impact, frame_s: f64) -> Self {
+        let Quantity { column, heading, unit, factor, tolerance } = *quantity;
         let (measured, truth) = (measured.get(column), truth.get(column).map(|estimate| estimate.value));
         let error = measured.zip(truth).map(|(measured, truth)| (measured.value - truth).abs());
         let allowed = truth.map(|truth| match tolerance {

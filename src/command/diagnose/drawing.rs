@@ -33,9 +33,9 @@ pub(super) fn draw_frame(
     surveyed: &Surveyed,
 ) -> Result<FrameDiagnosis, Failure> {
     let view = View { evidence, config, body, surveyed };
-    let mut panels = vec![Panel { png: encoded(view.draw_whole())?, caption: "The whole frame".into() }];
+    let mut panels = vec![Panel { png: encode_drawing(view.draw_whole())?, caption: "The whole frame".into() }];
     if let Some((part, caption)) = view.draw_part() {
-        panels.push(Panel { png: encoded(part)?, caption });
+        panels.push(Panel { png: encode_drawing(part)?, caption });
     }
     Ok(FrameDiagnosis {
         number: evidence.index,
@@ -67,7 +67,7 @@ pub(super) fn draw_movement(film: &FilmFiles, surveyed: &Surveyed) -> Result<Opt
         }
     }
     let caption = format!("Frame {shown}; tinted: every place over which something moves in the film");
-    Ok(Some(Panel { png: encoded(canvas)?, caption }))
+    Ok(Some(Panel { png: encode_drawing(canvas)?, caption }))
 }
 
 /// One body in one frame.
@@ -244,6 +244,6 @@ fn tint_marked(canvas: &mut Canvas, marked: &[bool], surveyed: &Surveyed) {
 }
 
 /// Encodes a drawing as PNG.
-fn encoded(canvas: Canvas) -> Result<Vec<u8>, Failure> {
+fn encode_drawing(canvas: Canvas) -> Result<Vec<u8>, Failure> {
     encode_png(&canvas.into_picture()).map_err(|error| WriteError::new("a picture", error).into())
 }

@@ -228,7 +228,7 @@ fn collect_evidence(
     let mut first_ns = None;
     film.visit(|index, meta, bytes| {
         let first_ns = *first_ns.get_or_insert(meta.stamp_ns);
-        let Some(choice) = chosen.get(&meta.sequence) else { return Ok(Visit::GoOn) };
+        let Some(choice) = chosen.get(&meta.sequence) else { return Ok(Visit::Continue) };
         Frame { meta, bytes }.unpack(&mut image)?;
         let levels = super::export::grey_levels(meta, bytes)?;
         let track = measured.tracks.iter().find(|row| row.body as usize == body && row.frame == meta.sequence);
@@ -237,12 +237,12 @@ fn collect_evidence(
             time_ms: meta.stamp_ns.saturating_sub(first_ns) as f64 * 1e-6,
             choice: *choice,
             levels,
-            is_moving: surveyed.movement.as_ref().map(|movement| movement.moving(image.view())),
+            is_moving: surveyed.movement.as_ref().map(|movement| movement.moving_pixels(image.view())),
             track: track.copied(),
             field: fields.remove(&meta.sequence),
             searched: examiner.search(&mut image, index, meta),
         });
-        Ok(Visit::GoOn)
+        Ok(Visit::Continue)
     })?;
     Ok(evidence)
 }

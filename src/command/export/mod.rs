@@ -88,6 +88,27 @@ const OTHER_ENDINGS: [&str; 14] =
     ["avi", "csv", "gif", "jpg", "mcap", "mkv", "mov", "mp4", "npz", "ods", "parquet", "png", "webm", "xlsx"];
 
 impl ExportOptions {
+    /// Checks that the topic, the film, the playback rate and the name of the output suit the format.
+    ///
+    /// # Errors
+    ///
+    /// [`ExportError::Usage`] naming the option.
+    fn check(&self) -> Result<(), ExportError> {
+        let (topic, known) = (self.topic.as_str(), self.format.topics());
+        if !known.contains(&topic) {
+            return Err(ExportError::Usage(format!("--topic {topic}: not one of {}", known.join(", "))));
+        }
+        if !self.film.is_empty() && !matches!(self.format, Format::Png | Format::Mp4 | Format::Gif) {
+            let format = self.format.as_str();
+            return Err(ExportError::Usage(format!("--film: --format {format} shows no frames; png, mp4 and gif do")));
+        }
+        if !(self.playback_hz > 0.0 && self.playback_hz <= 1000.0) {
+            let playback_hz = self.playback_hz;
+            return Err(ExportError::Usage(format!("--fps {playback_hz}: not a number above 0 and at most 1000")));
+        }
+        self.check_ending()
+    }
+
     /// Checks that the name of the output does not promise another format.
     ///
     /// # Errors
@@ -188,29 +209,18 @@ pub fn run(options: &ExportOptions) -> Result<Exported, ExportError> {
     Ok(Exported { rows, truncated: Recording::open(&options.file)?.truncated().map(str::to_owned) })
 }
 
-/// Checks the options, writes the table, the images or the recording, and returns their number of rows or frames.
+/// Writes the table, the images or the recording, and returns their number of rows or frames.
+///
+/// The options are checked before a recording is read or a file is created.
 fn write_topic(options: &ExportOptions) -> Result<u64, ExportError> {
+    options.check()?;
     let topic = options.topic.as_str();
-    let known = options.format.topics();
-    if !known.contains(&topic) {
-        return Err(ExportError::Usage(format!("--topic {topic}: not one of {}", known.join(", "))));
-    }
-    if !options.film.is_empty() && !matches!(options.format, Format::Png | Format::Mp4 | Format::Gif) {
-        let format = options.format.as_str();
-        return Err(ExportError::Usage(format!("--film: --format {format} shows no frames; png, mp4 and gif do")));
-    }
-    if !(options.playback_hz > 0.0 && options.playback_hz <= 1000.0) {
-        let playback_hz = options.playback_hz;
-        return Err(ExportError::Usage(format!("--fps {playback_hz}: not a number above 0 and at most 1000")));
-    }
-    options.check_ending()?;
     let output = || {
         let path = options.output.as_deref();
         path.ok_or_else(|| {
             ExportError::Usage(format!("--format {}: needs a target, give it with -o", options.format.as_str()))
         })
     };
-    // The options are checked before a recording is read or a file is created.
     match options.format {
         Format::Png => picture::write_all(options, output()?),
         Format::Mp4 | Format::Gif => write_whole(options, output()?, |file| video::write(options, file.part())),
@@ -233,11 +243,11 @@ fn write_topic(options: &ExportOptions) -> Result<u64, ExportError> {
             let recording = options.open_recording()?;
             match &options.output {
                 None => {
-                    let bar = progress::bar_of_output(rows::steps(&recording, topic), "export");
+                    let bar = progress::bar_of_output(rows::progress_steps(&recording, topic), "export");
                     write_csv(&recording, topic, Csv::new(io::stdout().lock(), "standard output"), &bar)
                 }
                 Some(path) => write_whole(options, path, |file| {
-                    let bar = progress::bar(rows::steps(&recording, topic), "export");
+                    let bar = progress::bar(rows::progress_steps(&recording, topic), "export");
                     write_csv(&recording, topic, Csv::new(BufWriter::new(file), &path.display().to_string()), &bar)
                 }),
             }

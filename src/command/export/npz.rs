@@ -18,7 +18,7 @@ const DATE: u16 = 1 << 5 | 1;
 /// Writes a table and returns the number of its rows. All columns are held in memory. Errors call the file `name`.
 pub(super) fn write(recording: &Recording, topic: &str, file: &mut OutputFile, name: &str) -> Result<u64, ExportError> {
     let mut table = Table { name, columns: Vec::new(), rows: 0 };
-    let bar = progress::bar(rows::steps(recording, topic), "export");
+    let bar = progress::bar(rows::progress_steps(recording, topic), "export");
     rows::send_table(recording, topic, &mut table, &bar)?;
     let failure = |source| ExportError::Write { to: name.into(), source };
     let mut archive = Archive { to: BufWriter::new(file), written: 0, directory: Vec::new(), entries: 0 };

@@ -26,7 +26,7 @@ pub(super) fn write(recording: &Recording, topic: &str, file: &mut OutputFile, n
     let metadata = entries.map(|(key, value)| KeyValue::new(format!("ricochet.{key}"), value.clone())).collect();
     let mut table =
         Table { name, file: Some(file), metadata, writer: None, columns: Vec::new(), rows: Vec::new(), count: 0 };
-    let bar = progress::bar(rows::steps(recording, topic), "export");
+    let bar = progress::bar(rows::progress_steps(recording, topic), "export");
     rows::send_table(recording, topic, &mut table, &bar)?;
     table.write_group()?;
     if let Some(writer) = table.writer.take() {

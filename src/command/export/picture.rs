@@ -67,19 +67,19 @@ fn other_film_error(recording: &Recording, sequence: u64) -> ExportError {
     RecordingError::Invalid { path: recording.path().to_path_buf(), reason }.into()
 }
 
-/// Draws frames in order, with the content of one of [`PICTURES`](super::PICTURES), and hands them to `take` with their
-/// sequence numbers.
+/// Draws frames in order, with the content of one of [`PICTURES`](super::PICTURES), and hands them to `write` with
+/// their sequence numbers.
 ///
-/// It ends with the first frame that cannot be unpacked, whose error `take` gets.
+/// It ends with the first frame that cannot be unpacked, whose error `write` gets.
 ///
 /// # Errors
 ///
-/// [`ExportError`] when a file cannot be read, the film is not that of the results, or `take` fails.
+/// [`ExportError`] when a file cannot be read, the film is not that of the results, or `write` fails.
 pub(super) fn draw_frames(
     recording: &Recording,
     frames: Frames,
     topic: &str,
-    mut take: impl FnMut(u64, io::Result<RgbImage>) -> Result<(), ExportError>,
+    mut write: impl FnMut(u64, io::Result<RgbImage>) -> Result<(), ExportError>,
 ) -> Result<(), ExportError> {
     let mut tracks: BTreeMap<u64, Vec<TrackSample>> = BTreeMap::new();
     if topic != "frames" {
@@ -95,7 +95,7 @@ pub(super) fn draw_frames(
         // Grey over the full range, so that the brightness is the same in all images.
         let mut canvas = match grey_levels(meta, &bytes) {
             Ok(levels) => Canvas::from_levels(&levels, meta.width_px),
-            Err(error) => return take(meta.sequence, Err(error)),
+            Err(error) => return write(meta.sequence, Err(error)),
         };
         for sample in tracks.get(&meta.sequence).into_iter().flatten() {
             if sample.stamp_ns != meta.stamp_ns {
@@ -112,7 +112,7 @@ pub(super) fn draw_frames(
                 draw_arrows(&mut canvas, &field, gain);
             }
         }
-        take(meta.sequence, Ok(canvas.into_picture()))?;
+        write(meta.sequence, Ok(canvas.into_picture()))?;
     }
     Ok(())
 }

@@ -12,7 +12,7 @@ use crate::results::{
 };
 
 /// Returns the number of steps of the progress of a table: each message is read and then written.
-pub(super) fn steps(recording: &Recording, topic: &str) -> u64 {
+pub(super) fn progress_steps(recording: &Recording, topic: &str) -> u64 {
     let topics = recording.topics();
     2 * topics
         .iter()
@@ -21,8 +21,8 @@ pub(super) fn steps(recording: &Recording, topic: &str) -> u64 {
         .sum::<u64>()
 }
 
-/// Sends the header and the rows of one of [`TABLES`](super::TABLES) to a sink, and the number of [`steps`] to a bar. Any
-/// other topic counts as the events.
+/// Sends the header and the rows of one of [`TABLES`](super::TABLES) to a sink, and the number of [`progress_steps`] to
+/// a bar. Any other topic counts as the events.
 pub(super) fn send_table(
     recording: &Recording,
     topic: &str,
@@ -30,18 +30,18 @@ pub(super) fn send_table(
     bar: &Bar,
 ) -> Result<(), ExportError> {
     match topic {
-        "velocity" => send_velocities(recording, read(recording.velocities()?, bar)?, table, bar),
-        "truth" => send_velocities(recording, read(recording.truth()?, bar)?, table, bar),
+        "velocity" => send_velocities(recording, read_rows(recording.velocities()?, bar)?, table, bar),
+        "truth" => send_velocities(recording, read_rows(recording.truth()?, bar)?, table, bar),
         "track" => send_tracks(recording, table, bar),
-        "impact" => send_impacts(recording, read(recording.impacts()?, bar)?, table),
-        "truth_impact" => send_impacts(recording, read(recording.truth_impacts()?, bar)?, table),
+        "impact" => send_impacts(recording, read_rows(recording.impacts()?, bar)?, table),
+        "truth_impact" => send_impacts(recording, read_rows(recording.truth_impacts()?, bar)?, table),
         "field" => send_fields(recording, table, bar),
         _ => send_events(recording, table),
     }
 }
 
 /// Reads all rows of a topic.
-fn read<T>(rows: impl Iterator<Item = Result<T, RecordingError>>, bar: &Bar) -> Result<Vec<T>, RecordingError> {
+fn read_rows<T>(rows: impl Iterator<Item = Result<T, RecordingError>>, bar: &Bar) -> Result<Vec<T>, RecordingError> {
     rows.inspect(|_| bar.inc(1)).collect()
 }
 
@@ -137,7 +137,7 @@ fn send_velocities(
 
 /// Sends track rows, by frame and body; with the columns of rods if the rig follows any.
 fn send_tracks(recording: &Recording, table: &mut dyn Sink, bar: &Bar) -> Result<(), ExportError> {
-    let mut rows: Vec<TrackSample> = read(recording.tracks()?, bar)?;
+    let mut rows: Vec<TrackSample> = read_rows(recording.tracks()?, bar)?;
     rows.sort_by_key(|row| (row.frame, row.body));
     let origin = Origin::from_samples(recording, &rows)?;
     let has_rods = has_rods(recording) || rows.iter().any(|row| row.rod.is_some());

@@ -100,13 +100,7 @@ fn search_any_angle(
     reference: &PreparedFrame,
     target: &PreparedFrame,
 ) -> Result<Found, Failure> {
-    let (width, height) = (reference.width() as f64, reference.height() as f64);
-    let bounds = options.region.as_ref().and_then(Region::bounds_px);
-    let rectangle = match (options.roi_px, bounds) {
-        (_, Some([left, top, right, bottom])) => [left, top, right - left + 1.0, bottom - top + 1.0],
-        (Some(roi), None) => roi.map(f64::from),
-        (None, None) => [MARGIN_PX, MARGIN_PX, width - 2.0 * MARGIN_PX, height - 2.0 * MARGIN_PX],
-    };
+    let rectangle = searched_rectangle(options, reference);
     let [x_px, y_px] = center(rectangle);
     let (mut best, mut why): (Option<BodyMotion>, Option<PointStatus>) = (None, None);
     for region in options.region.iter().cloned().chain(candidate_regions(rectangle)) {
@@ -122,25 +116,40 @@ fn search_any_angle(
             break;
         }
     }
-    let min_zncc = options.params.min_zncc;
-    let Some(BodyMotion { motion, zncc, .. }) = best.filter(|best| best.zncc >= min_zncc) else {
-        let why = match (best, why) {
-            (Some(best), _) => format!("the best match has a ZNCC of {:.3}, below min_zncc = {min_zncc}", best.zncc),
-            (None, Some(status)) => status.as_str().to_owned(),
-            (None, None) => format!("the region is smaller than {} px", 2.0 * MIN_RADIUS_PX),
-        };
-        return Err(UsageError(format!(
-            "--start any-angle: cannot find the region of {} in {}: {why}",
-            options.reference.display(),
-            options.target.display()
-        ))
-        .into());
+    let Some(BodyMotion { motion, zncc, .. }) = best.filter(|best| best.zncc >= options.params.min_zncc) else {
+        return Err(not_found_error(options, best, why).into());
     };
     let (u_px, v_px, angle_deg) = (motion.u_px, motion.v_px, motion.angle_deg);
     let note = format!(
         "start: rotation {angle_deg:.3} deg, displacement of ({x_px:.1}, {y_px:.1}) u {u_px:.3} px, v {v_px:.3} px, ZNCC {zncc:.3}"
     );
     Ok(Found { start: Start::Motion { x_px, y_px, u_px, v_px, angle_deg }, note: Some(note) })
+}
+
+/// Returns the rectangle (x, y, width, height, px) that holds the region, or else the image without a margin.
+fn searched_rectangle(options: &FieldOptions, reference: &PreparedFrame) -> [f64; 4] {
+    let (width, height) = (reference.width() as f64, reference.height() as f64);
+    let bounds = options.region.as_ref().and_then(Region::bounds_px);
+    match (options.roi_px, bounds) {
+        (_, Some([left, top, right, bottom])) => [left, top, right - left + 1.0, bottom - top + 1.0],
+        (Some(roi), None) => roi.map(f64::from),
+        (None, None) => [MARGIN_PX, MARGIN_PX, width - 2.0 * MARGIN_PX, height - 2.0 * MARGIN_PX],
+    }
+}
+
+/// Returns the error of a region that no match was good enough for: `best`, or else the reason why there is none.
+fn not_found_error(options: &FieldOptions, best: Option<BodyMotion>, why: Option<PointStatus>) -> UsageError {
+    let min_zncc = options.params.min_zncc;
+    let why = match (best, why) {
+        (Some(best), _) => format!("the best match has a ZNCC of {:.3}, below min_zncc = {min_zncc}", best.zncc),
+        (None, Some(status)) => status.as_str().to_owned(),
+        (None, None) => format!("the region is smaller than {} px", 2.0 * MIN_RADIUS_PX),
+    };
+    UsageError(format!(
+        "--start any-angle: cannot find the region of {} in {}: {why}",
+        options.reference.display(),
+        options.target.display()
+    ))
 }
 
 /// Returns the centre of the pixels of a rectangle (x, y, width, height).

@@ -8,7 +8,7 @@ use crate::recording::{Recording, RecordingError};
 use std::path::PathBuf;
 
 /// A stream of one camera.
-pub(super) struct Streamed {
+pub(super) struct CameraStream {
     pub(super) recording: Recording,
     /// The name of a further camera; `None` for the first.
     pub(super) camera: Option<String>,
@@ -19,7 +19,7 @@ pub(super) struct Streamed {
 /// Joins recordings that continue each other, separately for each camera, and returns the streams in time order.
 ///
 /// Further cameras without frames are left out.
-pub(super) fn join_streams(files: &[PathBuf]) -> Result<Vec<Streamed>, RecordingError> {
+pub(super) fn join_streams(files: &[PathBuf]) -> Result<Vec<CameraStream>, RecordingError> {
     let mut parts = Vec::new();
     for recording in Recording::open_all(files)? {
         for camera in std::iter::once(None).chain(recording.views().into_iter().map(Some)) {
@@ -43,7 +43,7 @@ pub(super) fn join_streams(files: &[PathBuf]) -> Result<Vec<Streamed>, Recording
     let joined = |stream: Vec<Part>| {
         let camera = stream.first().and_then(|part| part.camera.clone());
         let recording = Recording::joined(stream.into_iter().map(|part| part.recording).collect())?;
-        Some(Streamed { recording, camera, span: TimeRange::ALL })
+        Some(CameraStream { recording, camera, span: TimeRange::ALL })
     };
     Ok(streams.into_iter().filter_map(joined).collect())
 }
@@ -76,7 +76,7 @@ impl Part {
 }
 
 /// Returns the stamp of the earliest frame of all streams, ns since the Unix epoch.
-pub(super) fn first_ns(streams: &[Streamed]) -> Result<u64, RecordingError> {
+pub(super) fn first_ns(streams: &[CameraStream]) -> Result<u64, RecordingError> {
     let mut first_ns = u64::MAX;
     for stream in streams {
         first_ns = first_ns.min(stream.recording.first_frame()?.stamp_ns);
@@ -90,7 +90,7 @@ pub(super) fn first_ns(streams: &[Streamed]) -> Result<u64, RecordingError> {
 /// # Errors
 ///
 /// [`UsageError`] when no stream has a frame in it, and [`RecordingError`] when one cannot be read.
-pub(super) fn restrict_streams(streams: Vec<Streamed>, whole: TimeRange) -> Result<Vec<Streamed>, Failure> {
+pub(super) fn restrict_streams(streams: Vec<CameraStream>, whole: TimeRange) -> Result<Vec<CameraStream>, Failure> {
     let origin_ns = first_ns(&streams)?;
     let mut latest_ns = origin_ns;
     let mut inside = Vec::new();
@@ -106,7 +106,7 @@ pub(super) fn restrict_streams(streams: Vec<Streamed>, whole: TimeRange) -> Resu
         } else {
             whole
         };
-        inside.push(Streamed { span, ..stream });
+        inside.push(CameraStream { span, ..stream });
     }
     if inside.is_empty() {
         let last_s = latest_ns.saturating_sub(origin_ns) as f64 * 1e-9;

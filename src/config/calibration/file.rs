@@ -6,7 +6,7 @@
 use serde_json::Value;
 
 /// The maximum length of a list.
-const NUMBERS_MAX: usize = 64;
+const MAX_NUMBERS: usize = 64;
 
 /// The numbers of a calibration file.
 #[derive(Debug, Default, PartialEq)]
@@ -48,7 +48,7 @@ pub(super) fn parse_numbers(text: &str) -> Result<Numbers, String> {
 trait Named {
     /// Returns a single number or word; `None` without this name.
     fn scalar(&self, name: &str) -> Option<String>;
-    /// Returns at most [`NUMBERS_MAX`] numbers of a list, also one within a matrix; `None` without this name.
+    /// Returns at most [`MAX_NUMBERS`] numbers of a list, also one within a matrix; `None` without this name.
     ///
     /// # Errors
     ///
@@ -93,7 +93,7 @@ impl Named for Value {
         };
         // A matrix may be a list of rows.
         let flat = list.iter().flat_map(|item| item.as_array().map_or(std::slice::from_ref(item), Vec::as_slice));
-        let numbers: Option<Vec<f64>> = flat.take(NUMBERS_MAX).map(Value::as_f64).collect();
+        let numbers: Option<Vec<f64>> = flat.take(MAX_NUMBERS).map(Value::as_f64).collect();
         numbers.map(Some).ok_or_else(|| format!("{name} is not a list of numbers"))
     }
 }
@@ -115,7 +115,7 @@ impl Named for &str {
         let bad = || format!("{name} is not a list of numbers");
         let (_, open) = section.split_once('[').ok_or_else(bad)?;
         let (list, _) = open.split_once(']').ok_or_else(bad)?;
-        let items = list.split(',').map(str::trim).filter(|item| !item.is_empty()).take(NUMBERS_MAX);
+        let items = list.split(',').map(str::trim).filter(|item| !item.is_empty()).take(MAX_NUMBERS);
         items.map(|item| item.parse::<f64>().ok()).collect::<Option<_>>().map(Some).ok_or_else(bad)
     }
 }

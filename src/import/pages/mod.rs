@@ -6,7 +6,7 @@ mod page;
 
 use super::rate::Rate;
 use super::shape::Shape;
-use super::still::{Look, Still};
+use super::still::{DisplayInfo, Still};
 use super::timeline::FrameTimes;
 use super::{ImportError, date, memory_limit_bytes, open_file};
 use description::Description;
@@ -20,7 +20,7 @@ use tiff::tags::Tag;
 use tiff::{TiffError, TiffFormatError};
 
 /// Maximum number of pages.
-const PAGES_MAX: u64 = 1 << 20;
+const MAX_PAGES: u64 = 1 << 20;
 
 /// The pages of a TIFF file, read one after the other.
 pub(super) struct Stack {
@@ -30,18 +30,18 @@ pub(super) struct Stack {
     /// Number of directories.
     directories: u64,
     /// The images behind the one of the first directory, which have none of their own.
-    behind: Option<Behind>,
+    contiguous: Option<ContiguousImages>,
     /// Maximum size of a decoded page, bytes.
-    bytes_max: u64,
+    max_bytes: u64,
     /// The number of the next page.
     next: u64,
 }
 
 /// Images that follow the first one without gaps.
-struct Behind {
+struct ContiguousImages {
     file: File,
     page: Page,
-    look: Look,
+    display: DisplayInfo,
     /// Offset of the first image, bytes.
     start: u64,
     count: u64,
@@ -63,14 +63,14 @@ impl Stack {
             )) => return Ok(None),
             counted => counted.map_err(|error| page_error(path, directories, &error))?,
         };
-        let bytes_max = memory_limit_bytes(file_bytes) / 2;
+        let max_bytes = memory_limit_bytes(file_bytes) / 2;
         let text = decoder.find_tag(Tag::ImageDescription).ok().flatten().and_then(|tag| tag.into_string().ok());
         let description = Description::parse(&text.unwrap_or_default());
         description.check().map_err(|reason| ImportError::invalid(path, reason))?;
         let path = path.to_path_buf();
-        let mut stack = Self { path, decoder, description, directories, behind: None, bytes_max, next: 0 };
+        let mut stack = Self { path, decoder, description, directories, contiguous: None, max_bytes, next: 0 };
         if directories == 1 {
-            stack.behind = stack.find_behind(file_bytes)?;
+            stack.contiguous = stack.find_contiguous_images(file_bytes)?;
         }
         Ok(Some(stack))
     }
@@ -89,7 +89,7 @@ impl Stack {
         while decoder.more_images() {
             decoder.next_image()?;
             *pages += 1;
-            if *pages > PAGES_MAX {
+            if *pages > MAX_PAGES {
                 return Err(TiffError::LimitsExceeded);
             }
         }
@@ -103,7 +103,7 @@ impl Stack {
     /// # Errors
     ///
     /// [`ImportError::Invalid`] when they are not stored uncompressed in one piece, or the file has fewer than two.
-    fn find_behind(&mut self, file_bytes: u64) -> Result<Option<Behind>, ImportError> {
+    fn find_contiguous_images(&mut self, file_bytes: u64) -> Result<Option<ContiguousImages>, ImportError> {
         let Some(announced) = self.description.images.filter(|images| *images > 1) else { return Ok(None) };
         let refused = |there: u64| {
             let cure = "save it again with a directory for each image";
@@ -111,18 +111,18 @@ impl Stack {
         };
         let raw = Page::raw(&mut self.decoder).map_err(|error| page_error(&self.path, 0, &error))?;
         let Some((page, start)) = raw.filter(|(page, _)| page.bytes() > 0) else { return Err(refused(1)) };
-        let look = page.look(&mut self.decoder, &self.path)?;
+        let display = page.display_info(&mut self.decoder, &self.path)?;
         let there = file_bytes.saturating_sub(start) / page.bytes();
         if there < 2 {
             return Err(refused(there));
         }
         let (file, _) = open_file(&self.path)?;
-        Ok(Some(Behind { file, page, look, start, count: announced.min(there) }))
+        Ok(Some(ContiguousImages { file, page, display, start, count: announced.min(there) }))
     }
 
     /// Returns the number of pages.
     pub(super) fn pages(&self) -> u64 {
-        self.behind.as_ref().map_or(self.directories, |behind| behind.count)
+        self.contiguous.as_ref().map_or(self.directories, |contiguous| contiguous.count)
     }
 
     /// Reports pages that are announced but missing.
@@ -152,13 +152,14 @@ impl Stack {
 
     /// Decodes the next page to a grey image as it is displayed.
     fn decode(&mut self) -> Result<Still, ImportError> {
-        if let Some(behind) = &self.behind {
-            let mut stored = vec![0; behind.page.bytes() as usize];
-            let read = behind.file.read_exact_at(&mut stored, behind.start + self.next * behind.page.bytes());
+        if let Some(contiguous) = &self.contiguous {
+            let mut stored = vec![0; contiguous.page.bytes() as usize];
+            let read =
+                contiguous.file.read_exact_at(&mut stored, contiguous.start + self.next * contiguous.page.bytes());
             read.map_err(|error| ImportError::io("read", &self.path, error))?;
-            let page = &behind.page;
+            let page = &contiguous.page;
             let grey = page.grey(page.to_native_byte_order(stored)).map_err(|why| self.refused(why))?;
-            return Still::new(&self.path, page.shape(&self.path)?, grey, behind.look.clone());
+            return Still::new(&self.path, page.shape(&self.path)?, grey, contiguous.display.clone());
         }
         if self.next > 0 {
             self.decoder.next_image().map_err(|error| page_error(&self.path, self.next, &error))?;
@@ -167,13 +168,13 @@ impl Stack {
         let page = page.map_err(|why| self.refused(why))?;
         let shape: Shape = page.shape(&self.path)?;
         // A page of one bit per pixel grows to a byte per pixel.
-        if page.decoded_bytes() > self.bytes_max {
+        if page.decoded_bytes() > self.max_bytes {
             return Err(page_error(&self.path, self.next, &TiffError::LimitsExceeded));
         }
-        let look = page.look(&mut self.decoder, &self.path)?;
+        let display = page.display_info(&mut self.decoder, &self.path)?;
         let decoded = page.decode(&mut self.decoder).map_err(|error| page_error(&self.path, self.next, &error))?;
         let grey = page.grey(decoded).map_err(|why| self.refused(why))?;
-        Still::new(&self.path, shape, grey, look)
+        Still::new(&self.path, shape, grey, display)
     }
 
     /// Returns the error that the next page is refused, for the reason `why`.

@@ -2,7 +2,7 @@
 
 use crate::image::PixelFormat;
 use crate::import::shape::Shape;
-use crate::import::still::Look;
+use crate::import::still::DisplayInfo;
 use crate::import::{ImportError, Orientation, grey, unpack_msb_first};
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
@@ -161,7 +161,7 @@ impl Page {
     /// # Errors
     ///
     /// [`ImportError::Invalid`] for an orientation that TIFF does not define.
-    pub(super) fn look(&self, decoder: &mut Tiff, path: &Path) -> Result<Look, ImportError> {
+    pub(super) fn display_info(&self, decoder: &mut Tiff, path: &Path) -> Result<DisplayInfo, ImportError> {
         let mut number = |tag: Tag| decoder.find_tag(tag).ok().flatten();
         let tag = number(Tag::Orientation).and_then(|value| value.into_u16().ok()).unwrap_or(1);
         let orientation = Orientation::from_tag(tag)
@@ -173,7 +173,7 @@ impl Page {
             Colors::Grey => "",
             Colors::Rgb | Colors::Palette(_) => grey::LUMA,
         };
-        Ok(Look { orientation, pixel_aspect, bits: self.bits.max(8), grey_rule, ..Look::default() })
+        Ok(DisplayInfo { orientation, pixel_aspect, bits: self.bits.max(8), grey_rule, ..DisplayInfo::default() })
     }
 
     /// Decodes all samples of the current page, in the byte order of the machine; samples that the decoder does not

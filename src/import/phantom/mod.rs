@@ -26,7 +26,7 @@ const MOSAIC: u16 = 2;
 /// Bytes of the table of offsets that are read at a time.
 const TABLE_BYTES: u64 = 1 << 20;
 /// Maximum number of images in a file.
-const IMAGES: u32 = 1 << 24;
+const MAX_IMAGES: u32 = 1 << 24;
 
 /// An open file.
 struct Cine {
@@ -92,8 +92,8 @@ impl Cine {
             )));
         }
         (self.first_image, self.count) = (u32_at(&header, 16) as i32, u32_at(&header, 20));
-        if self.count == 0 || self.count > IMAGES {
-            return Err(self.invalid(format!("{} images; 1 to {IMAGES} are supported", self.count)));
+        if self.count == 0 || self.count > MAX_IMAGES {
+            return Err(self.invalid(format!("{} images; 1 to {MAX_IMAGES} are supported", self.count)));
         }
         self.offsets = u64::from(u32_at(&header, 32));
         self.trigger_ns = times::ns_of(u32_at(&header, 40), u32_at(&header, 36));

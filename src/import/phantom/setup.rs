@@ -35,7 +35,7 @@ const FRAME_RATE_F64: usize = 10400;
 /// The 16-bit rate when the rate does not fit.
 const FRAME_RATE_16_FULL: u16 = u16::MAX;
 /// Maximum number of steps of a rate profile.
-const PROFILE_STEPS_MAX: u32 = 16;
+const MAX_PROFILE_STEPS: u32 = 16;
 
 /// The set-up, as long as the file has it.
 pub(super) struct Setup(Vec<u8>);
@@ -106,7 +106,7 @@ impl Setup {
     /// Returns the rate profile; `None` when no rate changes within the images of the file, or the changes are out of
     /// order.
     pub(super) fn profile(&self, first_image: i32, count: u32) -> Option<Profile> {
-        let count_of_steps = self.u32(PROFILE_STEPS)?.min(PROFILE_STEPS_MAX) as usize;
+        let count_of_steps = self.u32(PROFILE_STEPS)?.min(MAX_PROFILE_STEPS) as usize;
         let step = |index: usize| {
             let image = self.u32(PROFILE_IMAGES + 4 * index)? as i32;
             Some((i64::from(image), self.u32(PROFILE_RATES + 4 * index).filter(|rate| *rate > 0)?))

@@ -9,7 +9,7 @@ const IMAGE_TIMES: u16 = 1002;
 /// The type of the block with the exposures of the images.
 const EXPOSURES: u16 = 1003;
 /// Maximum number of blocks.
-const BLOCKS: usize = 64;
+const MAX_BLOCKS: usize = 64;
 /// Size of the head of a block: its size and its type.
 const HEAD_BYTES: u64 = 8;
 /// The lowest two bits of a time are flags of the synchronisation and of the event input.
@@ -35,7 +35,7 @@ impl Blocks {
     /// search.
     pub(super) fn read(cine: &Cine, mut at: u64) -> Self {
         let mut blocks = Self { times_ns: None, exposures_us: None };
-        for _ in 0..BLOCKS {
+        for _ in 0..MAX_BLOCKS {
             if at + HEAD_BYTES > cine.offsets {
                 break;
             }

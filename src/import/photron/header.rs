@@ -7,9 +7,9 @@ use std::path::Path;
 use std::str::FromStr;
 
 /// Maximum length of a header. Headers have a few kB.
-const HEADER_BYTES: u64 = 4 << 20;
+const MAX_HEADER_BYTES: u64 = 4 << 20;
 /// Maximum length of a value that is printed.
-const VALUE_LETTERS: usize = 40;
+const MAX_VALUE_CHARACTERS: usize = 40;
 
 /// The text of a header.
 pub(super) struct Header {
@@ -48,8 +48,8 @@ impl Header {
     pub(super) fn read(path: &Path) -> Result<Self, ImportError> {
         let io = |error| ImportError::io("open", path, error);
         let bytes = fs::metadata(path).map_err(io)?.len();
-        if bytes > HEADER_BYTES {
-            let reason = format!("{bytes} bytes are too many for a header; at most {HEADER_BYTES} are read");
+        if bytes > MAX_HEADER_BYTES {
+            let reason = format!("{bytes} bytes are too many for a header; at most {MAX_HEADER_BYTES} are read");
             return Err(ImportError::invalid(path, reason));
         }
         let bytes = fs::read(path).map_err(io)?;
@@ -85,7 +85,7 @@ impl Header {
     pub(super) fn number<T: FromStr>(&self, key: Key) -> Result<T, String> {
         let text = self.text(key)?;
         let number: String = text.chars().take_while(|letter| letter.is_ascii_digit() || *letter == '.').collect();
-        let value: String = text.chars().take(VALUE_LETTERS).collect();
+        let value: String = text.chars().take(MAX_VALUE_CHARACTERS).collect();
         number.parse().map_err(|_| format!("{} is {value:?}, not a number", key.names[0]))
     }
 

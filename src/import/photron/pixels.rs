@@ -7,9 +7,9 @@ use crate::import::{ImportError, grey, levels, unpack_msb_first};
 use std::path::Path;
 
 /// The relative difference of the mean levels of the four places of a 2 x 2 square that shows a mosaic of colours.
-const MOSAIC: f64 = 0.05;
+const MIN_MOSAIC_DIFFERENCE: f64 = 0.05;
 /// The relative difference of the steps between neighbouring samples that shows colours next to each other.
-const INTERLEAVED: f64 = 0.1;
+const MIN_INTERLEAVED_DIFFERENCE: f64 = 0.1;
 
 /// The meaning of the stored samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -158,8 +158,8 @@ impl Layout {
         }
     }
 
-    /// Whether the four places of a 2 x 2 square differ in their mean level by more than [`MOSAIC`]. A grey sensor has
-    /// no such pattern.
+    /// Whether the four places of a 2 x 2 square differ in their mean level by more than [`MIN_MOSAIC_DIFFERENCE`]. A
+    /// grey sensor has no such pattern.
     fn is_mosaic(&self, samples: &[u8]) -> bool {
         let (width, bytes) = (self.shape.width_px as usize, self.shape.format.bytes_per_pixel());
         let mut sums = [0.0_f64; 4];
@@ -171,17 +171,17 @@ impl Layout {
         }
         let means = [0, 1, 2, 3].map(|place| sums[place] / counts[place].max(1.0));
         let (min, max) = (means.iter().copied().fold(f64::MAX, f64::min), means.iter().copied().fold(0.0, f64::max));
-        max - min > MOSAIC * max
+        max - min > MIN_MOSAIC_DIFFERENCE * max
     }
 
     /// Whether the sums of the absolute steps between neighbouring samples, by their place in a period of three, differ
-    /// by more than [`INTERLEAVED`]. Those of one plane do not.
+    /// by more than [`MIN_INTERLEAVED_DIFFERENCE`]. Those of one plane do not.
     fn is_interleaved(&self, samples: &[u8]) -> bool {
         let levels: Vec<f64> = samples.chunks_exact(self.shape.format.bytes_per_pixel()).map(sample_level).collect();
         let mut sums = [0.0_f64; 3];
         levels.windows(2).enumerate().for_each(|(at, pair)| sums[at % 3] += (pair[1] - pair[0]).abs());
         let (min, max) = (sums.iter().copied().fold(f64::MAX, f64::min), sums.iter().copied().fold(0.0, f64::max));
-        max - min > INTERLEAVED * max
+        max - min > MIN_INTERLEAVED_DIFFERENCE * max
     }
 }
 

@@ -13,14 +13,14 @@ const MIN_SHARE: f64 = 0.1;
 
 /// Blended frames among those of a film.
 #[derive(Debug, Default)]
-pub(super) struct Blends {
+pub(super) struct BlendedFrames {
     /// The parts of recent frames that their neighbours do not explain, DN^2.
     recent: VecDeque<f64>,
     blended: u64,
     all: u64,
 }
 
-impl Blends {
+impl BlendedFrames {
     /// Adds a frame with the part of it that its neighbours do not explain, DN^2. A part far below the usual one of
     /// recent frames counts as a blend.
     pub(super) fn push(&mut self, own_part: f64) {

@@ -1,4 +1,4 @@
-//! Repeats that took no time: films that were converted to a higher rate.
+//! RepeatFilter that took no time: films that were converted to a higher rate.
 
 use crate::numeric::quantile;
 use std::collections::BTreeMap;

@@ -7,9 +7,9 @@ use super::numbers::FrameNumbers;
 /// A strong compression stores a slow motion in jumps, and changes a repeated frame as much as that. Which of the two a
 /// frame shows cannot be decided then.
 #[derive(Debug, Default)]
-pub(super) struct Doubtful(FrameNumbers);
+pub(super) struct DoubtfulFrames(FrameNumbers);
 
-impl Doubtful {
+impl DoubtfulFrames {
     /// Adds the number of a frame.
     pub(super) fn push(&mut self, number: u64) {
         self.0.push(number);

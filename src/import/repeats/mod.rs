@@ -9,20 +9,20 @@ mod blends;
 mod change;
 mod conversion;
 mod doubtful;
-mod film;
 mod numbers;
+mod recent_changes;
 mod repeated;
 
 use super::ImportError;
 use super::footage::{Findings, Footage, Frames, Stored};
 use super::shape::Shape;
 use super::timeline::Timeline;
-use blends::Blends;
+use blends::BlendedFrames;
 use change::{Change, Tiles};
 use conversion::MotionAfterRepeats;
-use doubtful::Doubtful;
-use film::{RecentChanges, is_noise};
-use repeated::Repeated;
+use doubtful::DoubtfulFrames;
+use recent_changes::{RecentChanges, is_noise};
+use repeated::RepeatedFrames;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
@@ -33,14 +33,14 @@ const MAX_HELD_BYTES: u64 = 256 << 20;
 impl Footage {
     /// Leaves out frames of the file `path` that repeat the one before.
     pub(super) fn without_repeats(mut self, path: &Path) -> Self {
-        let film = Repeats::new(path, self.shape(), self.timeline.clone(), self.findings.clone());
+        let film = RepeatFilter::new(path, self.shape(), self.timeline.clone(), self.findings.clone());
         self.frames = Box::new(film.filter_frames(self.frames));
         self
     }
 }
 
 /// The state of a film of which repeats are left out.
-struct Repeats {
+struct RepeatFilter {
     path: PathBuf,
     shape: Shape,
     tiles: Tiles,
@@ -57,12 +57,12 @@ struct Repeats {
     held: Vec<(Stored, f64)>,
     ready: VecDeque<Stored>,
     motions: MotionAfterRepeats,
-    repeats: Repeated,
-    blends: Blends,
-    doubtful: Doubtful,
+    repeats: RepeatedFrames,
+    blends: BlendedFrames,
+    doubtful: DoubtfulFrames,
 }
 
-impl Repeats {
+impl RepeatFilter {
     /// Starts with a film of the file `path` whose frames have the shape `shape`.
     fn new(path: &Path, shape: Shape, timeline: Timeline, findings: Findings) -> Self {
         Self {
@@ -78,9 +78,9 @@ impl Repeats {
             held: Vec::new(),
             ready: VecDeque::new(),
             motions: MotionAfterRepeats::default(),
-            repeats: Repeated::default(),
-            blends: Blends::default(),
-            doubtful: Doubtful::default(),
+            repeats: RepeatedFrames::default(),
+            blends: BlendedFrames::default(),
+            doubtful: DoubtfulFrames::default(),
         }
     }
 
@@ -147,7 +147,7 @@ impl Repeats {
             self.blends.push(last.own_part(&change, across));
             self.blends.warning().into_iter().for_each(|warning| self.findings.set("blends", warning));
             if self.changes.is_last_doubtful(&change, || self.change_from(2, &frame)) {
-                self.doubtful.push(self.timeline.moment(self.last_index).number);
+                self.doubtful.push(self.timeline.slot(self.last_index).number);
                 self.findings.set("doubtful", self.doubtful.warning());
             }
         }
@@ -188,7 +188,7 @@ impl Repeats {
     /// Returns the error of a film that was converted to a higher rate by repeating frames, with the rate of the
     /// original. `index` is that of the newest frame.
     fn conversion_error(&self, index: u64) -> ImportError {
-        let (repeats, number) = (self.repeats.numbers.count, self.timeline.moment(index).number);
+        let (repeats, number) = (self.repeats.numbers.count, self.timeline.slot(index).number);
         let share = 1.0 - repeats as f64 / (index as f64 + 1.0);
         let rate_hz = (self.timeline.rate_hz * share * 1e3).round() / 1e3;
         ImportError::invalid(
@@ -205,7 +205,7 @@ impl Repeats {
     /// Leaves out the held frames as repeats, and updates the warning of them.
     fn drop_held(&mut self) {
         for (frame, _) in self.held.drain(..) {
-            self.repeats.push(self.timeline.moment(frame.index).number);
+            self.repeats.push(self.timeline.slot(frame.index).number);
         }
         self.findings.set("repeats", self.repeats.to_string());
     }

@@ -9,7 +9,7 @@ const MAX_DISTANCES: usize = 64;
 
 /// The frames that were left out as repeats.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Repeated {
+pub(super) struct RepeatedFrames {
     pub(super) numbers: FrameNumbers,
     /// Number of repeats since the last picture.
     pub(super) run: usize,
@@ -17,7 +17,7 @@ pub(super) struct Repeated {
     distances: BTreeMap<u64, u64>,
 }
 
-impl Repeated {
+impl RepeatedFrames {
     /// Counts the frame with this number, and its distance from the repeat before.
     pub(super) fn push(&mut self, number: u64) {
         let distance = number.saturating_sub(self.numbers.last);
@@ -37,7 +37,7 @@ impl Repeated {
     }
 }
 
-impl fmt::Display for Repeated {
+impl fmt::Display for RepeatedFrames {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let numbers = &self.numbers;
         match numbers.count {

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Maximum number of images of a folder or a pattern.
-const FILES_MAX: usize = 1 << 20;
+const MAX_FILES: usize = 1 << 20;
 
 /// Files, and who put them in order.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -64,7 +64,7 @@ pub(in crate::import) fn is_image(path: &Path) -> bool {
 ///
 /// # Errors
 ///
-/// [`ImportError::Invalid`] for more than [`FILES_MAX`] images; [`ImportError::Io`] when the folder cannot be read.
+/// [`ImportError::Invalid`] for more than [`MAX_FILES`] images; [`ImportError::Io`] when the folder cannot be read.
 fn images_in_folder(folder: &Path) -> Result<Vec<PathBuf>, ImportError> {
     let io = |error| ImportError::io("read", folder, error);
     let mut paths = Vec::new();
@@ -74,19 +74,19 @@ fn images_in_folder(folder: &Path) -> Result<Vec<PathBuf>, ImportError> {
         if is_image(&path) && !is_hidden {
             paths.push(path);
         }
-        if paths.len() > FILES_MAX {
-            return Err(ImportError::invalid(folder, format!("more than {FILES_MAX} images")));
+        if paths.len() > MAX_FILES {
+            return Err(ImportError::invalid(folder, format!("more than {MAX_FILES} images")));
         }
     }
     Ok(paths)
 }
 
-/// Lists the first [`FILES_MAX`] images whose paths match a pattern with wildcards.
+/// Lists the first [`MAX_FILES`] images whose paths match a pattern with wildcards.
 fn images_of_pattern(pattern: &Path) -> Result<Vec<PathBuf>, ImportError> {
     let found = glob::glob(&pattern.to_string_lossy());
     let found =
         found.map_err(|error| ImportError::invalid(pattern, format!("not a pattern of file names: {error}")))?;
-    Ok(found.filter_map(Result::ok).filter(|path| is_image(path)).take(FILES_MAX).collect())
+    Ok(found.filter_map(Result::ok).filter(|path| is_image(path)).take(MAX_FILES).collect())
 }
 
 /// Checks that there are images, all of one kind.

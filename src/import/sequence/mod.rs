@@ -12,7 +12,7 @@ pub(super) use list::{is_collection, is_image};
 use super::footage::Footage;
 use super::pages::Stack;
 use super::rate::Rate;
-use super::still::{Look, Still};
+use super::still::{DisplayInfo, Still};
 use super::timeline::{FrameTimes, Timeline};
 use super::{ImportError, Orientation, RateSource, date, extension, memory_limit_bytes, open_file};
 use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
@@ -130,7 +130,7 @@ fn footage_of_stills(
 ) -> Result<Footage, ImportError> {
     let (first_path, first) = stills.next().ok_or(ImportError::Nothing)?;
     let first = first?;
-    let (shape, look) = (first.shape, first.look.clone());
+    let (shape, display) = (first.shape, first.display.clone());
     let frames = std::iter::once((first_path, Ok(first))).chain(stills).map(move |(path, still)| {
         let still = still?;
         if still.shape != shape {
@@ -140,7 +140,7 @@ fn footage_of_stills(
         Ok(still.bytes)
     });
     let mut footage = Footage { warnings, ..Footage::new(shape, timeline, count, frames) };
-    let Look { orientation, pixel_aspect, bits, grey_rule, is_lossy } = look;
+    let DisplayInfo { orientation, pixel_aspect, bits, grey_rule, is_lossy } = display;
     footage.provenance.orientation = orientation;
     (footage.provenance.pixel_aspect, footage.provenance.bits) = (pixel_aspect, bits);
     footage.provenance.grey_rule = grey_rule.to_owned();
@@ -210,5 +210,5 @@ fn read_still(path: &Path) -> Result<Still, ImportError> {
         return Err(ImportError::invalid(path, format!("an image of {bytes} bytes in a file of {file_bytes}")));
     }
     let picture = DynamicImage::from_decoder(decoder).map_err(invalid)?;
-    Still::from_picture(path, picture, Look { orientation, pixel_aspect, is_lossy, ..Look::default() })
+    Still::from_picture(path, picture, DisplayInfo { orientation, pixel_aspect, is_lossy, ..DisplayInfo::default() })
 }

@@ -9,10 +9,10 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// Maximum number of gaps listed one by one.
-const GAPS_MAX: usize = 10;
+const MAX_LISTED_GAPS: usize = 10;
 /// The maximum typical step of a counter, in common divisors of all steps. Numbers with a larger one are times without
 /// a unit.
-const COUNTER_STEP_MAX: i128 = 8;
+const MAX_COUNTER_STEP: i128 = 8;
 
 /// The images of a sequence in their order.
 #[derive(Debug, Clone, PartialEq)]
@@ -150,7 +150,7 @@ impl Sequence {
         let divisor = steps.iter().copied().fold(0, greatest_common_divisor).max(1);
         steps.sort_unstable();
         let typical = steps[(steps.len() - 1) / 2];
-        if typical > COUNTER_STEP_MAX * divisor {
+        if typical > MAX_COUNTER_STEP * divisor {
             let times_ns = values.iter().map(|value| i64::try_from(value - values[0]).unwrap_or(i64::MAX)).collect();
             self.times = Some(FrameTimes { times_ns, resolution_ns: 1.0 });
             self.warnings
@@ -168,13 +168,13 @@ impl Sequence {
         self.warn_of_gaps();
     }
 
-    /// Warns of missing images: up to [`GAPS_MAX`] gaps one by one, more of them in one sentence.
+    /// Warns of missing images: up to [`MAX_LISTED_GAPS`] gaps one by one, more of them in one sentence.
     fn warn_of_gaps(&mut self) {
         let missing = self.numbers.windows(2).map(|pair| pair[1] - pair[0] - 1);
         let gaps: Vec<(u64, &PathBuf)> = missing.zip(&self.paths).filter(|(missing, _)| *missing > 0).collect();
         let gap = |(missing, path): &(u64, &PathBuf)| format!("{missing} images are missing after {}", path.display());
-        let mut warnings: Vec<String> = gaps.iter().take(GAPS_MAX).map(gap).collect();
-        if gaps.len() > GAPS_MAX {
+        let mut warnings: Vec<String> = gaps.iter().take(MAX_LISTED_GAPS).map(gap).collect();
+        if gaps.len() > MAX_LISTED_GAPS {
             let missing: u64 = gaps.iter().map(|(missing, _)| missing).sum();
             warnings.push(format!("{missing} images are missing in {} places", gaps.len()));
         }

@@ -10,7 +10,7 @@ use std::process::{ChildStderr, ChildStdout};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 /// Number of frames whose descriptions may wait to be read.
-const WAITING: usize = 64;
+const MAX_WAITING_FRAMES: usize = 64;
 /// Beginning of the lines of ffmpeg's filter `showinfo`.
 const SHOWINFO: &str = "[Parsed_showinfo_";
 
@@ -77,7 +77,7 @@ impl Decoding {
              -noautorotate -copyts {input} -i"
         );
         let mut ffmpeg = Program::start("ffmpeg", &options, &arguments, path)?;
-        let (described, frames) = sync_channel(WAITING);
+        let (described, frames) = sync_channel(MAX_WAITING_FRAMES);
         let (failed, error) = sync_channel(1);
         if let Some(pipe) = ffmpeg.stderr() {
             std::thread::spawn(move || read_messages(pipe, &described, &failed));

@@ -10,9 +10,9 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::Duration;
 
 /// Maximum length of a line, bytes. The rest of a longer one is skipped.
-const LINE_BYTES: u64 = 4 << 10;
+const MAX_LINE_BYTES: u64 = 4 << 10;
 /// Number of lines that may wait to be read.
-const WAITING_LINES: usize = 256;
+const MAX_WAITING_LINES: usize = 256;
 /// Maximum time without output, after which a program hangs.
 const HANG_TIMEOUT: Duration = Duration::from_secs(60);
 
@@ -89,10 +89,10 @@ impl Drop for Program {
     }
 }
 
-/// Reads the lines of a pipe on a thread of its own and returns the channel that they come by. [`WAITING_LINES`] may
-/// wait to be taken.
+/// Reads the lines of a pipe on a thread of its own and returns the channel that they come by. [`MAX_WAITING_LINES`]
+/// may wait to be taken.
 pub(super) fn spawn_line_reader(pipe: impl Read + Send + 'static) -> Receiver<String> {
-    let (sender, receiver) = sync_channel(WAITING_LINES);
+    let (sender, receiver) = sync_channel(MAX_WAITING_LINES);
     std::thread::spawn(move || {
         let mut pipe = BufReader::new(pipe);
         while let Some(line) = read_line(&mut pipe) {
@@ -117,13 +117,13 @@ pub(super) fn spawn_text_reader(mut pipe: impl Read + Send + 'static, bytes: u64
     receiver
 }
 
-/// Reads the next line without trailing white space. Its part beyond [`LINE_BYTES`] is skipped. `None` at the end, or
-/// if the pipe cannot be read.
+/// Reads the next line without trailing white space. Its part beyond [`MAX_LINE_BYTES`] is skipped. `None` at the end,
+/// or if the pipe cannot be read.
 pub(super) fn read_line(pipe: &mut impl BufRead) -> Option<String> {
     let mut line = Vec::new();
-    let read = pipe.by_ref().take(LINE_BYTES).read_until(b'\n', &mut line);
+    let read = pipe.by_ref().take(MAX_LINE_BYTES).read_until(b'\n', &mut line);
     read.ok().filter(|bytes| *bytes > 0)?;
-    if !line.ends_with(b"\n") && line.len() as u64 == LINE_BYTES {
+    if !line.ends_with(b"\n") && line.len() as u64 == MAX_LINE_BYTES {
         let _ = pipe.skip_until(b'\n');
     }
     Some(String::from_utf8_lossy(&line).trim_end().to_owned())

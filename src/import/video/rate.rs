@@ -10,10 +10,10 @@ use crate::numeric::quantile;
 use std::path::Path;
 
 /// Relative difference of two rates that contradict each other.
-const CONTRADICTION: f64 = 0.01;
+const MAX_RATE_DEVIATION: f64 = 0.01;
 /// Ratio of the rates of capture and playback from which on a film is slow motion, or time lapse. Below it, a tag gives
 /// the nominal rate of a camera that lowered it in the dark, and the times of the frames are real.
-const SLOW_MOTION: f64 = 1.5;
+const MIN_SLOW_MOTION_RATIO: f64 = 1.5;
 
 /// A timeline with warnings.
 type Timed = (Timeline, Vec<String>);
@@ -60,7 +60,7 @@ pub(super) fn timeline(
         format!("{tag} says {hz} frames/s, but {other_tag} says {other_hz}; pass the right one as --fps")
     }));
     let (CaptureRate { hz, tag }, slowness) = (first, first.hz / playback_hz);
-    if slowness.max(1.0 / slowness) >= SLOW_MOTION {
+    if slowness.max(1.0 / slowness) >= MIN_SLOW_MOTION_RATIO {
         return Ok(Timeline { source: RateSource::Header(tag.clone()), ..at_rate(*hz) });
     }
     if differ(*hz, playback_hz) {
@@ -70,9 +70,9 @@ pub(super) fn timeline(
     Ok(Timeline { source: RateSource::FrameTimes, ..played })
 }
 
-/// Whether two rates differ by at least [`CONTRADICTION`] of the second.
+/// Whether two rates differ by at least [`MAX_RATE_DEVIATION`] of the second.
 fn differ(one_hz: f64, other_hz: f64) -> bool {
-    (one_hz / other_hz - 1.0).abs() >= CONTRADICTION
+    (one_hz / other_hz - 1.0).abs() >= MAX_RATE_DEVIATION
 }
 
 /// Returns the stated rate that is nearest to that of the frames, by the logarithm of their ratio; `None` without any.

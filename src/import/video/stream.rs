@@ -7,9 +7,9 @@ use std::path::Path;
 use std::sync::mpsc::Receiver;
 
 /// Maximum length of the properties, bytes.
-const OUTPUT_BYTES: u64 = 1 << 20;
+const MAX_OUTPUT_BYTES: u64 = 1 << 20;
 /// Maximum length of the messages of ffprobe, bytes.
-const MESSAGE_BYTES: u64 = 64 << 10;
+const MAX_MESSAGE_BYTES: u64 = 64 << 10;
 
 /// The tags that state when a film was made, that of the scene before that of the file.
 const DATE_TAGS: [&str; 4] = ["com.apple.quicktime.creationdate", "DateTimeOriginal", "creation_time", "date"];
@@ -45,8 +45,8 @@ impl Stream {
             "-v error -protocol_whitelist file -select_streams V:0 -show_streams -show_format -of json {input}"
         );
         let mut ffprobe = Program::start("ffprobe", &options, &[file_url(path)], path)?;
-        let messages = ffprobe.stderr().map(|pipe| spawn_text_reader(pipe, MESSAGE_BYTES));
-        let output = ffprobe.stdout().map(|pipe| spawn_text_reader(pipe, OUTPUT_BYTES));
+        let messages = ffprobe.stderr().map(|pipe| spawn_text_reader(pipe, MAX_MESSAGE_BYTES));
+        let output = ffprobe.stdout().map(|pipe| spawn_text_reader(pipe, MAX_OUTPUT_BYTES));
         let read = |from: Option<Receiver<String>>| match from {
             Some(from) => Ok(ffprobe.receive(&from)?.unwrap_or_default()),
             None => Ok(String::new()),

@@ -7,11 +7,11 @@ use std::io;
 ///
 /// The system caches an aligned write in pages as large as its alignment allows. Large pages take three quarters of the
 /// time.
-const UNIT_BYTES_MAX: usize = 256 << 10;
+const MAX_UNIT_BYTES: usize = 256 << 10;
 /// The minimum alignment of writes, bytes.
-const UNIT_BYTES_MIN: usize = 4 << 10;
+const MIN_UNIT_BYTES: usize = 4 << 10;
 /// Maximum number of buffered bytes: the end of a body, and small records after it.
-const PENDING_BYTES: usize = UNIT_BYTES_MAX + (64 << 10);
+const PENDING_BYTES: usize = MAX_UNIT_BYTES + (64 << 10);
 
 /// The part file and the bytes buffered for its next write.
 pub(super) struct Sink {
@@ -47,10 +47,10 @@ impl Sink {
     }
 
     /// Appends many bytes without a copy. Only those after the last aligned offset are buffered. The alignment is the
-    /// largest power of two that `bytes` fill, from [`UNIT_BYTES_MIN`] to [`UNIT_BYTES_MAX`].
+    /// largest power of two that `bytes` fill, from [`MIN_UNIT_BYTES`] to [`MAX_UNIT_BYTES`].
     pub(super) fn put_through(&mut self, bytes: &[u8]) -> io::Result<()> {
         let unit = 1 << bytes.len().max(1).ilog2();
-        let unit = u64::clamp(unit, UNIT_BYTES_MIN as u64, UNIT_BYTES_MAX as u64);
+        let unit = u64::clamp(unit, MIN_UNIT_BYTES as u64, MAX_UNIT_BYTES as u64);
         let cut = (self.position + bytes.len() as u64) / unit * unit;
         let Some(now) = cut.checked_sub(self.position) else { return self.put(bytes) };
         let (now, later) = bytes.split_at(now as usize);

@@ -8,7 +8,7 @@ use std::fs::File;
 use std::io::{self, Read};
 
 /// Maximum size of a chunk that is kept in memory, bytes. Larger ones are checked and read piece by piece.
-const MEMORY_BYTES: u64 = 64 << 20;
+const MAX_MEMORY_BYTES: u64 = 64 << 20;
 
 /// Checks the CRC of a section's records and returns them decompressed: in memory, or in the file if they are
 /// uncompressed and large or have no CRC.
@@ -18,7 +18,7 @@ pub(super) fn load_records(file: &File, file_bytes: u64, section: &Section) -> R
     let stored = Source::File { offset: section.offset, bytes: section.bytes };
     let records = match section.coding {
         Coding::Plain if section.crc == 0 => return Ok(stored),
-        Coding::Plain if section.bytes > MEMORY_BYTES => {
+        Coding::Plain if section.bytes > MAX_MEMORY_BYTES => {
             check_crc(section, streamed_crc(file, &stored)?)?;
             return Ok(stored);
         }
@@ -62,13 +62,13 @@ pub(super) fn streamed_crc(file: &File, source: &Source) -> io::Result<u32> {
 ///
 /// # Errors
 ///
-/// [`Unreadable::Damaged`] if the size after decompression exceeds that of the file by more than [`MEMORY_BYTES`] or
-/// differs from the header's, or the data do not decompress.
+/// [`Unreadable::Damaged`] if the size after decompression exceeds that of the file by more than [`MAX_MEMORY_BYTES`]
+/// or differs from the header's, or the data do not decompress.
 fn decompress(file: &File, file_bytes: u64, section: &Section) -> Result<Bytes, Unreadable> {
     let damaged =
         |reason: String| Unreadable::Damaged(format!("the chunk with records from byte {}: {reason}", section.offset));
     let expected = section.uncompressed_bytes;
-    if expected > MEMORY_BYTES + file_bytes {
+    if expected > MAX_MEMORY_BYTES + file_bytes {
         return Err(damaged(format!(
             "{expected} bytes after decompression are more than a file of this size may have"
         )));

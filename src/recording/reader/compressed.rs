@@ -11,7 +11,7 @@ use std::io::Cursor;
 pub(super) const SCHEMA_NAME: &str = "foxglove.CompressedImage";
 
 /// Maximum size of a decoded picture, bytes. A small file may announce a huge one.
-const PICTURE_BYTES: u64 = 256 << 20;
+const MAX_PICTURE_BYTES: u64 = 256 << 20;
 
 /// Decodes a `foxglove.CompressedImage` to grey levels.
 pub(super) fn decode_image(message: Bytes) -> Result<RawImage, String> {
@@ -32,7 +32,7 @@ pub(super) fn decode_picture(payload: &[u8], timestamp: Option<Timestamp>) -> Re
     };
     let mut reader = ImageReader::with_format(Cursor::new(payload), format);
     let mut limits = Limits::default();
-    limits.max_alloc = Some(PICTURE_BYTES);
+    limits.max_alloc = Some(MAX_PICTURE_BYTES);
     reader.limits(limits);
     let picture = reader.decode().map_err(|error| error.to_string())?;
     let (width, height) = (picture.width(), picture.height());

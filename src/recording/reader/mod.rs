@@ -29,7 +29,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Maximum size of an attachment that is read, bytes.
-const ATTACHMENT_BYTES: u64 = 64 << 20;
+const MAX_ATTACHMENT_BYTES: u64 = 64 << 20;
 
 /// An attachment: name, type and size.
 ///
@@ -326,7 +326,7 @@ impl RecordedFile {
                 Ok(())
             }
             Found::Description { opcode, body } => {
-                structure.admit(body.len() as u64)?;
+                structure.count_description(body.len() as u64)?;
                 structure.describe(opcode, body).ok_or_else(|| "a schema or channel does not parse".into())
             }
         })
@@ -355,12 +355,12 @@ impl RecordedFile {
     ///
     /// # Errors
     ///
-    /// [`RecordingError::Invalid`] when it is damaged or exceeds [`ATTACHMENT_BYTES`]; [`RecordingError::Io`] when the
-    /// system fails.
+    /// [`RecordingError::Invalid`] when it is damaged or exceeds [`MAX_ATTACHMENT_BYTES`]; [`RecordingError::Io`] when
+    /// the system fails.
     fn attachment(&self, attachment: &AttachmentRef) -> Result<Vec<u8>, RecordingError> {
-        if attachment.content_bytes > ATTACHMENT_BYTES {
+        if attachment.content_bytes > MAX_ATTACHMENT_BYTES {
             return Err(self.invalid(format!(
-                "attachment {:?} has {} bytes; at most {ATTACHMENT_BYTES} are read",
+                "attachment {:?} has {} bytes; at most {MAX_ATTACHMENT_BYTES} are read",
                 attachment.name, attachment.content_bytes
             )));
         }

@@ -46,7 +46,7 @@ fn parse_compressed_image(cdr: &mut Cdr<'_>) -> Option<Result<RawImage, String>>
     let (seconds, nanoseconds) = (cdr.u32()?, cdr.u32()?);
     let (_frame_id, _format) = (cdr.text()?, cdr.text()?);
     let count = cdr.u32()? as usize;
-    let payload = cdr.take(count)?;
+    let payload = cdr.next_bytes(count)?;
     Some(compressed::decode_picture(payload, Some(Timestamp::new(seconds, nanoseconds))))
 }
 
@@ -57,11 +57,11 @@ fn parse_image(cdr: &mut Cdr<'_>) -> Option<Result<RawImage, String>> {
     let frame_id = cdr.text()?;
     let (height, width) = (cdr.u32()?, cdr.u32()?);
     let encoding = cdr.text()?;
-    let is_big_endian = cdr.take(1)?[0] != 0;
+    let is_big_endian = cdr.next_bytes(1)?[0] != 0;
     let step = cdr.u32()?;
     let count = cdr.u32()? as usize;
     let start = cdr.at;
-    cdr.take(count)?;
+    cdr.next_bytes(count)?;
     if is_big_endian && encoding.contains("16") {
         return Some(Err("16-bit pixels are big-endian; only little-endian ones are supported".into()));
     }
@@ -78,7 +78,7 @@ struct Cdr<'a> {
 
 impl<'a> Cdr<'a> {
     /// Reads the next `count` bytes; `None` beyond the end.
-    fn take(&mut self, count: usize) -> Option<&'a [u8]> {
+    fn next_bytes(&mut self, count: usize) -> Option<&'a [u8]> {
         let end = self.at.checked_add(count)?;
         let taken = self.bytes.get(self.at..end)?;
         self.at = end;
@@ -89,13 +89,13 @@ impl<'a> Cdr<'a> {
     fn u32(&mut self) -> Option<u32> {
         let offset = self.at - ENCAPSULATION_BYTES;
         self.at += offset.next_multiple_of(4) - offset;
-        self.take(4)?.try_into().ok().map(u32::from_le_bytes)
+        self.next_bytes(4)?.try_into().ok().map(u32::from_le_bytes)
     }
 
     /// Reads a string, whose 32-bit length includes the closing zero; bytes that are no UTF-8 are replaced.
     fn text(&mut self) -> Option<String> {
         let length = self.u32()? as usize;
-        let bytes = self.take(length)?;
+        let bytes = self.next_bytes(length)?;
         Some(String::from_utf8_lossy(bytes.strip_suffix(&[0]).unwrap_or(bytes)).into_owned())
     }
 }

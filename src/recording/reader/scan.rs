@@ -6,15 +6,15 @@ use std::collections::BTreeMap;
 use std::fs::File;
 
 /// Maximum size of all schemas, channels and metadata, bytes. Ours take a few kB.
-const DESCRIPTION_BYTES: u64 = 8 << 20;
+const MAX_DESCRIPTION_BYTES: u64 = 8 << 20;
 /// Maximum number of attachments.
-const ATTACHMENTS: usize = 1024;
+const MAX_ATTACHMENTS: usize = 1024;
 /// The fixed part of the maximum size of all chunks after decompression, bytes.
-const UNPACKED_BYTES: u64 = 512 << 20;
+const MAX_UNPACKED_BYTES: u64 = 512 << 20;
 /// The multiple of the file's size in the maximum size of all chunks after decompression.
 ///
 /// Pixels of a camera shrink to a third at best, drawn ones to a hundredth.
-const UNPACKED_RATIO: u64 = 256;
+const MAX_UNPACKED_RATIO: u64 = 256;
 /// Maximum length of a chunk header, bytes. Only the name of the compression has no fixed length.
 const CHUNK_HEADER_BYTES: usize = 256;
 
@@ -134,7 +134,7 @@ fn scan_while(file: &File, file_bytes: u64, is_wanted: impl Fn(u8) -> bool) -> R
     if window.peek(0, record::MAGIC.len())? != record::MAGIC {
         return Err(Unreadable::Damaged("not an MCAP file: the magic bytes are missing at byte 0".into()));
     }
-    let max_unpacked_bytes = UNPACKED_BYTES.saturating_add(file_bytes.saturating_mul(UNPACKED_RATIO));
+    let max_unpacked_bytes = MAX_UNPACKED_BYTES.saturating_add(file_bytes.saturating_mul(MAX_UNPACKED_RATIO));
     let mut structure = Structure { max_unpacked_bytes, ..Structure::default() };
     let mut at = record::MAGIC.len() as u64;
     structure.truncated = loop {
@@ -192,7 +192,7 @@ impl Structure {
             }
             op::ATTACHMENT => self.store_attachment(window.peek(body, clamped_length(length, 1024))?, body, length),
             op::HEADER | op::SCHEMA | op::CHANNEL | op::METADATA => {
-                self.admit(length).map_err(Unreadable::Damaged)?;
+                self.count_description(length).map_err(Unreadable::Damaged)?;
                 let bytes = window.peek(body, clamped_length(length, usize::MAX))?;
                 self.describe(opcode, bytes).ok_or_else(|| "the record does not parse".into())
             }
@@ -212,10 +212,10 @@ impl Structure {
     /// # Errors
     ///
     /// A description when the limit is exceeded.
-    pub(super) fn admit(&mut self, length: u64) -> Result<(), String> {
+    pub(super) fn count_description(&mut self, length: u64) -> Result<(), String> {
         self.description_bytes = self.description_bytes.saturating_add(length);
-        if self.description_bytes > DESCRIPTION_BYTES {
-            return Err(format!("more than {DESCRIPTION_BYTES} bytes of schemas, channels and metadata"));
+        if self.description_bytes > MAX_DESCRIPTION_BYTES {
+            return Err(format!("more than {MAX_DESCRIPTION_BYTES} bytes of schemas, channels and metadata"));
         }
         Ok(())
     }
@@ -314,12 +314,12 @@ impl Structure {
     /// Stores name, type and place of an attachment, from the first bytes of the record's body, which begins at byte
     /// `body` of the file and has `length` bytes.
     fn store_attachment(&mut self, head: &[u8], body: u64, length: u64) -> Result<(), String> {
-        if self.attachments.len() >= ATTACHMENTS {
-            return Err(format!("more than {ATTACHMENTS} attachments"));
+        if self.attachments.len() >= MAX_ATTACHMENTS {
+            return Err(format!("more than {MAX_ATTACHMENTS} attachments"));
         }
         let mut fields = Fields(head);
         let parsed = (|| {
-            fields.take(16)?;
+            fields.next_bytes(16)?;
             Some((fields.text()?.to_owned(), fields.text()?.to_owned(), fields.u64()?))
         })();
         let (name, media_type, content_bytes) = parsed.ok_or("the attachment does not parse")?;

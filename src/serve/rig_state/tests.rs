@@ -1,4 +1,4 @@
-//! Tests of the words.
+//! Tests of the states.
 
 use super::*;
 
@@ -27,8 +27,9 @@ fn recorder(state: u32) -> StatusMessage {
 #[test]
 fn a_drop_goes_from_starting_to_saved_and_back_to_ready() {
     let mut rig = state_of("[trigger]\nmode = \"motion\"\npre_s = 0.5\npost_s = 0.2\n");
-    let mut words = Vec::new();
-    let mut note = |rig: &PageState, now_s: f64| words.push((rig.state(now_s).word.as_str(), rig.actions().join(" ")));
+    let mut states = Vec::new();
+    let mut note =
+        |rig: &PageState, now_s: f64| states.push((rig.state(now_s).state.as_str(), rig.actions().join(" ")));
     note(&rig, 0.0);
     rig.add_event(&event(EventKind::Started, 0.0), || 0, 0.0);
     note(&rig, 0.0);
@@ -60,7 +61,7 @@ fn a_drop_goes_from_starting_to_saved_and_back_to_ready() {
         ("READY", "disarm trigger"),
         ("DISARMED", "arm"),
     ];
-    assert_eq!(words, expected.map(|(word, actions)| (word, actions.to_owned())));
+    assert_eq!(states, expected.map(|(state, actions)| (state, actions.to_owned())));
 }
 
 #[test]
@@ -70,17 +71,17 @@ fn a_rig_that_does_not_rearm_shows_the_saved_shot_until_it_is_armed() {
     rig.add_event(&event(EventKind::Triggered, 0.0), || 0, 0.0);
     rig.add_event(&event(EventKind::Recorded, 0.1), || 3, 1.0);
     rig.add_event(&event(EventKind::Disarmed, 0.1), || 0, 1.001);
-    assert_eq!(rig.state(60.0).word, Word::Saved);
+    assert_eq!(rig.state(60.0).state, RigState::Saved);
     rig.add_event(&event(EventKind::Armed, 0.1), || 0, 61.0);
-    assert_eq!(rig.state(61.0).word, Word::Ready);
+    assert_eq!(rig.state(61.0).state, RigState::Ready);
 }
 
 #[test]
 fn faults_are_named_and_end_by_themselves() {
     let mut rig = state_of("");
     let fault = |rig: &PageState, now_s: f64| {
-        let State { word, detail } = rig.state(now_s);
-        (word == Word::Fault).then_some(detail)
+        let ExplainedState { state, detail } = rig.state(now_s);
+        (state == RigState::Fault).then_some(detail)
     };
     rig.add_event(&event(EventKind::Started, 0.0), || 0, 0.0);
     rig.add_status(&camera(0.1), 0.1);

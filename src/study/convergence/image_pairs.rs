@@ -99,12 +99,12 @@ fn render_pair(displacement_px: [f64; 2]) -> Result<Pair, Failure> {
     scenario.body.diameter_mm = DIAMETER_PX * scenario.scale.mm_per_px;
     scenario.motion =
         MotionSetup::Constant { vx_px_frame: u, vy_px_frame: v, omega_deg_frame: 0.0, start_px: CENTER_PX };
-    let world = SimulatedFilm::new(&scenario)?;
-    let mut bytes = vec![0; world.frame_bytes()];
+    let film = SimulatedFilm::new(&scenario)?;
+    let mut bytes = vec![0; film.frame_bytes()];
     let mut frame = |index: u64| -> Result<Image, Failure> {
-        world.render(index, &mut bytes);
+        film.render(index, &mut bytes);
         let mut image = Image::default();
-        Frame { meta: crate::camera::simulated::meta(&world, index), bytes: &bytes }.unpack(&mut image)?;
+        Frame { meta: crate::camera::simulated::meta(&film, index), bytes: &bytes }.unpack(&mut image)?;
         Ok(image)
     };
     Ok(Pair { reference: frame(0)?, target: frame(1)?, truth_px: Some(displacement_px) })

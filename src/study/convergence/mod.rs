@@ -213,13 +213,13 @@ fn plan(options: &ConvergenceOptions, method: Method, size: Size) -> Result<Corr
     })
 }
 
-/// Measures the subject with every method and passes one row each to `take`.
-fn measure_methods(planned: Vec<(Method, Correlator)>, subject: &Subject, mut take: impl FnMut(Row)) {
+/// Measures the subject with every method and passes one row each to `emit`.
+fn measure_methods(planned: Vec<(Method, Correlator)>, subject: &Subject, mut emit: impl FnMut(Row)) {
     let truth_px: Option<Vec<_>> = subject.pairs.iter().map(|pair| pair.truth_px).collect();
     let (mut ic_gn, mut before): (Option<Answers>, Option<(Method, Answers)>) = (None, None);
     for (method, mut correlator) in planned {
         let (answers, time_s) = correlate(&mut correlator, subject);
-        let follows = before.as_ref().filter(|(earlier, _)| is_next(*earlier, method));
+        let follows = before.as_ref().filter(|(earlier, _)| differ_in_points_only(*earlier, method));
         let row = Row {
             method,
             subsets: answers.len(),
@@ -235,12 +235,12 @@ fn measure_methods(planned: Vec<(Method, Correlator)>, subject: &Subject, mut ta
         } else {
             before = Some((method, answers));
         }
-        take(row);
+        emit(row);
     }
 }
 
 /// Whether both methods are `spline-fft` with the same treatment of the peak, so that only their points differ.
-fn is_next(before: Method, method: Method) -> bool {
+fn differ_in_points_only(before: Method, method: Method) -> bool {
     matches!((before, method), (Method::Spline { peak: a, .. }, Method::Spline { peak: b, .. }) if a == b)
 }
 

@@ -19,7 +19,7 @@ const MAX_HELPFUL_RATIO: f64 = 0.97;
 /// A change to a rig.
 struct Change {
     /// Its description.
-    words: String,
+    description: String,
     /// The changed rig.
     rig: Rig,
 }
@@ -28,7 +28,7 @@ struct Change {
 #[derive(Debug, Clone)]
 pub(super) struct Advice {
     /// The description of the change.
-    pub(super) words: String,
+    pub(super) description: String,
     /// Scatter of each number of [`judged_numbers`] after the change, relative to the present one.
     pub(super) ratios: Vec<(String, f64)>,
     /// Geometric mean of the ratios.
@@ -69,10 +69,10 @@ pub(super) fn try_changes(rig: &Rig, films: u64, mut tick: impl FnMut()) -> Resu
     let now = Prediction::compute(rig, films)?;
     let names = judged_numbers(&now.rows);
     let mut found = Vec::new();
-    for Change { words, rig: changed } in changes(rig) {
+    for Change { description, rig: changed } in changes(rig) {
         // A change that makes the rig unusable is left out.
         if let Ok(then) = Prediction::compute(&changed, films) {
-            found.extend(compare(words, &names, &now, &then));
+            found.extend(compare(description, &names, &now, &then));
         }
         tick();
     }
@@ -83,12 +83,12 @@ pub(super) fn try_changes(rig: &Rig, films: u64, mut tick: impl FnMut()) -> Resu
 /// Returns the ratios of the predicted scatter `then`, after a change, to that of `now`, and their geometric mean.
 ///
 /// `names` are the compared numbers. `None` if one of them cannot be predicted.
-fn compare(words: String, names: &[String], now: &Prediction, then: &Prediction) -> Option<Advice> {
+fn compare(description: String, names: &[String], now: &Prediction, then: &Prediction) -> Option<Advice> {
     let ratio = |name: &String| Some((name.clone(), then.sigma(name)? / now.sigma(name)?));
     let ratios = names.iter().map(ratio).collect::<Option<Vec<_>>>()?;
     let logs: f64 = ratios.iter().map(|(_, ratio)| ratio.max(1e-6).ln()).sum();
     let mean = (logs / ratios.len().max(1) as f64).exp();
-    Some(Advice { words, ratios, mean })
+    Some(Advice { description, ratios, mean })
 }
 
 /// Returns the number of changes that are tried for a rig.
@@ -100,10 +100,10 @@ pub(super) fn change_count(rig: &Rig) -> u64 {
 fn changes(rig: &Rig) -> Vec<Change> {
     let camera = &rig.scenario.camera;
     let mut changes = vec![double_frame_rate(rig)];
-    let mut change = |words: String, edit: &dyn Fn(&mut Rig)| {
+    let mut change = |description: String, edit: &dyn Fn(&mut Rig)| {
         let mut changed = rig.clone();
         edit(&mut changed);
-        changes.push(Change { words, rig: changed });
+        changes.push(Change { description, rig: changed });
     };
     if camera.noise_dn > 0.0 {
         change(
@@ -115,12 +115,12 @@ fn changes(rig: &Rig) -> Vec<Change> {
     }
     let blur_px = 1e-6 * camera.exposure_us * rig.speed_px_s();
     if blur_px > 0.0 {
-        let words = format!(
+        let description = format!(
             "half the exposure ({} us, {:.2} px of motion blur instead of {blur_px:.2}) with twice the light",
             0.5 * camera.exposure_us,
             0.5 * blur_px
         );
-        change(words, &|rig| set_exposure(rig, 0.5 * rig.scenario.camera.exposure_us));
+        change(description, &|rig| set_exposure(rig, 0.5 * rig.scenario.camera.exposure_us));
     }
     if camera.blur_px > 0.5 {
         let sharp_px = (camera.blur_px / 1.4).max(0.5);
@@ -156,9 +156,9 @@ fn exchange_pattern(rig: &Rig) -> Vec<Change> {
         let mut changed = rig.clone();
         // A rod has no lines.
         let lines = if rig.scenario.body.rod.is_some() { 0 } else { pattern.lines };
-        let words = format!("speckles {} (pattern {name}) instead of {}", describe(&pattern), describe(own));
+        let description = format!("speckles {} (pattern {name}) instead of {}", describe(&pattern), describe(own));
         changed.scenario.body.pattern = PatternSetup { lines, ..pattern };
-        Some(Change { words, rig: changed })
+        Some(Change { description, rig: changed })
     };
     PATTERNS.iter().filter_map(|name| with(name)).collect()
 }
@@ -176,7 +176,7 @@ fn double_frame_rate(rig: &Rig) -> Change {
     let shorter = exposure_us < rig.scenario.camera.exposure_us;
     let exposed =
         if shorter { format!(", exposure {exposure_us:.0} us with correspondingly more light") } else { String::new() };
-    Change { words: format!("twice the frame rate ({rate_hz:.0} Hz){exposed}"), rig: changed }
+    Change { description: format!("twice the frame rate ({rate_hz:.0} Hz){exposed}"), rig: changed }
 }
 
 /// Returns the rig with a longer flight before and after a collision, or a film of twice the length without one.
@@ -192,7 +192,10 @@ fn lengthen_film(rig: &Rig) -> Change {
             camera.frames = ((film_s + 2.0 * flight_s) * camera.frame_rate_hz).round() as u64;
         }
     }
-    Change { words: "a longer film: twice the flight before contact, and as much more after it".into(), rig: changed }
+    Change {
+        description: "a longer film: twice the flight before contact, and as much more after it".into(),
+        rig: changed,
+    }
 }
 
 /// Returns the rig with each other setting of the measurement that is worth a try: the window of velocities, and a
@@ -202,18 +205,18 @@ fn change_method(rig: &Rig) -> Vec<Change> {
     if let Some(window) = rig.config.velocity.window_frames {
         let mut wider = rig.clone();
         wider.config.velocity.window_frames = Some(2 * window + 1);
-        let words = format!("velocity.window_frames = {} instead of {window}", 2 * window + 1);
-        changes.push(Change { words, rig: wider });
+        let description = format!("velocity.window_frames = {} instead of {window}", 2 * window + 1);
+        changes.push(Change { description, rig: wider });
         let mut free = rig.clone();
         free.config.velocity.window_frames = None;
-        let words = "velocity.window_frames omitted: the fit chooses its window".into();
-        changes.push(Change { words, rig: free });
+        let description = "velocity.window_frames omitted: the fit chooses its window".into();
+        changes.push(Change { description, rig: free });
     }
     if matches!(rig.config.rotation, Rotation::Field | Rotation::Center) && rig.config.bodies[0].kind == BodyKind::Ball
     {
         let mut rigid = rig.clone();
         rigid.config.rotation = Rotation::Rigid;
-        changes.push(Change { words: "rotation.method = \"rigid\": all pixels in one match".into(), rig: rigid });
+        changes.push(Change { description: "rotation.method = \"rigid\": all pixels in one match".into(), rig: rigid });
     }
     changes
 }
@@ -250,6 +253,6 @@ fn magnify(rig: &Rig) -> Option<Change> {
         body.roi_px = body.roi_px.map(|roi| roi.map(scaled));
     }
     let diameter_px = 2.0 * scenario.radius_px();
-    let words = format!("{MAGNIFICATION} times the magnification (body of {diameter_px:.0} px, larger speckles)");
-    Some(Change { words, rig: changed })
+    let description = format!("{MAGNIFICATION} times the magnification (body of {diameter_px:.0} px, larger speckles)");
+    Some(Change { description, rig: changed })
 }

@@ -25,7 +25,7 @@ pub use self::scatter::{Expected, spread};
 const FILMS: u64 = 200;
 
 /// Number of films for a change; fewer suffice, since the noise is the same with and without it.
-const FILMS_OF_A_CHANGE: u64 = 48;
+const FILMS_PER_CHANGE: u64 = 48;
 
 /// The options of `ricochet study design`.
 #[derive(Debug, Clone, PartialEq, clap::Args)]
@@ -87,7 +87,7 @@ pub fn run(options: &DesignOptions) -> Result<Outcome, Failure> {
     bar.inc(1);
     let advice = match options.no_advice {
         true => Vec::new(),
-        false => advice::try_changes(&rig, FILMS_OF_A_CHANGE, || bar.inc(1))?,
+        false => advice::try_changes(&rig, FILMS_PER_CHANGE, || bar.inc(1))?,
     };
     bar.finish_and_clear();
     let study = output::Study { options, rig: &rig, prediction: &prediction, advice: &advice };

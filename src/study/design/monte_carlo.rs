@@ -32,10 +32,10 @@ pub(super) struct FilmSimulation {
 
 impl FilmSimulation {
     /// Prepares simulations of a film that a rig measures with this noise.
-    pub(super) fn new(rig: &Rig, world: &SimulatedFilm, noise: PoseNoise) -> Self {
+    pub(super) fn new(rig: &Rig, film: &SimulatedFilm, noise: PoseNoise) -> Self {
         let (measure, mut params) = analysis_params(&rig.config, &rig.format());
         params.motion.truncate(1);
-        let frames: Vec<_> = (0..world.frames()).map(|index| (world.truth(index), world.angle_deg(index))).collect();
+        let frames: Vec<_> = (0..film.frames()).map(|index| (film.truth(index), film.angle_deg(index))).collect();
         let mut kept_deg = 0.0;
         let renewed = frames.iter().enumerate().map(|(index, (_, angle_deg))| {
             let is_renewed = (index as u64).is_multiple_of(u64::from(measure.block_frames))
@@ -104,7 +104,7 @@ impl FilmSimulation {
         let (truth, _) = &self.frames[index];
         let (is_visible, like) = (self.is_visible(index), &self.noise.step);
         let place = [truth.center_x_px, truth.center_y_px].map(Option::unwrap_or_default);
-        let mut at = |k: usize, sigma: f64| place[k] + self.noise.off_px[k] + sigma * stream.normal();
+        let mut at = |k: usize, sigma: f64| place[k] + self.noise.center_offset_px[k] + sigma * stream.normal();
         let outline = like.outline.map(|outline| Outline {
             shape: match outline.shape {
                 OutlineShape::Circle(circle) => OutlineShape::Circle(Circle {
@@ -156,7 +156,7 @@ impl FilmSimulation {
         };
         let (first, second, frames) = (self.pose_sigma(index), self.pose_sigma(to), f64::from(interval));
         let moved = |k: usize| (truth[k] + white[to][k] - white[index][k] + permanent[k] * walk[k]) / frames;
-        let sigma = |k: usize| self.noise.stated[k] * first[k].hypot(second[k]) / frames;
+        let sigma = |k: usize| self.noise.reported_ratio[k] * first[k].hypot(second[k]) / frames;
         Some(RigidStep {
             dx_px: moved(0),
             dy_px: moved(1),

@@ -3,7 +3,7 @@
 use super::advice::Advice;
 use super::rig::Rig;
 use super::scatter::{Expected, Prediction};
-use super::{DesignOptions, FILMS, FILMS_OF_A_CHANGE};
+use super::{DesignOptions, FILMS, FILMS_PER_CHANGE};
 use crate::console::table;
 use crate::failure::Failure;
 use crate::results::MotionMethod;
@@ -45,7 +45,7 @@ impl Study<'_> {
             self.advice.first().into_iter().flat_map(|advice| advice.ratios.iter().map(|(name, _)| name.clone()));
         let row = |advice: &Advice| {
             let ratios = advice.ratios.iter().map(|(_, ratio)| json!(ratio));
-            [json!(advice.words), json!(advice.mean)].into_iter().chain(ratios).collect()
+            [json!(advice.description), json!(advice.mean)].into_iter().chain(ratios).collect()
         };
         let advice = Table {
             columns: ["change".to_owned(), "mean_share".to_owned()].into_iter().chain(names).collect(),
@@ -64,7 +64,7 @@ impl Study<'_> {
         let advice = advice.iter().map(|advice| {
             let shares: serde_json::Map<_, _> =
                 advice.ratios.iter().map(|(name, ratio)| (name.clone(), json!(ratio))).collect();
-            json!({ "change": advice.words, "mean_share": advice.mean, "shares": shares })
+            json!({ "change": advice.description, "mean_share": advice.mean, "shares": shares })
         });
         json!({
             "rig": rig.config.origin, "scenario": rig.scenario.name,
@@ -72,7 +72,7 @@ impl Study<'_> {
             "diameter_px": 2.0 * rig.scenario.radius_px(), "motion_blur_px": self.blur_px(),
             "pixel_noise_dn": prediction.noise.pixel_dn, "is_whole": prediction.noise.step.method == MotionMethod::WholeBody,
             "sigma_x_px": x, "sigma_y_px": y, "sigma_angle_deg": angle,
-            "films": FILMS, "films_of_a_change": FILMS_OF_A_CHANGE,
+            "films": FILMS, "films_of_a_change": FILMS_PER_CHANGE,
             "expected": expected.as_json(), "advice": advice.collect::<Vec<_>>(),
         })
     }
@@ -129,8 +129,9 @@ impl Study<'_> {
             [(place + 1).to_string(), percent(advice.mean)].into_iter().chain(ratios).collect()
         };
         let rows: Vec<Vec<String>> = std::iter::once(header).chain(helpful.iter().enumerate().map(line)).collect();
-        let words = std::iter::once("").chain(helpful.iter().map(|advice| advice.words.as_str()));
-        let lines = table(&rows).lines().zip(words).map(|(row, words)| format!("{row}   {words}")).collect::<Vec<_>>();
+        let descriptions = std::iter::once("").chain(helpful.iter().map(|advice| advice.description.as_str()));
+        let lines =
+            table(&rows).lines().zip(descriptions).map(|(row, change)| format!("{row}   {change}")).collect::<Vec<_>>();
         lines.iter().map(|line| line.trim_end()).collect::<Vec<_>>().join("\n")
     }
 }

@@ -1,6 +1,7 @@
 //! The scatter of a pose, estimated from rendered frames of the rig.
 
 use super::films::{ball_region, measure_steps};
+use super::reference_renewal::PoseVariance;
 use super::rig::Rig;
 use super::{reference_renewal, subset_noise};
 use crate::console::UsageError;
@@ -13,10 +14,10 @@ use crate::synth::SimulatedFilm;
 use std::ops::Range;
 
 /// Number of frames that are rendered and measured to see how the body is tracked.
-const PICTURES: u64 = 3;
+const MEASURED_FRAMES: u64 = 3;
 
 /// Length of a block: the reference is updated at least this often, frames.
-const RENEWED_FRAMES: u64 = 16;
+const BLOCK_FRAMES: u64 = 16;
 
 /// Minimum visible fraction of a body that counts as fully visible.
 const MIN_VISIBLE: f64 = 0.97;
@@ -31,7 +32,7 @@ pub(super) struct PoseNoise {
     /// Random-walk error of a step over subsets, relative to the assumed one: x, y and angle.
     pub(super) walk: [f64; 3],
     /// Reported sigma of a pose over its actual scatter.
-    pub(super) stated: [f64; 3],
+    pub(super) reported_ratio: [f64; 3],
     /// Reduction of the variance of a pose by interpolation half-way between pixels, per axis.
     pub(super) smoothing: f64,
     /// Noise of the body's pixels, weighted by their gradients, DN.
@@ -39,7 +40,7 @@ pub(super) struct PoseNoise {
     /// A measured step of the body.
     pub(super) step: BodyStep,
     /// Offset of the measured centre from the truth, px.
-    pub(super) off_px: [f64; 2],
+    pub(super) center_offset_px: [f64; 2],
 }
 
 /// Maximum of the reduction.
@@ -49,7 +50,7 @@ impl PoseNoise {
     /// Returns the scatter (sigma; px, px, deg) of a pose of a body that has moved by `moved_px` since its reference
     /// was taken.
     pub(super) fn pose_at(&self, moved_px: [f64; 2]) -> [f64; 3] {
-        let remaining = (1.0 - self.smoothing * between_pixels(moved_px)).sqrt();
+        let remaining = (1.0 - self.smoothing * subpixel_phase(moved_px)).sqrt();
         self.pose.map(|sigma| remaining * sigma)
     }
 
@@ -59,49 +60,50 @@ impl PoseNoise {
     /// # Errors
     ///
     /// When the body cannot be tracked in the rendered frames.
-    pub(super) fn estimate(rig: &Rig, world: &SimulatedFilm) -> Result<Self, Failure> {
+    pub(super) fn estimate(rig: &Rig, film: &SimulatedFilm) -> Result<Self, Failure> {
         let origin = &rig.config.origin;
         let longest = u64::from(rig.config.intervals_frames[0]);
-        let is_seen = |index: &u64| {
-            let truth = world.truth(*index);
+        let is_visible = |index: &u64| {
+            let truth = film.truth(*index);
             truth.status == PointStatus::Valid && truth.visible_fraction.is_none_or(|share| share >= MIN_VISIBLE)
         };
-        let pictures = PICTURES + longest;
-        let first = (0..world.frames())
-            .find(|index| index + pictures <= world.frames() && is_seen(index) && is_seen(&(index + pictures - 1)));
+        let count = MEASURED_FRAMES + longest;
+        let first = (0..film.frames())
+            .find(|index| index + count <= film.frames() && is_visible(index) && is_visible(&(index + count - 1)));
         let Some(first) = first else {
-            return Err(UsageError(format!("{origin}: the body is never fully visible for {pictures} frames")).into());
+            return Err(UsageError(format!("{origin}: the body is never fully visible for {count} frames")).into());
         };
-        let steps = measure_shortest_steps(rig, world, first..first + pictures)?;
+        let steps = measure_shortest_steps(rig, film, first..first + count)?;
         let found: Vec<&BodyStep> = steps.iter().filter(|step| step.motion.is_some()).collect();
         let Some(step) = found.first().map(|step| **step) else {
             let status = steps.first().map_or(PointStatus::Lost, |step| step.status);
             let why = format!("{origin}: cannot track the body in the rendered frames: {}", status.as_str());
             return Err(UsageError(why).into());
         };
-        let truth = world.truth(step.frame);
+        let truth = film.truth(step.frame);
         let center_px = [truth.center_x_px.unwrap_or_default(), truth.center_y_px.unwrap_or_default()];
-        let light = world.render_light(first);
-        let pixel_dn = pixel_noise_dn(rig, &light, center_px);
+        let noise_free = film.render_light(first);
+        let pixel_dn = pixel_noise_dn(rig, &noise_free, center_px);
         let mut smoothing = 0.0;
-        let (pose, renewal, walk, stated) = match step.method {
+        let (pose, renewal, walk, reported_ratio) = match step.method {
             MotionMethod::WholeBody => {
-                let bound = noise_bound(rig, &light, center_px, pixel_dn)?;
+                let bound = noise_bound(rig, &noise_free, center_px, pixel_dn)?;
                 let last =
-                    (first..first + RENEWED_FRAMES).take_while(|index| *index < world.frames() && is_seen(index));
+                    (first..first + BLOCK_FRAMES).take_while(|index| *index < film.frames() && is_visible(index));
                 let last = last.last().unwrap_or(first);
-                let matched = reference_renewal::observe_matches(rig, world, first..=last)?;
+                let matched = reference_renewal::observe_matches(rig, film, first..=last)?;
                 smoothing = fit_smoothing(&matched.poses, &bound);
                 (bound, matched.renewal, [1.0; 3], [1.0; 3])
             }
             MotionMethod::Subsets | MotionMethod::Outlines => {
-                let (stated, seen) = (reported_sigmas(&found), subset_noise::observe_steps(rig, world, first)?);
-                let over = |k: usize| if seen.pose[k] > 0.0 { stated[k] / seen.pose[k] } else { 1.0 };
-                (seen.pose, [0.0; 3], seen.walk, [0, 1, 2].map(over))
+                let (reported, noise) = (reported_sigmas(&found), subset_noise::observe_steps(rig, film, first)?);
+                let ratio = |k: usize| if noise.pose[k] > 0.0 { reported[k] / noise.pose[k] } else { 1.0 };
+                (noise.pose, [0.0; 3], noise.walk, [0, 1, 2].map(ratio))
             }
         };
-        let off_px = step.center_px().map_or([0.0; 2], |place| [place[0] - center_px[0], place[1] - center_px[1]]);
-        Ok(Self { pose, renewal, walk, stated, smoothing, pixel_dn, step, off_px })
+        let center_offset_px =
+            step.center_px().map_or([0.0; 2], |place| [place[0] - center_px[0], place[1] - center_px[1]]);
+        Ok(Self { pose, renewal, walk, reported_ratio, smoothing, pixel_dn, step, center_offset_px })
     }
 }
 
@@ -110,26 +112,27 @@ impl PoseNoise {
 /// # Errors
 ///
 /// When the settings cannot be used.
-fn measure_shortest_steps(rig: &Rig, world: &SimulatedFilm, frames: Range<u64>) -> Result<Vec<BodyStep>, Failure> {
+fn measure_shortest_steps(rig: &Rig, film: &SimulatedFilm, frames: Range<u64>) -> Result<Vec<BodyStep>, Failure> {
     let (params, _) = analysis_params(&rig.config, &rig.format());
-    let mut rows = measure_steps(&params, world, frames)?;
+    let mut rows = measure_steps(&params, film, frames)?;
     rows.retain(|step| step.interval_frames == rig.config.intervals_frames[0]);
     Ok(rows)
 }
 
 /// Returns the lower bound of the scatter (sigma) of a whole-body pose for this texture, px, px and deg.
 ///
-/// `light` is a frame without noise. Half of a match's variance belongs to the other frame.
+/// `noise_free` is a frame without noise, DN. Half of a match's variance belongs to the other frame.
 ///
 /// # Errors
 ///
 /// When the body cannot be matched.
-fn noise_bound(rig: &Rig, light: &Image, center_px: [f64; 2], pixel_dn: f64) -> Result<[f64; 3], Failure> {
+fn noise_bound(rig: &Rig, noise_free: &Image, center_px: [f64; 2], pixel_dn: f64) -> Result<[f64; 3], Failure> {
     let [x_px, y_px] = center_px;
-    let correlator = Correlator::new(&rig.config.correlation(), light.view().width(), light.view().height())?;
-    let body = RigidBody::new(&correlator.prepare(light.view()), &ball_region(rig, center_px)).map_err(|status| {
-        UsageError(format!("{}: cannot match the whole body: {}", rig.config.origin, status.as_str()))
-    })?;
+    let correlator = Correlator::new(&rig.config.correlation(), noise_free.view().width(), noise_free.view().height())?;
+    let body =
+        RigidBody::new(&correlator.prepare(noise_free.view()), &ball_region(rig, center_px)).map_err(|status| {
+            UsageError(format!("{}: cannot match the whole body: {}", rig.config.origin, status.as_str()))
+        })?;
     Ok(body.expected_sigma(Point { x_px, y_px }, pixel_dn).map(|sigma| sigma * std::f64::consts::FRAC_1_SQRT_2))
 }
 
@@ -137,21 +140,22 @@ fn noise_bound(rig: &Rig, light: &Image, center_px: [f64; 2], pixel_dn: f64) -> 
 ///
 /// `poses` holds variances and motions since the reference, and `bound` the scatter without interpolation. The
 /// variances relative to the squared bound are averaged over the three coordinates. 0 without motion off whole pixels.
-fn fit_smoothing(poses: &[([f64; 3], [f64; 2])], bound: &[f64; 3]) -> f64 {
+fn fit_smoothing(poses: &[PoseVariance], bound: &[f64; 3]) -> f64 {
     let (mut squares, mut products) = (0.0, 0.0);
-    for (variances, moved) in poses {
-        let missing = 1.0 - variances.iter().zip(bound).map(|(seen, bound)| seen / bound.powi(2)).sum::<f64>() / 3.0;
-        let between = between_pixels(*moved);
-        (squares, products) = (squares + between * between, products + missing * between);
+    for PoseVariance { variance, motion_px } in poses {
+        let ratios = variance.iter().zip(bound).map(|(variance, bound)| variance / bound.powi(2));
+        let reduction = 1.0 - ratios.sum::<f64>() / 3.0;
+        let phase = subpixel_phase(*motion_px);
+        (squares, products) = (squares + phase * phase, products + reduction * phase);
     }
     if squares > 0.0 { (products / squares).clamp(0.0, MAX_SMOOTHING) } else { 0.0 }
 }
 
-/// Returns a measure of the distance of a displacement from whole pixels: sin^2(pi u) + sin^2(pi v).
+/// Returns the distance of a displacement from whole pixels as a phase without a unit: sin^2(pi u) + sin^2(pi v).
 ///
 /// It is 0 where both components are whole and 2 where both are half-way.
-fn between_pixels(moved: [f64; 2]) -> f64 {
-    moved.iter().map(|part| (std::f64::consts::PI * part).sin().powi(2)).sum()
+fn subpixel_phase(displacement_px: [f64; 2]) -> f64 {
+    displacement_px.iter().map(|part| (std::f64::consts::PI * part).sin().powi(2)).sum()
 }
 
 /// Returns the root mean square of the sigmas that subset fits report, per pose: px, px and deg.
@@ -168,9 +172,9 @@ fn reported_sigmas(steps: &[&BodyStep]) -> [f64; 3] {
 }
 
 /// Returns the noise of the body's pixels, DN, weighted by their squared gradients.
-fn pixel_noise_dn(rig: &Rig, light: &Image, center_px: [f64; 2]) -> f64 {
+fn pixel_noise_dn(rig: &Rig, noise_free: &Image, center_px: [f64; 2]) -> f64 {
     let [x_px, y_px] = center_px;
-    let (view, radius_px) = (light.view(), rig.scenario.radius_px());
+    let (view, radius_px) = (noise_free.view(), rig.scenario.radius_px());
     let (mut weights, mut sum) = (0.0, 0.0);
     for y in 1..view.height() - 1 {
         for x in 1..view.width() - 1 {

@@ -48,7 +48,7 @@ impl Rig {
                     config.camera.scenario = Some(name.to_owned());
                 }
                 match process::truth_world(&config).map_err(|error| UsageError(error.to_string()))? {
-                    Some(world) => world.scenario().clone(),
+                    Some(film) => film.scenario().clone(),
                     None => return Err(refuse("no scenario to predict: set camera.scenario").into()),
                 }
             }
@@ -71,7 +71,7 @@ impl Rig {
     /// # Errors
     ///
     /// When the scenario cannot be rendered.
-    pub(super) fn world(&self) -> Result<SimulatedFilm, Failure> {
+    pub(super) fn film(&self) -> Result<SimulatedFilm, Failure> {
         SimulatedFilm::new(&self.scenario)
             .map_err(|error| UsageError(format!("{}: {error}", self.config.origin)).into())
     }

@@ -189,11 +189,11 @@ impl Prediction {
     /// When the rig cannot film or track the body.
     pub(super) fn compute(rig: &Rig, films: u64) -> Result<Self, Failure> {
         rig.check()?;
-        let world = rig.world()?;
-        let noise = PoseNoise::estimate(rig, &world)?;
-        let simulation = FilmSimulation::new(rig, &world, noise.clone());
+        let film = rig.film()?;
+        let noise = PoseNoise::estimate(rig, &film)?;
+        let simulation = FilmSimulation::new(rig, &film, noise.clone());
         let films = simulate_films(&simulation, films)?;
-        let rows = spread(&true_velocities(&world), world.impact().as_ref(), &films, rig.config.bodies[0].kind);
+        let rows = spread(&true_velocities(&film), film.impact().as_ref(), &films, rig.config.bodies[0].kind);
         Ok(Self { noise, rows })
     }
 
@@ -204,8 +204,8 @@ impl Prediction {
 }
 
 /// Returns the true velocity in each frame of a film.
-fn true_velocities(world: &SimulatedFilm) -> Vec<VelocitySample> {
-    (0..world.frames()).map(|index| world.truth(index)).collect()
+fn true_velocities(film: &SimulatedFilm) -> Vec<VelocitySample> {
+    (0..film.frames()).map(|index| film.truth(index)).collect()
 }
 
 /// Simulates all films on all cores and returns their rows in order.

@@ -14,11 +14,11 @@ pub(super) const DIAMETERS_PX: [f64; 2] = [114.0, 123.0];
 /// Centre of the ball in the middle of a film, px, without the subpixel offset of the film.
 const MIDDLE_PX: f64 = 79.0;
 
-/// Number of takes reserved per set of speeds, more than a study has films of one pattern.
-const TAKES: u64 = 1000;
+/// Number of retakes reserved per set of speeds: more than a study has films of one pattern.
+const MAX_FILMS_PER_PATTERN: u64 = 1000;
 
-/// Increments of a sequence that fills the unit square evenly (powers of the inverse plastic number).
-const EVEN: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_2];
+/// Steps of a quasi-random sequence (R2) that fills the unit square evenly: powers of the inverse plastic number.
+const QUASIRANDOM_STEP: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_2];
 
 /// The settings shared by all films of a study.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -65,17 +65,17 @@ pub(super) fn static_ball(pattern: usize, filming: &Filming) -> Result<Simulated
 ///
 /// [`ScenarioError`] when the velocity is out of range.
 pub(super) fn moving_ball(ball: &SimulatedFilm, film: &Film, filming: &Filming) -> Result<RenderedFilm, ScenarioError> {
-    let take = 1 + film.number as u64 + if film.speeds == Speeds::Paper { 0 } else { TAKES };
+    let take = 1 + film.number as u64 + if film.speeds == Speeds::Paper { 0 } else { MAX_FILMS_PER_PATTERN };
     let [vx_px_frame, vy_px_frame] = film.velocity.px_frame;
     let half = 0.5 * (filming.frames - 1) as f64;
-    let start = |axis: usize, speed: f64| MIDDLE_PX + (EVEN[axis] * take as f64).fract() - half * speed;
+    let start = |axis: usize, speed: f64| MIDDLE_PX + (QUASIRANDOM_STEP[axis] * take as f64).fract() - half * speed;
     let motion = MotionSetup::Constant {
         vx_px_frame,
         vy_px_frame,
         omega_deg_frame: film.velocity.deg_frame,
         start_px: [start(0, vx_px_frame), start(1, vy_px_frame)],
     };
-    Ok(RenderedFilm { world: ball.retake(motion, take)? })
+    Ok(RenderedFilm { film: ball.retake(motion, take)? })
 }
 
 /// Two successive frames.
@@ -88,7 +88,7 @@ pub(super) struct FramePair<'a> {
 /// A film whose frames can be rendered.
 #[derive(Debug)]
 pub(super) struct RenderedFilm {
-    world: SimulatedFilm,
+    film: SimulatedFilm,
 }
 
 impl RenderedFilm {
@@ -98,16 +98,16 @@ impl RenderedFilm {
     ///
     /// When the rendered bytes are not a frame.
     pub(super) fn draw(&self, index: u64, bytes: &mut Vec<u8>, image: &mut Image) -> Result<(), Failure> {
-        bytes.resize(self.world.frame_bytes(), 0);
-        self.world.render(index, bytes);
-        Frame { meta: crate::camera::simulated::meta(&self.world, index), bytes }.unpack(image)?;
+        bytes.resize(self.film.frame_bytes(), 0);
+        self.film.render(index, bytes);
+        Frame { meta: crate::camera::simulated::meta(&self.film, index), bytes }.unpack(image)?;
         Ok(())
     }
 
     /// Returns the true centre of the ball in the frame with this index, px.
     #[cfg(test)]
     fn center_px(&self, index: u64) -> [Option<f64>; 2] {
-        let truth = self.world.truth(index);
+        let truth = self.film.truth(index);
         [truth.center_x_px, truth.center_y_px]
     }
 }
@@ -122,22 +122,22 @@ mod tests {
     #[test]
     fn every_pattern_of_the_paper_can_be_rendered() {
         for (name, pattern) in patterns() {
-            let world = static_ball(pattern, &FILMING).unwrap_or_else(|error| panic!("{name}: {error}"));
-            assert_eq!(world.scenario().body.pattern, PatternSetup::paper(name).unwrap());
+            let film = static_ball(pattern, &FILMING).unwrap_or_else(|error| panic!("{name}: {error}"));
+            assert_eq!(film.scenario().body.pattern, PatternSetup::paper(name).unwrap());
             let wanted = if name.starts_with(['e', 'f']) { 61.5 } else { 57.0 };
-            assert!((world.scenario().radius_px() - wanted).abs() < 1e-9, "{name}");
+            assert!((film.scenario().radius_px() - wanted).abs() < 1e-9, "{name}");
         }
     }
 
     #[test]
     fn films_move_as_planned_start_at_different_subpixel_positions_and_have_their_own_noise() {
-        let world = static_ball(13, &FILMING).unwrap();
+        let film = static_ball(13, &FILMING).unwrap();
         let films = SpeckleStudy::Translation.plan(&[13], &Speeds::ALL);
         let mut fractions = Vec::new();
         let (mut bytes, mut image) = (Vec::new(), Image::default());
         let mut pictures = Vec::new();
         for plan in &films {
-            let rendered = moving_ball(&world, plan, &FILMING).unwrap();
+            let rendered = moving_ball(&film, plan, &FILMING).unwrap();
             let [from, to] = [0, 2].map(|index| rendered.center_px(index).map(Option::unwrap));
             for axis in 0..2 {
                 assert!((to[axis] - from[axis] - 2.0 * plan.velocity.px_frame[axis]).abs() < 1e-9, "{plan:?}");

@@ -215,13 +215,13 @@ impl Evaluator {
         methods.iter_mut().map(answer).collect()
     }
 
-    /// Correlates the windows of the method at index `place` again, for a timing; returns their number.
+    /// Correlates the windows of the method with this index again, for a timing; returns their number.
     ///
     /// `pair` must be the pair measured last, whose prepared frames are used. 0 if no ball is found in it.
-    pub(super) fn correlate_again(&mut self, place: usize, pair: FramePair<'_>) -> usize {
+    pub(super) fn correlate_again(&mut self, method: usize, pair: FramePair<'_>) -> usize {
         let Some(circle) = self.finder.find(pair.before) else { return 0 };
         let points = window_centers(&circle, self.windows, self.side_px);
-        match &mut self.methods[place].1 {
+        match &mut self.methods[method].1 {
             Engine::Correlator(correlator) => {
                 correlator.correlate(&self.frames[0], &self.frames[1], &points, Start::Search, &mut self.field);
             }

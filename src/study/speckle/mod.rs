@@ -105,25 +105,24 @@ pub fn run(study: SpeckleStudy, options: &SpeckleOptions) -> Result<Outcome, Fai
         .output
         .as_ref()
         .map(|directory| ResumeTable::open(directory, study.as_str(), &settings(&job), &contents));
-    let (mut journal, mut rows) =
-        opened.transpose()?.map_or((None, Vec::new()), |(journal, rows)| (Some(journal), rows));
+    let (mut table, mut rows) = opened.transpose()?.map_or((None, Vec::new()), |(table, rows)| (Some(table), rows));
     let done = rows.len() / contents.rows();
-    if let (Some(journal), Some(last)) = (&journal, done.checked_sub(1).filter(|_| done < job.films.len())) {
+    if let (Some(table), Some(last)) = (&table, done.checked_sub(1).filter(|_| done < job.films.len())) {
         // A program that measures differently must not resume the study.
         let kept = &rows[last * contents.rows()..];
         if *kept != job.measure_single(last)?[..] {
-            return Err(journal.film_mismatch_error(last).into());
+            return Err(table.film_mismatch_error(last).into());
         }
     }
-    if journal.is_some() {
+    if table.is_some() {
         interrupt::set_advice("repeat the command to resume");
     }
     let bar = progress::bar(job.films.len() as u64, "study");
     bar.set_position(done as u64);
     let threads = options.threads.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZeroUsize::get);
     let measured = job.run(done, threads, |film| {
-        if let Some(journal) = &mut journal {
-            journal.add(&film)?;
+        if let Some(table) = &mut table {
+            table.append(&film)?;
         }
         rows.extend(film);
         bar.inc(1);

@@ -22,8 +22,8 @@ const WIDTH: f64 = 440.0;
 const PLOT: f64 = 240.0;
 const LEFT: f64 = 66.0;
 
-/// Number of timings per method; the minimum is reported, since other load only adds time.
-const TURNS: usize = 9;
+/// Number of timings per method, of which the minimum is reported, since other load only adds time.
+const TIMINGS: usize = 9;
 
 /// Maximum speed on the axis, px/frame.
 const MAX_PX: f64 = 2.1;
@@ -102,7 +102,7 @@ pub(super) fn points(job: &Job, rows: &[Row]) -> Vec<Point> {
 
 /// Measures the cost of every method on the first two frames of the first film, alternating the methods.
 ///
-/// The cost is the minimum of [`TURNS`] timings of the correlation per window. Preparation is not counted.
+/// The cost is the minimum of [`TIMINGS`] timings of the correlation per window. Preparation is not counted.
 ///
 /// # Errors
 ///
@@ -118,10 +118,10 @@ pub(super) fn measure_costs(job: &Job) -> Result<Vec<Cost>, Failure> {
     let pair = FramePair { before: before.view(), after: after.view() };
     evaluator.measure(pair);
     let mut times = vec![Vec::new(); job.methods.len()];
-    for _ in 0..TURNS {
-        for (place, times) in times.iter_mut().enumerate() {
+    for _ in 0..TIMINGS {
+        for (method, times) in times.iter_mut().enumerate() {
             let began = Instant::now();
-            let windows = evaluator.correlate_again(place, pair);
+            let windows = evaluator.correlate_again(method, pair);
             times.push(1e6 * began.elapsed().as_secs_f64() / windows.max(1) as f64);
         }
     }
@@ -151,14 +151,14 @@ pub(super) fn draw(job: &Job, points: &[Point], costs: &[Cost], caption: &[Strin
         @for (column, speeds) in shown.iter().enumerate() {
             @let title = format!("mean |error| along x, px/frame; {} speeds", speeds.as_str());
             @let plot = PlotArea { left: across * column as f64 + LEFT, top, width: WIDTH };
-            (chart(job, points, *speeds, &title).draw(plot))
+            (error_chart(job, points, *speeds, &title).draw(plot))
         }
     };
     figure.draw((across * shown.len() as f64).max(760.0), top + PLOT + LogChart::LABELS, &content)
 }
 
-/// Returns the chart of one set of speeds.
-fn chart<'a>(job: &Job, points: &[Point], speeds: Speeds, title: &'a str) -> LogChart<'a> {
+/// Returns the chart of the mean error along x over the speed, for one set of speeds.
+fn error_chart<'a>(job: &Job, points: &[Point], speeds: Speeds, title: &'a str) -> LogChart<'a> {
     let tick = |tenth: i32| (0.1 * f64::from(tenth) / MAX_PX, format!("{:.1}", 0.1 * f64::from(tenth)));
     let curve = |method: &Method| {
         let value = |point: &Point| {

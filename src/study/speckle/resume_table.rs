@@ -34,10 +34,10 @@ impl Contents<'_> {
         self.methods.len() * (self.frames as usize - 1)
     }
 
-    /// Whether these rows are those of a film in order, all of them or the first ones.
-    fn are_of(&self, film: &Film, rows: &[Row]) -> bool {
+    /// Whether these rows belong to a film, in order: all of its rows or the first ones.
+    fn rows_belong_to(&self, film: &Film, rows: &[Row]) -> bool {
         let wanted = (0..self.frames - 1).flat_map(|frame| self.methods.iter().map(move |method| (frame, *method)));
-        rows.iter().zip(wanted).all(|(row, (frame, method))| row.is_of(film, frame, method))
+        rows.iter().zip(wanted).all(|(row, (frame, method))| row.belongs_to(film, frame, method))
     }
 }
 
@@ -90,7 +90,7 @@ impl ResumeTable {
     /// # Errors
     ///
     /// [`WriteError`] when the file cannot be written.
-    pub(super) fn add(&mut self, rows: &[Row]) -> Result<(), Failure> {
+    pub(super) fn append(&mut self, rows: &[Row]) -> Result<(), Failure> {
         let mut csv = csv::WriterBuilder::new().has_headers(!self.has_header).from_writer(Vec::new());
         rows.iter().try_for_each(|row| csv.serialize(row))?;
         let bytes = csv.into_inner().map_err(|error| Failure::internal(format!("{error}")))?;
@@ -154,7 +154,7 @@ fn read_completed(path: &Path, bytes: &[u8], contents: &Contents<'_>) -> Result<
     let each = contents.rows();
     let films = rows.len() / each;
     for (number, rows) in rows.chunks(each).enumerate() {
-        let is_known = contents.films.get(number).is_some_and(|film| contents.are_of(film, rows));
+        let is_known = contents.films.get(number).is_some_and(|film| contents.rows_belong_to(film, rows));
         if !is_known {
             return Err(foreign((number * each) as u64 + 2).into());
         }

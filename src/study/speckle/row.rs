@@ -94,7 +94,7 @@ impl Row {
     }
 
     /// Whether this is the row of a method on a pair of frames.
-    pub(super) fn is_of(&self, film: &Film, frame: u64, method: Method) -> bool {
+    pub(super) fn belongs_to(&self, film: &Film, frame: u64, method: Method) -> bool {
         let pattern = PatternSetup::PAPER[film.pattern];
         self.key() == (pattern, film.speeds.as_str(), film.case.as_str(), film.number, frame, method.as_str())
     }

@@ -118,8 +118,8 @@ mod tests {
         (scenario.camera.width_px, scenario.camera.height_px) = (150, 150);
         scenario.motion =
             MotionSetup::Constant { vx_px_frame, vy_px_frame, omega_deg_frame: 0.0, start_px: [74.2, 74.6] };
-        let world = SimulatedFilm::new(&scenario).unwrap();
-        (world.render_light(0), world.render_light(1))
+        let film = SimulatedFilm::new(&scenario).unwrap();
+        (film.render_light(0), film.render_light(1))
     }
 
     #[test]

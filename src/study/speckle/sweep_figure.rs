@@ -125,14 +125,15 @@ pub(super) fn draw(job: &Job, points: &[Point], caption: &[String]) -> String {
     let content = html! {
         (method_style::legend(figure.content_top() + 8.0, &job.methods))
         @for (panel, title) in titles.into_iter().enumerate() {
-            (chart(job, points, panel, title).draw(PlotArea { left: across * panel as f64 + LEFT, top, width: WIDTH }))
+            @let plot = PlotArea { left: across * panel as f64 + LEFT, top, width: WIDTH };
+            (error_chart(job, points, panel, title).draw(plot))
         }
     };
     figure.draw(2.0 * across, top + PLOT + LogChart::LABELS, &content)
 }
 
-/// Returns the chart of translation (panel 0) or rotation (panel 1).
-fn chart<'a>(job: &Job, points: &[Point], panel: usize, title: &'a str) -> LogChart<'a> {
+/// Returns the chart of the mean error of translation (panel 0) or rotation (panel 1) over the levels.
+fn error_chart<'a>(job: &Job, points: &[Point], panel: usize, title: &'a str) -> LogChart<'a> {
     let levels = job.study.levels();
     let x = |place: usize| (place as f64 + 0.5) / levels.len() as f64;
     let curve = |method: &Method| {

@@ -27,27 +27,27 @@ pub(super) struct Job {
 type Balls = BTreeMap<(usize, usize), SimulatedFilm>;
 
 /// The index of a film, and its rows or error.
-type Done = (usize, Result<Vec<Row>, Failure>);
+type FilmResult = (usize, Result<Vec<Row>, Failure>);
 
 impl Job {
-    /// Measures the films from `first` on and passes their rows to `take` in order.
+    /// Measures the films from `first` on and passes their rows to `write_rows` in order.
     ///
     /// The rows of a film depend on the job only, not on the number of threads.
     ///
     /// # Errors
     ///
-    /// Any error of a film or of `take`.
+    /// Any error of a film or of `write_rows`.
     pub(super) fn run(
         &self,
         first: usize,
         threads: usize,
-        mut take: impl FnMut(Vec<Row>) -> Result<(), Failure>,
+        mut write_rows: impl FnMut(Vec<Row>) -> Result<(), Failure>,
     ) -> Result<(), Failure> {
         let next = AtomicUsize::new(first);
         let balls = self.prepare_balls(first)?;
         std::thread::scope(|scope| {
             let (sender, receiver) = sync_channel(2 * threads);
-            let work = |sender: SyncSender<Done>| self.run_worker(&balls, &next, &sender);
+            let work = |sender: SyncSender<FilmResult>| self.run_worker(&balls, &next, &sender);
             let workers: Vec<_> = (0..threads)
                 .map(|_| {
                     let sender = sender.clone();
@@ -55,7 +55,7 @@ impl Job {
                 })
                 .collect();
             drop(sender);
-            let given = deliver_in_order(first, receiver, &mut take);
+            let given = deliver_in_order(first, receiver, &mut write_rows);
             for worker in workers {
                 worker.join().map_err(|_| Failure::internal("a measuring thread panicked"))??;
             }
@@ -109,7 +109,7 @@ impl Job {
     /// # Errors
     ///
     /// When the methods cannot be planned. An error of a film is sent.
-    fn run_worker(&self, balls: &Balls, next: &AtomicUsize, sender: &SyncSender<Done>) -> Result<(), Failure> {
+    fn run_worker(&self, balls: &Balls, next: &AtomicUsize, sender: &SyncSender<FilmResult>) -> Result<(), Failure> {
         let mut evaluator = Evaluator::new(&self.methods, self.windows, SIDE_PX)?;
         loop {
             let number = next.fetch_add(1, Ordering::Relaxed);
@@ -147,22 +147,22 @@ impl Job {
     }
 }
 
-/// Passes the results of films from `first` on to `take` in order, whatever the order of their arrival.
+/// Passes the results of films from `first` on to `write_rows` in order, whatever the order of their arrival.
 ///
 /// # Errors
 ///
-/// The first error of a film, in order, or of `take`.
+/// The first error of a film, in order, or of `write_rows`.
 fn deliver_in_order(
     first: usize,
-    receiver: Receiver<Done>,
-    take: &mut impl FnMut(Vec<Row>) -> Result<(), Failure>,
+    receiver: Receiver<FilmResult>,
+    write_rows: &mut impl FnMut(Vec<Row>) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
     let (mut next, mut early) = (first, BTreeMap::new());
     // Returning early drops the receiver, which ends the threads.
     for (number, rows) in receiver {
         early.insert(number, rows);
         while let Some(rows) = early.remove(&next) {
-            take(rows?)?;
+            write_rows(rows?)?;
             next += 1;
         }
     }

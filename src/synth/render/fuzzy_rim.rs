@@ -9,8 +9,8 @@ const TUFT_PX: [f64; 2] = [4.0, 16.0];
 /// The minimum number of tufts around the rim. Fewer would move its centre or stretch it.
 const MIN_TUFTS: f64 = 5.0;
 /// The parts of the felt that are a transparent edge and tufts; the sum of their squares is 1.
-const SOFT: f64 = 0.9;
-const TUFTS: f64 = 0.436;
+const SOFT_EDGE_SHARE: f64 = 0.9;
+const TUFT_SHARE: f64 = 0.436;
 /// The number of waves that make up the tufts.
 const WAVES: usize = 24;
 
@@ -38,7 +38,7 @@ impl Rim {
 
     /// Tabulates the rim. The felt is a softer edge, shifted by the waves of its tufts; without waves the rim is sharp.
     fn from_waves(radius_px: f64, sigma_px: f64, fuzz_px: f64, waves: Vec<(f64, f64)>) -> Self {
-        let soft_px = if fuzz_px > 0.0 { sigma_px.hypot(SOFT * fuzz_px) } else { sigma_px };
+        let soft_px = if fuzz_px > 0.0 { sigma_px.hypot(SOFT_EDGE_SHARE * fuzz_px) } else { sigma_px };
         Self { disc: BlurredDisc::new(radius_px, soft_px), radius_px, sigma_px, fuzz_px, waves }
     }
 
@@ -77,7 +77,7 @@ impl Rim {
         }
         let around = around_rad();
         let waves: f64 = self.waves.iter().map(|(periods, phase)| (periods * around + phase).cos()).sum();
-        let tuft_px = TUFTS * self.fuzz_px * waves * (2.0 / WAVES as f64).sqrt();
+        let tuft_px = TUFT_SHARE * self.fuzz_px * waves * (2.0 / WAVES as f64).sqrt();
         let inside = (distance - tuft_px).max(0.0) as f32;
         self.disc.coverage_at(inside * inside)
     }

@@ -21,6 +21,6 @@ pub(in crate::synth) use occluder::{DiscOutline, Occluder, visible_fraction};
 pub(in crate::synth) use patch::Patch;
 pub(in crate::synth) use regular_paint::RegularPaint;
 pub(in crate::synth) use rod::Rod;
-pub(in crate::synth) use speckle_pattern::{Field, Pattern};
+pub(in crate::synth) use speckle_pattern::{Pattern, SpeckleRegion};
 pub(in crate::synth) use speckled_sphere::SpeckledSphere;
 pub(in crate::synth) use texture::smooth_noise;

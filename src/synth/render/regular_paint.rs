@@ -11,7 +11,7 @@ use crate::synth::trajectory::Pose;
 use std::f64::consts::{PI, TAU};
 
 /// The radius of the ring of dots, relative to the ball.
-const RING: f64 = 0.6;
+const RING_RADIUS: f64 = 0.6;
 /// The distance over which the gradient is taken, px.
 const STEP_PX: f64 = 0.5;
 
@@ -99,8 +99,8 @@ impl RegularPaint {
             Layout::Dots => {
                 let part = TAU / self.repeats;
                 let (sin, cos) = ((y.atan2(x) / part).round() * part).sin_cos();
-                let depth = if self.shape == Shape::Sphere { (1.0 - RING * RING).sqrt() } else { 1.0 };
-                let away = [x - RING * cos, y - RING * sin, z.abs() - depth];
+                let depth = if self.shape == Shape::Sphere { (1.0 - RING_RADIUS * RING_RADIUS).sqrt() } else { 1.0 };
+                let away = [x - RING_RADIUS * cos, y - RING_RADIUS * sin, z.abs() - depth];
                 self.dot - away.iter().map(|part| part * part).sum::<f64>().sqrt()
             }
             Layout::Football => {

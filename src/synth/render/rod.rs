@@ -4,7 +4,7 @@ use super::ball::Moment;
 use super::blurred_edge::{REACH_SIGMA, total_sigma_px};
 use super::body_light::BodyLight;
 use super::patch::{Canvas, Patch, splat};
-use super::speckle_pattern::{Field, Pattern};
+use super::speckle_pattern::{Pattern, SpeckleRegion};
 use crate::numeric::normal_cdf;
 use crate::synth::scenario::{RodSetup, Scenario};
 use std::ops::Range;
@@ -27,8 +27,8 @@ pub(crate) struct Rod {
 
 impl Rod {
     /// Returns the speckled patch, a rectangle around the mark as wide as the rod.
-    pub(crate) fn speckled_field(scenario: &Scenario, setup: &RodSetup) -> Field {
-        Field::Rectangle([scenario.radius_px(), 0.5 * (setup.patch_px[1] - setup.patch_px[0])])
+    pub(crate) fn speckle_region(scenario: &Scenario, setup: &RodSetup) -> SpeckleRegion {
+        SpeckleRegion::Rectangle([scenario.radius_px(), 0.5 * (setup.patch_px[1] - setup.patch_px[0])])
     }
 
     /// Returns the height of the mark, the middle of the patch, above the lower end, px.

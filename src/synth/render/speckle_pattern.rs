@@ -6,20 +6,20 @@ use crate::synth::scenario::{PatternSetup, ScenarioError};
 use std::f64::consts::{PI, TAU};
 
 /// The number of speckle sizes; a table of blurred coverage is kept for each.
-const SIZES: usize = 24;
-/// The number of positions tried for one speckle.
-pub(crate) const TRIALS: usize = 3000;
+const SPECKLE_SIZES: usize = 24;
+/// The maximum number of positions tried for one speckle.
+pub(crate) const MAX_TRIALS: usize = 3000;
 
 /// The region that carries the speckles.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Field {
+pub(crate) enum SpeckleRegion {
     /// A disc of this radius, px.
     Disc(f64),
     /// A rectangle with these half sides, px; no speckle crosses its edges.
     Rectangle([f64; 2]),
 }
 
-impl Field {
+impl SpeckleRegion {
     /// Returns the area of the region, px^2.
     fn area_px2(self) -> f64 {
         match self {
@@ -117,21 +117,21 @@ impl Pattern {
     /// Returns [`ScenarioError`] if the lines or the speckles do not fit.
     pub(crate) fn scatter(
         setup: &PatternSetup,
-        field: Field,
+        region: SpeckleRegion,
         sigma_px: f64,
         mut stream: Stream,
     ) -> Result<Self, ScenarioError> {
         let areas = size_areas_px2(setup);
         let sizes = areas.len();
         let radii_px: Vec<f64> = areas.iter().map(|area| (area / PI).sqrt()).collect();
-        let mut placement = Placement::new(field, radii_px.clone(), setup.coverage);
+        let mut placement = Placement::new(region, radii_px.clone(), setup.coverage);
         placement.place_lines(setup, &mut stream)?;
-        let wanted = setup.coverage * field.area_px2();
+        let wanted = setup.coverage * region.area_px2();
         // Larger sizes no longer find a place.
         let mut usable = sizes;
         while placement.covered_px2 < wanted {
             if usable == 0 {
-                let reached = placement.covered_px2 / field.area_px2();
+                let reached = placement.covered_px2 / region.area_px2();
                 return Err(ScenarioError::TooDense { wanted: setup.coverage, reached });
             }
             let mut batch = draw_sizes(&areas[..usable], wanted - placement.covered_px2, &mut stream);
@@ -147,7 +147,7 @@ impl Pattern {
         let crossing =
             |size: usize| placement.speckles.iter().any(|speckle| speckle.size == size && speckle.crosses_rim);
         let cut_discs = (0..sizes)
-            .map(|size| crossing(size).then(|| CutDisc::new(radii_px[size], field.enclosing_radius_px(), sigma_px)))
+            .map(|size| crossing(size).then(|| CutDisc::new(radii_px[size], region.enclosing_radius_px(), sigma_px)))
             .collect();
         Ok(Self { speckles: placement.speckles, lines: placement.lines, discs, cut_discs, radii_px })
     }
@@ -176,7 +176,7 @@ impl Pattern {
 
 /// Returns the areas of the speckle sizes, smallest first, px^2. Their logarithms are equally spaced.
 pub(crate) fn size_areas_px2(setup: &PatternSetup) -> Vec<f64> {
-    let sizes = if setup.area_max_px2 > setup.area_min_px2 { SIZES } else { 1 };
+    let sizes = if setup.area_max_px2 > setup.area_min_px2 { SPECKLE_SIZES } else { 1 };
     let ratio = setup.area_max_px2 / setup.area_min_px2;
     (0..sizes).map(|size| setup.area_min_px2 * ratio.powf((size as f64 + 0.5) / sizes as f64)).collect()
 }
@@ -197,7 +197,7 @@ pub(crate) fn draw_sizes(areas: &[f64], wanted_px2: f64, stream: &mut Stream) ->
 
 /// A region that is being covered, with a cell list to find neighbours.
 struct Placement {
-    field: Field,
+    region: SpeckleRegion,
     /// The radius of the disc, or of one around the rectangle.
     radius_px: f64,
     radii_px: Vec<f64>,
@@ -215,14 +215,14 @@ impl Placement {
     /// Prepares an empty region with the cells of its neighbour search.
     ///
     /// `radii_px` are those of the sizes, smallest first, and `coverage` is the fraction to cover.
-    fn new(field: Field, radii_px: Vec<f64>, coverage: f64) -> Self {
-        let radius_px = field.enclosing_radius_px();
+    fn new(region: SpeckleRegion, radii_px: Vec<f64>, coverage: f64) -> Self {
+        let radius_px = region.enclosing_radius_px();
         let largest = radii_px[radii_px.len() - 1];
         let cell_px = 2.0 * largest;
         let cells_wide = (2.0 * (radius_px + 2.0 * largest) / cell_px).ceil() as usize + 2;
         let cells = vec![Vec::new(); cells_wide * cells_wide];
         Self {
-            field,
+            region,
             radius_px,
             radii_px,
             cell_px,
@@ -243,7 +243,7 @@ impl Placement {
     fn place_lines(&mut self, setup: &PatternSetup, stream: &mut Stream) -> Result<(), ScenarioError> {
         let half_width_px = 0.5 * setup.line_width_px;
         let inside_px = self.radius_px - half_width_px - 1.0;
-        let mut trials = TRIALS;
+        let mut trials = MAX_TRIALS;
         while self.lines.len() < setup.lines as usize {
             if trials == 0 {
                 return Err(ScenarioError::TooManyLines { wanted: setup.lines, reached: self.lines.len() });
@@ -267,10 +267,10 @@ impl Placement {
     /// Places a speckle of this size at a random free position. Returns whether one was found.
     fn place_speckle(&mut self, size: usize, stream: &mut Stream) -> bool {
         let small = self.radii_px[size];
-        for _ in 0..TRIALS {
-            let tried = match self.field {
-                Field::Disc(_) => self.draw_in_disc(size, stream),
-                Field::Rectangle([x, y]) => {
+        for _ in 0..MAX_TRIALS {
+            let tried = match self.region {
+                SpeckleRegion::Disc(_) => self.draw_in_disc(size, stream),
+                SpeckleRegion::Rectangle([x, y]) => {
                     let place = |half: f64, stream: &mut Stream| stream.between(-1.0, 1.0) * (half - small);
                     let (x_px, y_px) = (place(x, stream), place(y, stream));
                     (x.min(y) > small).then_some((Speckle { x_px, y_px, size, crosses_rim: false }, PI * small * small))
@@ -354,7 +354,7 @@ mod tests {
 
     fn scattered(area_min_px2: f64, area_max_px2: f64, coverage: f64) -> Result<Pattern, ScenarioError> {
         let setup = PatternSetup { area_min_px2, area_max_px2, coverage, ..PatternSetup::default() };
-        Pattern::scatter(&setup, Field::Disc(60.0), 0.76, Stream::new(7))
+        Pattern::scatter(&setup, SpeckleRegion::Disc(60.0), 0.76, Stream::new(7))
     }
 
     #[test]
@@ -381,7 +381,7 @@ mod tests {
     fn lines_keep_clear_of_each_other_of_the_rim_and_of_speckles() {
         let setup =
             PatternSetup { area_min_px2: 4.0, area_max_px2: 20.0, coverage: 0.27, lines: 5, ..PatternSetup::default() };
-        let pattern = Pattern::scatter(&setup, Field::Disc(60.0), 0.76, Stream::new(7)).unwrap();
+        let pattern = Pattern::scatter(&setup, SpeckleRegion::Disc(60.0), 0.76, Stream::new(7)).unwrap();
         assert_eq!(pattern.lines.len(), 5);
         for (index, line) in pattern.lines.iter().enumerate() {
             for side in [-1.0, 1.0] {
@@ -394,7 +394,8 @@ mod tests {
             }
             assert!(pattern.lines[..index].iter().all(|other| !line.intersects(other)));
         }
-        let crowded = Pattern::scatter(&PatternSetup { lines: 200, ..setup }, Field::Disc(60.0), 0.76, Stream::new(7));
+        let crowded =
+            Pattern::scatter(&PatternSetup { lines: 200, ..setup }, SpeckleRegion::Disc(60.0), 0.76, Stream::new(7));
         assert!(matches!(crowded, Err(ScenarioError::TooManyLines { wanted: 200, .. })));
     }
 

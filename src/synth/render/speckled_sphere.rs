@@ -2,7 +2,7 @@
 
 use super::occluder::{Axes, Occluder, chord_coverage, visible_chords};
 use super::patch::{Canvas, splat};
-use super::speckle_pattern::{TRIALS, draw_sizes, size_areas_px2};
+use super::speckle_pattern::{MAX_TRIALS, draw_sizes, size_areas_px2};
 use super::spherical_cap::{CapTable, SphericalCap};
 use crate::numeric::Stream;
 use crate::synth::orientation::Orientation;
@@ -149,7 +149,7 @@ impl<'a> Placement<'a> {
     /// Places a speckle of this size in a random free direction. Returns whether one was found.
     fn place_speckle(&mut self, size: usize, stream: &mut Stream) -> bool {
         let cap = &self.caps[size];
-        for _ in 0..TRIALS {
+        for _ in 0..MAX_TRIALS {
             let (z, around) = (stream.between(-1.0, 1.0), stream.between(0.0, TAU));
             let radial = (1.0 - z * z).max(0.0).sqrt();
             let spot = Spot { direction: [radial * around.cos(), radial * around.sin(), z], size };

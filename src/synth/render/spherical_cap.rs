@@ -73,7 +73,7 @@ const TILT_STEP_PX: f64 = 0.1;
 const RIM_BEND_PX: f64 = 0.004;
 
 /// The value of a covered pixel, finer than any camera resolves.
-const FULL: f32 = 65_535.0;
+const FULL_COVERAGE: f32 = 65_535.0;
 
 /// The coverage of a pixel by the visible part of a cap, tabulated over its tilt and the position from its origin.
 ///
@@ -88,7 +88,7 @@ pub(crate) struct CapTable {
     last_page: f64,
     columns: usize,
     /// One page per tilt. The rows are positions along the radius, from `-reach_px` outwards, the columns positions
-    /// across. Each cell holds the value of this page and of the next one, in units of [`FULL`].
+    /// across. Each cell holds the value of this page and of the next one, in units of [`FULL_COVERAGE`].
     values: Vec<[u16; 2]>,
 }
 
@@ -165,12 +165,12 @@ impl CapView<'_> {
             left + right * (at(cell + 1) - left)
         };
         let (here, below) = (across(cell), across(cell + self.columns));
-        (here + down * (below - here)) * (1.0 / FULL)
+        (here + down * (below - here)) * (1.0 / FULL_COVERAGE)
     }
 }
 
 /// Computes one page of a table, `2 * columns` rows of `columns` values: the profiles of the chords along the radius,
-/// blurred across it, in units of [`FULL`].
+/// blurred across it, in units of [`FULL_COVERAGE`].
 fn tabulate_page(chords: &[Chord], reach_px: f64, columns: usize, sigma_px: f64) -> Vec<u16> {
     let scale = 1.0 / sigma_px;
     let blurred: Vec<f64> = chords
@@ -194,7 +194,7 @@ fn tabulate_page(chords: &[Chord], reach_px: f64, columns: usize, sigma_px: f64)
             let profile = normal_cdf(high) - normal_cdf(low);
             line.iter_mut().zip(blurred).for_each(|(sum, weight)| *sum += profile * weight);
         }
-        values.extend(line.iter().map(|value| (value.clamp(0.0, 1.0) * f64::from(FULL)).round() as u16));
+        values.extend(line.iter().map(|value| (value.clamp(0.0, 1.0) * f64::from(FULL_COVERAGE)).round() as u16));
     }
     values
 }

@@ -7,7 +7,7 @@ use crate::synth::orientation::Orientation;
 use crate::synth::render::DiscOutline;
 use crate::synth::render::total_sigma_px;
 use crate::synth::render::{Ball, HalfPlane, Moment, Surface};
-use crate::synth::render::{Field, Pattern};
+use crate::synth::render::{Pattern, SpeckleRegion};
 use crate::synth::render::{RegularPaint, SpeckledSphere};
 use crate::synth::scenario::{BodySetup, Layout, PatternSetup, ScaleSetup, Scenario, Shape};
 use crate::synth::trajectory::Pose;
@@ -34,7 +34,8 @@ fn scenario() -> Scenario {
 fn pattern(scenario: &Scenario) -> Surface {
     let sigma_px = total_sigma_px(scenario.camera.blur_px);
     Surface::Flat(
-        Pattern::scatter(&scenario.body.pattern, Field::Disc(scenario.radius_px()), sigma_px, Stream::new(5)).unwrap(),
+        Pattern::scatter(&scenario.body.pattern, SpeckleRegion::Disc(scenario.radius_px()), sigma_px, Stream::new(5))
+            .unwrap(),
     )
 }
 

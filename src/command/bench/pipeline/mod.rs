@@ -15,7 +15,7 @@ use crate::failure::Failure;
 use crate::interrupt::Interrupted;
 use crate::process::Stop;
 use rig::Folder;
-use scene::Scene;
+use scene::{Scene, SubsetGrid};
 use trial::Trial;
 
 pub use scene::BenchBody;
@@ -138,7 +138,7 @@ fn plans(
     let scene = Scene::new(options.body.unwrap_or_default(), side_px)?;
     let wanted = if options.subsets.is_empty() { subsets } else { &options.subsets };
     let plan = |wanted: &usize| {
-        let (step_px, subsets) = scene.grid(*wanted);
+        let SubsetGrid { step_px, subsets } = scene.closest_grid(*wanted);
         let ring_frames = options.ring.unwrap_or_else(|| rig::default_ring_frames(scene.frame_bytes(), defaults.1));
         let (workers, block_frames) = (options.workers, options.block_frames);
         let mode = if options.latency { WorkerMode::Latency } else { WorkerMode::Throughput };

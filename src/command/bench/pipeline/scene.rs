@@ -45,6 +45,15 @@ pub(super) struct Scene {
     diameter_px: f64,
 }
 
+/// A grid of subsets on the body.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct SubsetGrid {
+    /// The distance of neighbouring subsets, px.
+    pub(super) step_px: u32,
+    /// The number of subsets.
+    pub(super) subsets: usize,
+}
+
 impl Scene {
     /// Returns a scene of this image size in px, with the largest ball that fits, or with the rod.
     ///
@@ -93,8 +102,8 @@ impl Scene {
         u64::from(self.side_px[0]) * u64::from(self.side_px[1])
     }
 
-    /// Returns the number of subsets at this distance, for a body in the middle of the image.
-    fn subsets(&self, step_px: u32) -> usize {
+    /// Counts the subsets of a body in the middle of the image on a grid of this step, px.
+    fn count_subsets(&self, step_px: u32) -> usize {
         let [width, height] = self.side_px.map(|side| side as usize);
         let [x, y] = self.side_px.map(|side| 0.5 * f64::from(side));
         let size_px = self.subset_size_px();
@@ -106,10 +115,11 @@ impl Scene {
         }
     }
 
-    /// Returns the distance of subsets, px, that gives a number closest to `wanted`, and that number.
-    pub(super) fn grid(&self, wanted: usize) -> (u32, usize) {
-        let grids = STEPS_PX.map(|step_px| (step_px, self.subsets(step_px)));
-        grids.min_by_key(|(_, subsets)| subsets.abs_diff(wanted)).unwrap_or((*STEPS_PX.start(), 0))
+    /// Returns the grid whose number of subsets is closest to `wanted`.
+    pub(super) fn closest_grid(&self, wanted: usize) -> SubsetGrid {
+        let grids = STEPS_PX.map(|step_px| SubsetGrid { step_px, subsets: self.count_subsets(step_px) });
+        let closest = grids.min_by_key(|grid| grid.subsets.abs_diff(wanted));
+        closest.unwrap_or(SubsetGrid { step_px: *STEPS_PX.start(), subsets: 0 })
     }
 
     /// Returns the tables of the rig file about the body and its subsets.
@@ -221,7 +231,7 @@ mod tests {
     fn the_grid_has_about_as_many_subsets_as_wanted() {
         for (body, wanted) in [(BenchBody::Ball, [16, 64, 256]), (BenchBody::Rod, [6, 12, 24])] {
             for wanted in wanted {
-                let found = scene(body, [512, 512]).grid(wanted).1;
+                let found = scene(body, [512, 512]).closest_grid(wanted).subsets;
                 assert!(found.abs_diff(wanted) * 5 <= wanted, "{wanted}: {found}");
             }
         }

@@ -70,12 +70,12 @@ pub(super) struct ProcessFigures {
 }
 
 impl ProcessFigures {
-    /// Returns the processor time per frame, us; `None` if no frame came while it was watched.
+    /// Returns the processor time per frame, us; `None` if no frame came while it was monitored.
     pub(super) fn cpu_us_per_frame(&self) -> Option<f64> {
         (self.measured_frames > 0).then(|| 1e-3 * self.used.cpu_ns as f64 / self.measured_frames as f64)
     }
 
-    /// Returns a count as a number per second; 0 if the process was not watched.
+    /// Returns a count as a number per second; 0 if the process was not monitored.
     pub(super) fn per_s(&self, count: u64) -> f64 {
         if self.measured_s > 0.0 { count as f64 / self.measured_s } else { 0.0 }
     }
@@ -125,13 +125,13 @@ pub(super) fn run(plan: &Plan, folder: &Folder, stop: &Stop) -> Result<Option<Tr
     let config = rig::build(plan, folder)?;
     let bar = progress::bar((plan.rate_hz * plan.seconds) as u64, "bench");
     let rig_stop = Stop::default();
-    let mut watch = Watch::default();
+    let mut monitor = ProcessMonitor::default();
     let summary = process::supervise(&config, &rig_stop, Extras::default(), |statuses| {
-        watch.look(statuses);
-        bar.set_position(watch.tracked().given);
+        monitor.update(statuses);
+        bar.set_position(monitor.tracker_report().given);
         if stop.requested() {
             rig_stop.abandon();
-        } else if watch.filming_s() >= plan.seconds {
+        } else if monitor.filming_s() >= plan.seconds {
             rig_stop.request();
         }
     });
@@ -139,54 +139,55 @@ pub(super) fn run(plan: &Plan, folder: &Folder, stop: &Stop) -> Result<Option<Tr
     if stop.requested() {
         return Ok(None);
     }
-    Ok(Some(watch.into_trial(plan, &config.workers, summary?)))
+    Ok(Some(monitor.into_trial(plan, &config.workers, summary?)))
 }
 
 /// The processes of a rig while it runs.
 #[derive(Debug, Default)]
-struct Watch {
+struct ProcessMonitor {
     /// When the first frame was reported.
     began: Option<Instant>,
-    processes: BTreeMap<Child, Watched>,
+    processes: BTreeMap<Child, MonitoredProcess>,
 }
 
 /// A process while the rig runs.
 #[derive(Debug)]
-struct Watched {
+struct MonitoredProcess {
     status: StatusMessage,
     /// From the first report of the camera that it films.
-    first: Option<Moment>,
-    last: Option<Moment>,
+    first: Option<Reading>,
+    last: Option<Reading>,
 }
 
 /// The resources of a process when it reported.
 #[derive(Debug, Clone, Copy)]
-struct Moment {
+struct Reading {
     at: Instant,
     taken: u64,
     usage: Usage,
 }
 
-impl Watch {
-    /// Takes the new reports, and reads the resources of the processes that sent them.
-    fn look(&mut self, statuses: &BTreeMap<Child, StatusMessage>) {
+impl ProcessMonitor {
+    /// Updates the reports, and reads the resources of the processes that sent them.
+    fn update(&mut self, statuses: &BTreeMap<Child, StatusMessage>) {
         if self.began.is_none() && statuses.get(&Child::first(Role::Acquire)).is_some_and(|camera| camera.taken > 0) {
             self.began = Some(now());
         }
         for (child, status) in statuses {
-            let watched = self.processes.entry(*child).or_insert(Watched { status: *status, first: None, last: None });
+            let process =
+                self.processes.entry(*child).or_insert(MonitoredProcess { status: *status, first: None, last: None });
             // A process without frames reports nothing new.
             let is_idle =
-                status.taken == 0 && watched.last.is_none_or(|last| now().duration_since(last.at) >= IDLE_PERIOD);
-            let is_new = *status != watched.status || is_idle;
-            watched.status = *status;
+                status.taken == 0 && process.last.is_none_or(|last| now().duration_since(last.at) >= IDLE_PERIOD);
+            let is_new = *status != process.status || is_idle;
+            process.status = *status;
             if !is_new || self.began.is_none() {
                 continue;
             }
             let Some(usage) = Usage::read(status.pid) else { continue };
-            let moment = Moment { at: now(), taken: status.taken, usage };
-            watched.first.get_or_insert(moment);
-            watched.last = Some(moment);
+            let reading = Reading { at: now(), taken: status.taken, usage };
+            process.first.get_or_insert(reading);
+            process.last = Some(reading);
         }
     }
 
@@ -197,28 +198,28 @@ impl Watch {
 
     /// Returns the last report of the first process of this role; an empty one before the first.
     fn report(&self, role: Role) -> StatusMessage {
-        self.processes.get(&Child::first(role)).map(|watched| watched.status).unwrap_or_default()
+        self.processes.get(&Child::first(role)).map(|process| process.status).unwrap_or_default()
     }
 
     /// Returns the last report of the tracker.
-    fn tracked(&self) -> StatusMessage {
+    fn tracker_report(&self) -> StatusMessage {
         self.report(Role::Track)
     }
 
     /// Returns the figures of the run that has ended.
     fn into_trial(self, plan: &Plan, workers: &Workers, summary: Summary) -> Trial {
-        let (tracker, camera) = (self.tracked(), self.report(Role::Acquire));
-        let filmed = self.processes.get(&Child::first(Role::Acquire)).map_or(0, Watched::frames);
-        let figures = |(child, watched): (&Child, &Watched)| {
-            let own = watched.frames();
-            let moments = watched.first.zip(watched.last);
+        let (tracker, camera) = (self.tracker_report(), self.report(Role::Acquire));
+        let filmed = self.processes.get(&Child::first(Role::Acquire)).map_or(0, MonitoredProcess::frames);
+        let figures = |(child, process): (&Child, &MonitoredProcess)| {
+            let own = process.frames();
+            let readings = process.first.zip(process.last);
             ProcessFigures {
                 child: *child,
-                status: watched.status,
+                status: process.status,
                 // A recorder that waits takes none.
                 measured_frames: if own > 0 { own } else { filmed },
-                measured_s: moments.map_or(0.0, |(first, last)| last.at.duration_since(first.at).as_secs_f64()),
-                used: moments.map(|(first, last)| last.usage.since(&first.usage)).unwrap_or_default(),
+                measured_s: readings.map_or(0.0, |(first, last)| last.at.duration_since(first.at).as_secs_f64()),
+                used: readings.map(|(first, last)| last.usage.since(&first.usage)).unwrap_or_default(),
             }
         };
         Trial {
@@ -245,7 +246,7 @@ impl Watch {
     }
 }
 
-impl Watched {
+impl MonitoredProcess {
     /// Returns the frames that it took between the first and the last reading of its resources.
     fn frames(&self) -> u64 {
         self.first.zip(self.last).map_or(0, |(first, last)| last.taken - first.taken)

@@ -12,9 +12,9 @@ const PERIOD: Duration = Duration::from_millis(200);
 
 /// The number of times that the server's thread has taken its turn.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Pulse(Arc<AtomicU64>);
+pub(super) struct TurnCounter(Arc<AtomicU64>);
 
-impl Pulse {
+impl TurnCounter {
     /// Counts a turn of the server's thread every [`PERIOD`], which stops when the thread hangs. It never ends.
     pub(super) async fn count_turns(self) {
         loop {
@@ -27,7 +27,7 @@ impl Pulse {
 /// Publishes the heartbeat as a status message.
 #[derive(Debug)]
 pub(super) struct Heartbeat {
-    pulse: Pulse,
+    turns: TurnCounter,
     status: Publisher<StatusMessage>,
     /// The number of turns at the last heartbeat, and its time.
     last: (u64, Instant),
@@ -35,13 +35,13 @@ pub(super) struct Heartbeat {
 
 impl Heartbeat {
     /// Opens the status of a running rig.
-    pub(super) fn new(bus: &Bus, pulse: Pulse) -> Result<Self, BusError> {
-        Ok(Self { pulse, status: bus.guest_publisher()?, last: (0, now()) })
+    pub(super) fn new(bus: &Bus, turns: TurnCounter) -> Result<Self, BusError> {
+        Ok(Self { turns, status: bus.guest_publisher()?, last: (0, now()) })
     }
 
     /// Publishes a status, at most once per [`PERIOD`], if the server has taken a turn since the last one.
     pub(super) fn publish_if_due(&mut self) -> Result<(), BusError> {
-        let turns = self.pulse.0.load(Ordering::Relaxed);
+        let turns = self.turns.0.load(Ordering::Relaxed);
         if turns == self.last.0 || self.last.1.elapsed() < PERIOD {
             return Ok(());
         }

@@ -19,20 +19,20 @@ const FROM_MEDIAN: f64 = 1.4826;
 
 /// The fixed pattern that the sensor adds to every frame.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Fixed {
+pub(super) struct FixedPattern {
     /// Standard deviation of the pixel-to-pixel differences, DN.
     pub(super) dn: f64,
     /// Root mean square of the image gradient along x and y, DN/px.
     pub(super) slope_dn_px: f64,
 }
 
-impl Fixed {
+impl FixedPattern {
     /// Returns the maximum relative underestimate of subpixel displacements of subsets (no unit).
     ///
     /// The flattest parts are often the brightest, where gains differ by more, so this is an upper bound.
     ///
-    /// The pattern does not move. In the least squares of a match it votes for zero displacement with the square of its
-    /// own gradient, about its standard deviation, against that of the speckles.
+    /// The pattern does not move. In the least squares of a match it pulls towards zero displacement, in the ratio of
+    /// its squared gradient, about its variance, to that of the speckles.
     pub(super) fn underestimate_fraction(&self) -> f64 {
         (self.dn / self.slope_dn_px).powi(2)
     }

@@ -1,6 +1,6 @@
 //! Releases the frames of several rigs in time order, or of one rig step by step.
 
-use super::{Played, Rate, Tempo};
+use super::{Rate, ReplayRig, Tempo};
 use crate::camera::replay::TimeRange;
 use crate::failure::Failure;
 use crate::image::FrameMeta;
@@ -12,22 +12,22 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 /// Maximum sleep between two checks for a stop.
-const NAP: Duration = Duration::from_millis(50);
-/// Maximum wait for the leader thread after all rigs have ended.
-const PATIENCE: Duration = Duration::from_secs(2);
+const MAX_SLEEP: Duration = Duration::from_millis(50);
+/// Maximum wait for the thread that releases frames after all rigs have ended.
+const RELEASER_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// Runs a rig per stream and releases the frames in time order; also returns whether the user ended the replay.
 ///
 /// # Errors
 ///
 /// When a recording cannot be read or a rig cannot run. Then the other rigs are stopped.
-pub(super) fn play_in_order(played: &[Played], tempo: Tempo, stop: &Stop) -> Result<(Vec<Summary>, bool), Failure> {
+pub(super) fn play_in_order(rigs: &[ReplayRig], tempo: Tempo, stop: &Stop) -> Result<(Vec<Summary>, bool), Failure> {
     let mut runs = Vec::new();
-    let mut players = Vec::new();
-    for one in played {
+    let mut streams = Vec::new();
+    for rig in rigs {
         let (leader, control) = mpsc::channel();
-        players.push(Player::new(one, control)?);
-        let (config, stop) = (one.config.clone(), stop.clone());
+        streams.push(RigFrames::new(rig, control)?);
+        let (config, stop) = (rig.config.clone(), stop.clone());
         runs.push(thread::spawn(move || {
             let extras = Extras { leader: Some(leader), ..Extras::default() };
             let summary = process::supervise(&config, &stop, extras, |_| ());
@@ -41,20 +41,20 @@ pub(super) fn play_in_order(played: &[Played], tempo: Tempo, stop: &Stop) -> Res
     let stopped = stop.clone();
     // Not joined: the thread may be blocked on standard input.
     thread::spawn(move || {
-        let ended = Leader { tempo, ahead: 0, origin: None }.lead(players, &stopped);
+        let ended = FrameReleaser { tempo, granted: 0, origin: None }.release_all(streams, &stopped);
         done.send(ended)
     });
     let mut summaries = Vec::new();
     for run in runs {
         summaries.push(run.join().map_err(|_| Failure::internal("a supervisor panicked"))??);
     }
-    // The leader notices the end before the rigs do, unless it still waits for input.
-    let patience = if stop.requested() { Duration::ZERO } else { PATIENCE };
+    // The releasing thread notices the end before the rigs do, unless it still waits for input.
+    let patience = if stop.requested() { Duration::ZERO } else { RELEASER_TIMEOUT };
     Ok((summaries, outcome.recv_timeout(patience).unwrap_or(Ok(true))?))
 }
 
 /// The frames of a rig that have not been published yet.
-struct Player {
+struct RigFrames {
     name: String,
     frames: Frames,
     span: TimeRange,
@@ -62,14 +62,14 @@ struct Player {
     control: Receiver<StepControl>,
 }
 
-impl Player {
+impl RigFrames {
     /// Opens the frames of a stream. `control` delivers the control of its rig once it is ready.
-    fn new(played: &Played, control: Receiver<StepControl>) -> Result<Self, RecordingError> {
+    fn new(rig: &ReplayRig, control: Receiver<StepControl>) -> Result<Self, RecordingError> {
         Ok(Self {
-            name: played.config.rig.name.clone(),
-            frames: played.recording.frames()?,
-            span: played.span,
-            first_ns: played.recording.first_frame()?.stamp_ns,
+            name: rig.config.rig.name.clone(),
+            frames: rig.recording.frames()?,
+            span: rig.span,
+            first_ns: rig.recording.first_frame()?.stamp_ns,
             control,
         })
     }
@@ -88,29 +88,30 @@ impl Player {
 }
 
 /// A rig that is ready, and its next frame.
-struct Ready {
-    player: Player,
+struct ReadyRig {
+    frames: RigFrames,
     control: StepControl,
     next: FrameMeta,
 }
 
-struct Leader {
+/// Releases the frames of all rigs in time order.
+struct FrameReleaser {
     tempo: Tempo,
-    /// Frames to release before the next prompt.
-    ahead: u64,
+    /// Number of frames that may still be released before the next prompt.
+    granted: u64,
     /// The time when the first frame was released, and its stamp.
     origin: Option<(Instant, u64)>,
 }
 
-impl Leader {
+impl FrameReleaser {
     /// Releases all frames of the rigs that become ready, the earliest first; returns `true` if it was ended before the
     /// last.
-    fn lead(mut self, players: Vec<Player>, stop: &Stop) -> Result<bool, RecordingError> {
+    fn release_all(mut self, streams: Vec<RigFrames>, stop: &Stop) -> Result<bool, RecordingError> {
         let mut rigs = Vec::new();
-        for mut player in players {
-            let Ok(mut control) = player.control.recv() else { continue };
-            if let (true, Some(next)) = (control.wait_until_ready(), player.next_frame()?) {
-                rigs.push(Ready { player, control, next });
+        for mut frames in streams {
+            let Ok(mut control) = frames.control.recv() else { continue };
+            if let (true, Some(next)) = (control.wait_until_ready(), frames.next_frame()?) {
+                rigs.push(ReadyRig { frames, control, next });
             }
         }
         let first_ns = rigs.iter().map(|rig| rig.next.stamp_ns).min().unwrap_or(0);
@@ -120,7 +121,7 @@ impl Leader {
             if !self.wait_for_release(rig, first_ns, stop) {
                 return Ok(true);
             }
-            let next = if rig.control.step() { rig.player.next_frame()? } else { None };
+            let next = if rig.control.step() { rig.frames.next_frame()? } else { None };
             match next {
                 Some(next) => rig.next = next,
                 None => drop(rigs.remove(at)),
@@ -132,17 +133,17 @@ impl Leader {
     /// Waits until the next frame of a rig may be released; returns `false` to end the replay.
     ///
     /// `first_ns` is the stamp of the first frame of all rigs, from which a prompt counts the time.
-    fn wait_for_release(&mut self, rig: &Ready, first_ns: u64, stop: &Stop) -> bool {
+    fn wait_for_release(&mut self, rig: &ReadyRig, first_ns: u64, stop: &Stop) -> bool {
         match self.tempo {
             Tempo::Rate(Rate::Max) => {}
             Tempo::Rate(Rate::Times(times)) => self.wait_for_time(rig.next.stamp_ns, times, stop),
-            Tempo::Step if self.ahead > 0 => {}
+            Tempo::Step if self.granted > 0 => {}
             Tempo::Step => match ask_count(rig, first_ns) {
-                Some(count) => self.ahead = count,
+                Some(count) => self.granted = count,
                 None => return false,
             },
         }
-        self.ahead = self.ahead.saturating_sub(1);
+        self.granted = self.granted.saturating_sub(1);
         !stop.requested()
     }
 
@@ -158,17 +159,17 @@ impl Leader {
             if left.is_zero() {
                 break;
             }
-            thread::sleep(left.min(NAP));
+            thread::sleep(left.min(MAX_SLEEP));
         }
     }
 }
 
 /// Prompts for the number of frames to release; returns `None` to end, also at the end of standard input.
-fn ask_count(rig: &Ready, first_ns: u64) -> Option<u64> {
+fn ask_count(rig: &ReadyRig, first_ns: u64) -> Option<u64> {
     let at_s = rig.next.stamp_ns.saturating_sub(first_ns) as f64 * 1e-9;
     let mut stderr = std::io::stderr();
     loop {
-        let (name, sequence) = (&rig.player.name, rig.next.sequence);
+        let (name, sequence) = (&rig.frames.name, rig.next.sequence);
         let _ = write!(
             stderr,
             "{name}: frame {sequence} at {at_s:.6} s; Enter plays it, a number plays that many, q ends: "

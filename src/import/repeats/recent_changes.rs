@@ -15,13 +15,13 @@ const MAX_STANDSTILL_SHARE: f64 = 1.0 / 9.0;
 /// films without repeats, neighbouring changes differ by less unless the compression is strong.
 const MAX_DOUBTFUL_SHARE: f64 = 0.5;
 /// Share of a usual change, as a mean square, that is still a motion at full speed: half of its amplitude.
-const FULL_SPEED: f64 = 0.25;
+const MIN_FULL_SPEED_SHARE: f64 = 0.25;
 /// Change that rounding to whole grey levels alone can make, DN^2.
-const ROUNDING: f64 = 1.0 / 6.0;
+const MAX_ROUNDING_DN2: f64 = 1.0 / 6.0;
 
 /// Whether the floor of a change, DN^2, is that of a camera's noise: more than rounding alone can make.
 pub(super) fn is_noise(floor: f64) -> bool {
-    floor > ROUNDING
+    floor > MAX_ROUNDING_DN2
 }
 
 /// The recent changes that were no repeats.
@@ -73,7 +73,7 @@ impl RecentChanges {
         let mut recent = self.peaks.iter().rev();
         let (Some(last), Some(before)) = (recent.next(), recent.next()) else { return false };
         let (slower, faster) = (before.min(after.peak()), before.max(after.peak()));
-        let is_small = *last > ROUNDING && *last < MAX_DOUBTFUL_SHARE * slower;
+        let is_small = *last > MAX_ROUNDING_DN2 && *last < MAX_DOUBTFUL_SHARE * slower;
         let is_compressed = || !is_noise(self.usual_floor());
         is_small && is_compressed() && across().is_some_and(|across| across.peak() > faster / 2.0)
     }
@@ -87,7 +87,9 @@ impl RecentChanges {
         let Some(before) = self.peaks.back().copied() else { return false };
         let usual = quantile(&mut Vec::from(self.peaks.clone()), 0.5).unwrap_or_default();
         let (slower, faster) = (before.min(after.peak()), before.max(after.peak()));
-        let is_fast = slower > ROUNDING && slower >= FULL_SPEED * usual && largest <= MAX_STANDSTILL_SHARE * slower;
+        let is_fast = slower > MAX_ROUNDING_DN2
+            && slower >= MIN_FULL_SPEED_SHARE * usual
+            && largest <= MAX_STANDSTILL_SHARE * slower;
         is_fast && across.peak() > faster / 2.0
     }
 }
