@@ -21,6 +21,11 @@ impl PaddedImage {
         self.data.resize(self.stride() * (height + 2 * MARGIN), 0.0);
     }
 
+    /// The number of values, with margins, that its memory holds.
+    pub(in crate::dic) fn reserved_px(&self) -> usize {
+        self.data.capacity()
+    }
+
     /// The number of values from one row to the next.
     pub(in crate::dic) fn stride(&self) -> usize {
         self.width + 2 * MARGIN

@@ -41,6 +41,11 @@ impl PreparedFrame {
         self.size.1
     }
 
+    /// The number of pixels that its memory holds.
+    pub fn reserved_px(&self) -> usize {
+        self.levels.reserved_px()
+    }
+
     /// Whether the whole frame is prepared.
     pub(in crate::dic) fn is_whole(&self) -> bool {
         self.size == (self.levels.width(), self.levels.height())
