@@ -11,6 +11,8 @@ const SLIDING_SIGMAS: f64 = 3.0;
 const BACKWARD: (usize, f64) = (3, 2.0);
 /// The maximum difference between fits of two widths that noise explains, sigmas.
 const CHANCE_SIGMAS: f64 = 2.0;
+/// The minimum half width of the local fits, frames.
+const MIN_HALF_FRAMES: f64 = 4.0;
 /// The order of the local fits.
 const ORDER: usize = 3;
 /// The step of the search for the kink, frames.
@@ -36,7 +38,7 @@ pub struct Sliding {
 }
 
 /// Finds the moment at which the contact point stops, frames. Returns `None` where it did not slide before, or slid
-/// through the whole contact.
+/// through the whole contact, or where the contact is shorter than eight frames.
 ///
 /// A contact point that reverses has a zero of its speed, found by local cubic fits. One that rolls from then on has a
 /// kink: its displacement follows offset + slope t - friction x (the displacement caused by the normal force, `pushed`)
@@ -49,7 +51,9 @@ pub fn find_slip_end(
     let Sliding { start, end, before, after, radius } = *sliding;
     let side = before.value.signum();
     let slid_on = after.value * side > SLIDING_SIGMAS * after.sigma;
-    if before.value.abs() <= SLIDING_SIGMAS * before.sigma || slid_on {
+    // A contact shorter than the window of its local fits shows no more than the flights before and after it.
+    let is_resolved = end - start >= 2.0 * MIN_HALF_FRAMES;
+    if !is_resolved || before.value.abs() <= SLIDING_SIGMAS * before.sigma || slid_on {
         return None;
     }
     let point = |n: &SurfaceNode| Sample {
@@ -60,7 +64,7 @@ pub fn find_slip_end(
         sigma: n.sigma[TANGENTIAL].hypot(radius * n.sigma[ANGLE]),
         walk: (n.walk_share[TANGENTIAL] * n.sigma[TANGENTIAL]).hypot(n.walk_share[ANGLE] * radius * n.sigma[ANGLE]),
     };
-    let half = ((end - start) / 7.0).clamp(4.0, 12.0);
+    let half = ((end - start) / 7.0).clamp(MIN_HALF_FRAMES, 12.0);
     let around = nodes_between(nodes, start - half, end + half);
     let points: Vec<Sample> = around.iter().map(point).collect();
     let speeds = contact_point_speeds(&points, start, end, half);
@@ -168,4 +172,40 @@ fn find_kink(points: &[Sample], pushed: &[f64], start: f64) -> Option<Estimate> 
     let inside = || fine.iter().filter(|s| s.1 <= best.1 + rise).map(|s| s.0);
     let width = inside().next_back()? - inside().next()?;
     Some(Estimate { value: best.0, sigma: (width / 2.0).max(FINE_FRAMES) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns the end of the slip of a ball that slides at 1 px/frame until the middle of a contact of `frames`.
+    fn slip_end(frames: f64) -> Option<Estimate> {
+        let (start, end, sigma) = (20.3, 20.3 + frames, 2e-3);
+        let stop = start + 0.5 * frames;
+        let node = |frame: u64| {
+            let t = frame as f64;
+            let slid = t.min(stop) - 0.5 * (t.min(stop) - start).max(0.0).powi(2) / (stop - start);
+            let noise = sigma * ((frame * 37 % 17) as f64 - 8.0) / 5.0;
+            SurfaceNode {
+                frame,
+                time_frames: t,
+                component: 0,
+                turn: 0,
+                value: std::array::from_fn(|k| if k == TANGENTIAL { slid + noise } else { 0.0 }),
+                sigma: [sigma; 3],
+                walk_share: [0.0; 3],
+                turning_sigma: 0.0,
+            }
+        };
+        let nodes: Vec<_> = (0..60).map(node).collect();
+        let speed = |value: f64| Estimate { value, sigma: 1e-3 };
+        let sliding = Sliding { start, end, before: speed(1.0), after: speed(0.0), radius: 50.0 };
+        find_slip_end(&nodes, &sliding, |node| (node.time_frames - start).max(0.0).powi(2))
+    }
+
+    #[test]
+    fn a_contact_of_a_few_frames_does_not_show_where_the_slip_ends() {
+        assert!(slip_end(24.0).is_some());
+        assert!(slip_end(5.0).is_none());
+    }
 }

@@ -4,6 +4,8 @@
 //! between two frames is the difference of their poses, which cancels the noise of the
 //! reference.
 
+use std::ops::Range;
+
 use crate::dic::{BodyMotion, OcclusionMap, PlanarMotion, Point, PreparedFrame, Region, RigidBody};
 use crate::results::{BodyStep, Circle, FieldPoint, MotionMethod, OutlineShape, PointStatus, RigidStep};
 
@@ -24,11 +26,14 @@ const MAX_OCCLUDED_FRACTION: f64 = 0.003;
 const LIGHT_ERROR: f64 = 2.0;
 /// The minimum rotation that the effect of light is related to, deg.
 const MIN_TURN_DEG: f64 = 0.05;
-/// The rotations over several references from which they are compared with a direct match to the first, deg.
+/// The maximum difference between a rotation over several references and a direct match to the first that corrects it,
+/// sigmas.
+const SAME_ROTATION_SIGMAS: f64 = 4.0;
+/// The rotations after which a match to the first reference bounds the error that it does not correct, deg.
 ///
-/// A pattern has left its place after such a rotation, and light that stays in the room no longer holds it back.
-const COMPARED_DEG: [f64; 2] = [15.0, 30.0];
-/// The number of standard uncertainties from which the two differ.
+/// The pattern has then left its place, and light that stays in the room no longer holds it back.
+const COMPARED_DEG: Range<f64> = 15.0..45.0;
+/// The difference that noise explains, sigmas.
 const COMPARED_SIGMAS: f64 = 2.0;
 /// The number of occluded pixels that is always allowed, since a pixel may be stuck.
 const FREE_OCCLUDED_PIXELS: f64 = 2.0;
@@ -68,9 +73,9 @@ struct RigidTrack {
     origin: Pose,
     /// The first reference and its pose, once it was renewed.
     first: Option<(RigidBody, Pose)>,
-    /// The number of comparisons of the rotation over several references with a match to the first of them.
-    comparisons: usize,
-    /// The largest fraction of the rotation that these comparisons found missing or in excess.
+    /// The variance of the angle of the reference relative to the first one, deg^2.
+    drift_variance: f64,
+    /// The largest fraction of the rotation that light may have held back.
     rotation_error: Option<f64>,
     radius_px: f64,
     /// Whether nothing occluded the body in the reference.
@@ -225,7 +230,7 @@ impl RigidMatcher {
             reference,
             origin,
             first: None,
-            comparisons: 0,
+            drift_variance: 0.0,
             rotation_error: None,
             radius_px,
             is_unoccluded,
@@ -290,7 +295,7 @@ impl RigidTrack {
         };
         let found = self.reference.find_visible(target, Point::new(origin.x_px, origin.y_px), near).ok()?;
         let BodyMotion { motion, visible_fraction, light_deg, .. } = found;
-        let pose = Pose {
+        let mut pose = Pose {
             frame,
             x_px: origin.x_px + motion.u_px,
             y_px: origin.y_px + motion.v_px,
@@ -305,16 +310,20 @@ impl RigidTrack {
         if is_narrow && !is_predicted {
             return None;
         }
-        let place = self.poses.partition_point(|other| other.frame < frame);
-        self.poses.insert(place, pose);
-        if visible_fraction >= UNOCCLUDED_FRACTION {
-            self.compare_with_first(target, &pose);
-        }
-        let center = self.reference.center();
-        self.occlusions.extend(self.reference.occlusion_map().map(|map| OccludedFrame { frame, origin, center, map }));
         let is_occluded = visible_fraction < UNOCCLUDED_FRACTION;
         // An occluder in the reference that moves with the body would be matched as a part of it.
-        if found.is_stale() && (!is_occluded || motion.angle_deg.abs() > RENEW_OCCLUDED_DEG) {
+        let is_renewed = found.is_stale() && (!is_occluded || motion.angle_deg.abs() > RENEW_OCCLUDED_DEG);
+        if is_renewed {
+            self.drift_variance += pose.sigma[2].powi(2);
+            let kept = if is_occluded { 1.0 } else { self.anchor(target, &mut pose) };
+            let share = kept * found.misfit_deg / motion.angle_deg.abs();
+            self.rotation_error = larger(self.rotation_error, Some(share).filter(|share| share.is_finite()));
+        }
+        let place = self.poses.partition_point(|other| other.frame < frame);
+        self.poses.insert(place, pose);
+        let center = self.reference.center();
+        self.occlusions.extend(self.reference.occlusion_map().map(|map| OccludedFrame { frame, origin, center, map }));
+        if is_renewed {
             let region = Region::Disc { x_px: pose.x_px, y_px: pose.y_px, radius_px: self.radius_px };
             if let Ok(reference) = RigidBody::new(target, &region) {
                 let last =
@@ -326,28 +335,38 @@ impl RigidTrack {
         Some(pose)
     }
 
-    /// Compares the rotation over several references with a match to the first of them, twice in a block at most.
+    /// Corrects the rotation to a frame that becomes the next reference by a match to the first one. Returns the share of
+    /// its error that remains.
     ///
     /// Whatever stands in the room and looks the same in neighbouring frames holds every short rotation back by the same
-    /// share. Their sum then falls short of the direct match, in which the pattern has left its place.
-    fn compare_with_first(&mut self, target: &PreparedFrame, pose: &Pose) {
-        let Some((reference, origin)) = self.first.as_mut() else { return };
+    /// share, and these errors add up over the references. A direct match to the first one has a single error, since the
+    /// pattern has left its place. Both are weighted by their variances, as in a Kalman filter. If they contradict each
+    /// other, their difference bounds the error of the rotation instead.
+    fn anchor(&mut self, target: &PreparedFrame, pose: &mut Pose) -> f64 {
+        let variance = self.drift_variance;
+        let Some((reference, origin)) = self.first.as_mut() else { return 1.0 };
         let turned_deg = pose.angle_deg - origin.angle_deg;
-        if COMPARED_DEG.get(self.comparisons).is_none_or(|limit| turned_deg.abs() < *limit) {
-            return;
-        }
         let (u_px, v_px) = (pose.x_px - origin.x_px, pose.y_px - origin.y_px);
         let near = PlanarMotion { u_px, v_px, angle_deg: turned_deg };
         let found = reference.find_visible(target, Point::new(origin.x_px, origin.y_px), near);
-        let error_deg = found.map_or(0.0, |BodyMotion { motion, .. }| {
-            let apart_deg = motion.angle_deg - turned_deg;
-            let apart_deg = apart_deg - 360.0 * (apart_deg / 360.0).round();
-            let sigma_deg = motion.sigma_angle_deg.hypot(pose.sigma[2]);
-            (apart_deg.powi(2) - (COMPARED_SIGMAS * sigma_deg).powi(2)).max(0.0).sqrt()
-        });
-        self.comparisons += 1;
-        self.rotation_error =
-            larger(self.rotation_error, Some(error_deg / turned_deg.abs()).filter(|error| *error > 0.0));
+        let Ok(direct) = found else { return 1.0 };
+        let apart_deg = direct.motion.angle_deg - turned_deg;
+        let apart_deg = apart_deg - 360.0 * (apart_deg / 360.0).round();
+        let both = variance + direct.motion.sigma_angle_deg.powi(2);
+        if !direct.is_similar() || apart_deg.powi(2) > SAME_ROTATION_SIGMAS.powi(2) * both {
+            let error_deg = (apart_deg.powi(2) - COMPARED_SIGMAS.powi(2) * both).max(0.0).sqrt();
+            // A pattern that turns out of the image plane looks different soon.
+            let is_comparable = COMPARED_DEG.contains(&turned_deg.abs());
+            let error = Some(error_deg / turned_deg.abs()).filter(|_| is_comparable);
+            self.rotation_error = larger(self.rotation_error, error);
+            return 1.0;
+        }
+        let gain = variance / both;
+        pose.angle_deg += gain * apart_deg;
+        // The step to this frame removes the error that has added up before it.
+        pose.sigma[2] = pose.sigma[2].hypot((gain * variance).sqrt());
+        self.drift_variance = (1.0 - gain) * variance;
+        1.0 - gain
     }
 }
 

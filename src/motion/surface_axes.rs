@@ -86,6 +86,15 @@ impl PixelRates {
         Self { x: widened(self.x, x), y: widened(self.y, y), theta: widened(self.theta, theta), ..self }
     }
 
+    /// Widens the sigmas of rates that were fitted to outlines, each of which is uncertain by `sigma_px`.
+    ///
+    /// Light at the rim shifts the outlines of many frames alike, and no fit averages that out. It changes slowly, so the
+    /// errors at both ends of the window count as independent.
+    pub fn from_outlines(self, sigma_px: f64) -> Self {
+        let rate = std::f64::consts::SQRT_2 * sigma_px / f64::from(self.window_frames.max(1));
+        self.widened_by([rate, rate, 0.0])
+    }
+
     /// Widens the sigmas for true rates that may be larger by a share of themselves.
     pub fn biased_by(self, share: f64) -> Self {
         let [x, y, theta] = [self.x, self.y, self.theta].map(|rate| rate.short_by(share));

@@ -1,7 +1,7 @@
 //! The velocity at one frame: a local fit to the integrated poses.
 
 use super::{MotionParams, PixelRates, Pose};
-use crate::numeric::{MAX_ORDER, Polynomial, Sample};
+use crate::numeric::{MAX_ORDER, Polynomial, Sample, exp};
 use crate::results::{Estimate, RigidStep};
 
 /// The lag of a sample when the fit chooses its window, frames.
@@ -16,6 +16,8 @@ const FLIGHT_BACK: u64 = 40;
 const CONTACT_ORDER: usize = 4;
 /// The maximum difference between a measured and a known acceleration that are taken as equal, sigmas.
 const SAME_ACCELERATION: f64 = 3.5;
+/// The prior odds that a body falls with the configured gravity. A camera above a table sees another acceleration.
+const GRAVITY_ODDS: f64 = 20.0;
 /// The ratio of a contact's fifth derivative to that of half a sine: contacts begin and end more sharply.
 const SHARPNESS: f64 = 10.0;
 
@@ -333,6 +335,7 @@ fn unobserved_force_error(known: KnownMotion<'_>, frame: u64, interval: u64) -> 
 
 /// Fits a line with known gravity, px/frame^2, or with none, where the measured acceleration agrees with it.
 ///
+/// If it agrees with both, the nodes and [`GRAVITY_ODDS`] decide, and what they leave open is part of the uncertainty.
 /// `None` if it agrees with neither, or if the nodes scatter more than noise.
 fn fit_flight(nodes: &[Pose], at_frames: f64, gravity: Option<[f64; 2]>) -> Option<PixelRates> {
     let (first, last) = (nodes.first()?, nodes.last()?);
@@ -341,16 +344,32 @@ fn fit_flight(nodes: &[Pose], at_frames: f64, gravity: Option<[f64; 2]>) -> Opti
     if free.iter().flatten().any(|fit| fit.excess() > MAX_EXCESS) {
         return None;
     }
-    let agrees = |known: &[f64; 2]| {
-        (0..2).all(|axis| {
-            free[axis].as_ref().is_none_or(|fit| {
+    let distances = |known: [f64; 2]| {
+        [0, 1].map(|axis| {
+            free[axis].as_ref().map_or(0.0, |fit| {
                 let a = fit.curvature();
-                (a.value - known[axis]).abs() <= SAME_ACCELERATION * a.sigma * fit.excess()
+                (a.value - known[axis]).abs() / (a.sigma * fit.excess())
             })
         })
     };
-    let known = gravity.filter(agrees).or_else(|| Some([0.0; 2]).filter(agrees))?;
-    fit_rates(nodes, at_frames, 1, known)
+    let agrees = |distances: [f64; 2]| distances.iter().all(|distance| *distance <= SAME_ACCELERATION);
+    let falls = gravity.map(|gravity| (gravity, distances(gravity))).filter(|(_, distances)| agrees(*distances));
+    let none = Some(distances([0.0; 2])).filter(|distances| agrees(*distances));
+    let line = |known: [f64; 2]| fit_rates(nodes, at_frames, 1, known);
+    let (gravity, falling, resting) = match (falls, none) {
+        (Some((gravity, falling)), Some(resting)) => (gravity, falling, resting),
+        (Some((gravity, _)), None) => return line(gravity),
+        (None, Some(_)) => return line([0.0; 2]),
+        (None, None) => return None,
+    };
+    let chi2 = |distances: [f64; 2]| distances.iter().map(|distance| distance.powi(2)).sum::<f64>();
+    let odds = GRAVITY_ODDS * exp(0.5 * (chi2(resting) - chi2(falling)));
+    let share = odds / (1.0 + odds);
+    let (falling, resting) = (line(gravity)?, line([0.0; 2])?);
+    let doubt = (share * (1.0 - share)).sqrt();
+    let apart = [(falling.x, resting.x), (falling.y, resting.y)].map(|(a, b)| doubt * (a.value - b.value).abs());
+    let likelier = if odds >= 1.0 { falling } else { resting };
+    Some(likelier.widened_by([apart[0], apart[1], 0.0]))
 }
 
 /// Returns the half width, frames, of the order-4 window with the smallest noise^2 + bias^2: see [`smooth`].
@@ -368,4 +387,41 @@ fn contact_bias(half: u64, speed_px: f64, acceleration_px: f64) -> f64 {
     let omega = (acceleration_px / speed_px.max(1e-9)).clamp(0.0, 1.0);
     let fifth = SHARPNESS * speed_px * omega.powi(4) * std::f64::consts::FRAC_1_SQRT_2;
     fifth * (half as f64).powi(4) / 504.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The nodes of a body along y with this acceleration, px/frame^2, and a scatter of 0.2 px.
+    fn nodes(acceleration: f64) -> Vec<Pose> {
+        let node = |frame: u64| {
+            let (t, noise) = (frame as f64, 0.2 * ((frame * 37 % 17) as f64 - 8.0) / 5.0);
+            Pose {
+                frame,
+                time_frames: t,
+                component: 0,
+                turn: 0,
+                pose: [0.3 * t, 1.4 * t + 0.5 * acceleration * t * t + noise, 0.0],
+                sigma: [0.2; 3],
+                bridged: [0.0; 3],
+                walk_share: [0.0; 3],
+                kept: None,
+            }
+        };
+        (0..15).map(node).collect()
+    }
+
+    #[test]
+    fn a_flight_too_short_to_show_gravity_is_uncertain_by_it() {
+        let gravity_px = 0.02;
+        for acceleration in [0.0, gravity_px] {
+            let rates = fit_flight(&nodes(acceleration), 0.0, Some([0.0, gravity_px])).unwrap();
+            assert!((rates.y.value - 1.4).abs() < 5.0 * rates.y.sigma, "{acceleration}: {rates:?}");
+        }
+        // Where the motion shows it, nothing is left open.
+        let (fast, exact) =
+            (fit_flight(&nodes(2.0), 0.0, Some([0.0, 2.0])), fit_rates(&nodes(2.0), 0.0, 1, [0.0, 2.0]));
+        assert_eq!(fast, exact);
+    }
 }

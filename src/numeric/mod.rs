@@ -20,6 +20,6 @@ pub use order_statistics::{MAX_COUNT, nth_highest, nth_smallest};
 pub use polynomial::{MAX_ORDER, Polynomial, Sample};
 pub use quantile::{median, otsu, quantile};
 pub use random::{GOLDEN_GAMMA, Stream, Xorshift, key, scramble};
-pub use symmetric::invert;
+pub use symmetric::{invert, map_eigenvalues};
 pub(crate) use vector::vectorized;
 pub use vector::{Portable, Vector, instruction_set};

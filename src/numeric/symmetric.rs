@@ -1,5 +1,7 @@
 //! Small symmetric positive definite systems.
 
+use nalgebra::Matrix3;
+
 /// The minimum ratio of a pivot to its diagonal element. Below, a matrix is singular to working precision.
 const MIN_PIVOT: f64 = 1e-7;
 
@@ -55,6 +57,14 @@ fn invert_leading<const M: usize>(matrix: &[[f64; M]; M], n: usize) -> Option<[[
     Some(inverse)
 }
 
+/// Returns a function of a symmetric 3 x 3 matrix: the matrix of the same eigenvectors with the changed eigenvalues.
+pub fn map_eigenvalues(matrix: &[[f64; 3]; 3], change: impl Fn(f64) -> f64) -> [[f64; 3]; 3] {
+    let mut eigen = Matrix3::from_fn(|row, column| matrix[row][column]).symmetric_eigen();
+    eigen.eigenvalues.apply(|value| *value = change(*value));
+    let changed = eigen.recompose();
+    std::array::from_fn(|row| std::array::from_fn(|column| changed[(row, column)]))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -83,6 +93,15 @@ mod tests {
         let bits = |rows: &[[f64; 4]]| rows.as_flattened().iter().map(|value| value.to_bits()).collect::<Vec<_>>();
         assert_eq!(bits(&inverse[..3]), bits(&expected));
         assert_eq!(bits(&inverse[3..]), [0; 4]);
+    }
+
+    #[test]
+    fn the_reciprocals_of_the_eigenvalues_give_the_inverse() {
+        let matrix = [[4.0, 1.0, 0.5], [1.0, 3.0, -1.0], [0.5, -1.0, 2.0]];
+        let (found, expected) = (map_eigenvalues(&matrix, |value| 1.0 / value), invert(&matrix, 3).unwrap());
+        for (found, expected) in found.as_flattened().iter().zip(expected.as_flattened()) {
+            assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+        }
     }
 
     #[test]

@@ -262,15 +262,16 @@ impl BodyTracker {
         Some(Center { sigma_px: center.sigma_px.hypot(drift_px), ..center })
     }
 
-    /// Returns the difference between measured and expected radius that neither noise nor the scale explains, px.
+    /// Returns the difference between measured and expected radius, px; 0 if noise and the scale explain it.
     ///
-    /// Glancing reflections mask the rim on one side, which moves the centre by about as much.
+    /// Glancing reflections or shadow mask the rim on one side, which moves the centre by about as much.
     fn rim_misfit_px(&self) -> f64 {
         let both = self.radius.radius_px().zip(self.params.radius_px).filter(|_| self.params.form == Form::Ball);
-        both.map_or(0.0, |(radius, expected_px)| {
+        let misfit_px = both.map(|(radius, expected_px)| {
             let allowed_px = RADIUS_TOLERANCE * expected_px + RADIUS_SIGMAS * radius.sigma;
-            ((radius.value - expected_px).abs() - allowed_px).max(0.0)
-        })
+            Some((radius.value - expected_px).abs()).filter(|misfit_px| *misfit_px > allowed_px)
+        });
+        misfit_px.flatten().unwrap_or(0.0)
     }
 
     /// Adds the systematic uncertainty of measured motions: fixed pattern, interpolation and light.
@@ -278,6 +279,13 @@ impl BodyTracker {
         let (speed_bias, motion) = (self.speed_bias(), [rates.x.value, rates.y.value, rates.theta.value]);
         let rates = rates.biased_by(speed_bias.underestimate(motion)).biased_by(speed_bias.interpolation_error(motion));
         PixelRates { theta: rates.theta.short_by(self.light_bias.significant()), ..rates }
+    }
+
+    /// Adds the errors that the outlines of many frames share, if these gave the motion.
+    fn with_outline_errors(&self, rates: PixelRates, step: &BodyStep, track: &TrackSample) -> PixelRates {
+        let method = step.motion.map_or(self.method, |_| step.method);
+        let sigma_px = track.sigma_center_px.filter(|_| method == MotionMethod::Outlines);
+        sigma_px.map_or(rates, |sigma_px| rates.from_outlines(sigma_px))
     }
 
     /// Returns the rows of a frame from everything added so far; `step` is the one that [`Self::add_step`] returned.
@@ -324,6 +332,7 @@ impl BodyTracker {
         let scatter = Scatter::near(known, step.frame, regime, self.params.coding);
         let rates = here.and_then(|(n, here)| {
             let rates = scatter.apply_to_rates(smooth(known, n.frame, regime, &self.params)?, &n);
+            let rates = self.with_outline_errors(rates, step, &track);
             Some(self.rolling.widen_rates(self.correct_out_of_plane(rates, regime, &n, &here)))
         });
         let scale = self.radius.metres_per_px(self.params.scale);

@@ -1,11 +1,16 @@
 //! Stationary light, in which bodies move and rotate.
 
-use ricochet::synth::{LightSetup, MotionSetup, Scenario, SimulatedFilm};
+use ricochet::synth::{LightSetup, MotionSetup, Scenario, Shape, SimulatedFilm};
 
 use crate::measured_world::{level_rig, rows_of};
 
 /// A ball of 114 px that crosses the image and rotates.
-fn world(light: LightSetup, (vx, vy, spin_deg): (f64, f64, f64), seed: u64) -> SimulatedFilm {
+fn world(light: LightSetup, motion: (f64, f64, f64), seed: u64) -> SimulatedFilm {
+    SimulatedFilm::new(&scenario(light, motion, seed)).unwrap()
+}
+
+/// The scenario of such a ball.
+fn scenario(light: LightSetup, (vx, vy, spin_deg): (f64, f64, f64), seed: u64) -> Scenario {
     let mut scenario = Scenario { seed, ..Scenario::translation(vx, vy, spin_deg) };
     (scenario.camera.frames, scenario.camera.width_px, scenario.camera.height_px) = (64, 360, 224);
     scenario.camera.noise_dn = 1.0;
@@ -14,7 +19,7 @@ fn world(light: LightSetup, (vx, vy, spin_deg): (f64, f64, f64), seed: u64) -> S
     if let MotionSetup::Constant { start_px, .. } = &mut scenario.motion {
         *start_px = [90.3, 102.7];
     }
-    SimulatedFilm::new(&scenario).unwrap()
+    scenario
 }
 
 /// For velocities and spins, the largest relative error and the root mean square of the errors in sigmas.
@@ -55,5 +60,27 @@ fn light_from_a_side_does_not_bias_the_spin() {
         println!("side light {side}: speeds {speed:?}, spins {spin:?}");
         assert!(spin.0 < 4e-4 && spin.1 < 2.5, "side light {side}: spins {spin:?}");
         assert!(speed.0 < 1e-3 && speed.1 < 3.5, "side light {side}: speeds {speed:?}");
+    }
+}
+
+/// Short rotations between neighbouring frames are held back by light that looks the same in both. On balls of this kind
+/// that spin fast, spins were short by up to 16 %, by 10 sigmas.
+#[test]
+fn a_lamp_and_a_highlight_do_not_hold_a_fast_spin_back() {
+    for (spin_deg, seed) in [(6.4, 5), (-4.3, 6)] {
+        let motion = (1.37, 0.21, spin_deg);
+        let light = LightSetup {
+            lamp: 0.7,
+            side_angle_deg: 120.0,
+            lamp_elevation_deg: 40.0,
+            highlight: 1.0,
+            highlight_deg: 6.0,
+            ..LightSetup::default()
+        };
+        let mut scenario = scenario(light, motion, seed);
+        scenario.body.shape = Shape::Sphere;
+        let [_, spin] = judge(&SimulatedFilm::new(&scenario).unwrap(), motion);
+        println!("{spin_deg} deg per frame: spins {spin:?}");
+        assert!(spin.0 < 4e-3 && spin.1 < 2.5, "{spin_deg} deg per frame: spins {spin:?}");
     }
 }

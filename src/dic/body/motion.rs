@@ -1,11 +1,13 @@
 //! The motion of a whole body and its uncertainty.
 
+use std::f64::consts::TAU;
+
 use super::light_field::LightCorrection;
 use crate::dic::field::RigidMotion;
 use crate::dic::geometry::Point;
 use crate::dic::refine::{Match, MatchError, Refiner};
 use crate::dic::uncertainty::{GradientNoise, NoisePool, VarianceFactor};
-use crate::numeric::Lanes;
+use crate::numeric::{Lanes, map_eigenvalues};
 use crate::results::PointStatus;
 
 /// The rotation above which a reference should be renewed, deg.
@@ -13,6 +15,12 @@ pub const STALE_DEG: f64 = 3.0;
 
 /// The ZNCC below which a reference should be renewed.
 const STALE_ZNCC: f64 = 0.8;
+
+/// The variance of a gradient of fourth order per variance of white noise: 2 (2/3)^2 + 2 (1/12)^2, 1/px^2.
+const NOISE_GRADIENT: f64 = 65.0 / 72.0;
+
+/// The minimum fraction of the gradient energy that counts as texture: that of noise is known to a few per cent.
+const MIN_TEXTURE_FRACTION: f64 = 0.05;
 
 /// The motion of a body between two frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,12 +33,26 @@ pub struct BodyMotion {
     pub visible_fraction: f64,
     /// The rotation by which smooth light was found to have held the match back, deg.
     pub light_deg: f64,
+    /// The part of the uncertainty of the rotation that recurs in every frame, deg.
+    ///
+    /// Light holds a match back alike in all frames. If noise outweighs the texture, a match stays at its start.
+    pub misfit_deg: f64,
 }
 
 impl BodyMotion {
+    /// Multiplies the standard uncertainties with a factor.
+    pub(super) fn with_scaled_sigmas(self, factor: f64) -> Self {
+        Self { motion: self.motion.with_scaled_sigmas(factor), misfit_deg: factor * self.misfit_deg, ..self }
+    }
+
     /// Whether the reference should be renewed: the body rotated by more than 3 deg, or the ZNCC is below 0.8.
     pub fn is_stale(&self) -> bool {
-        self.motion.angle_deg.abs() > STALE_DEG || self.zncc < STALE_ZNCC
+        self.motion.angle_deg.abs() > STALE_DEG || !self.is_similar()
+    }
+
+    /// Whether the body still looks as in its reference: the ZNCC is at least 0.8.
+    pub fn is_similar(&self) -> bool {
+        self.zncc >= STALE_ZNCC
     }
 }
 
@@ -53,12 +75,39 @@ pub(super) fn variance_factors(inverse: &[[f64; 6]; 6], angle: f64, offset: Poin
     rows.map(|a| (0..3).map(|i| (0..3).map(|j| a[i] * inverse[i][j] * a[j]).sum::<f64>()).sum())
 }
 
+/// Returns the leading 3 x 3 part of a matrix.
+fn leading(matrix: &[[f64; 6]; 6]) -> [[f64; 3]; 3] {
+    std::array::from_fn(|i| std::array::from_fn(|j| matrix[i][j]))
+}
+
+/// Returns the covariance of a rigid match per DN^2 of residual variance, from its inverse Hessian.
+///
+/// Noise has gradients as well, and the Hessian contains their energy. They do not recur in the target, so they do not
+/// constrain the motion: along the stripes of a pattern, a match stays where it began. The energy in one direction is s of
+/// the texture and n of the noise. The variance is then (s + n) / s^2, not 1 / (s + n) (errors in variables: W. A. Fuller,
+/// Measurement Error Models, 1987).
+///
+/// `variance` is that of the residual of the two frames, DN^2, over `pixels` pixels of a compact body.
+fn without_noise(inverse: &[[f64; 3]; 3], variance: f64, pixels: f64) -> [[f64; 3]; 3] {
+    // In units in which noise has the same energy along all three parameters.
+    let arm_px = (pixels / TAU).sqrt();
+    let units = [1.0, 1.0, arm_px];
+    let scaled: [[f64; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|j| inverse[i][j] * units[i] * units[j]));
+    let noise = pixels * 0.5 * variance * NOISE_GRADIENT;
+    let covariance = map_eigenvalues(&scaled, |reciprocal| {
+        let energy = 1.0 / reciprocal;
+        let texture = (energy - noise).max(MIN_TEXTURE_FRACTION * energy);
+        energy / texture.powi(2)
+    });
+    std::array::from_fn(|i| std::array::from_fn(|j| covariance[i][j] / (units[i] * units[j])))
+}
+
 /// Returns an inverse Hessian of three parameters, padded with zeros to six.
 fn pad_to_six(inverse: &[[f64; 3]; 3]) -> [[f64; 6]; 6] {
     std::array::from_fn(|i| std::array::from_fn(|j| if i < 3 && j < 3 { inverse[i][j] } else { 0.0 }))
 }
 
-/// Returns the motion of the point at an offset from the centre, with its uncertainty.
+/// Returns the motion of the point at an offset from the centre, with its uncertainty, of a body that is fully visible.
 ///
 /// `pool` holds the texture of the matched pixels and gets the `residual` of the match. `light` removes a smooth light
 /// field. The uncertainty is not yet corrected by the gradient gain.
@@ -69,13 +118,15 @@ pub(super) fn motion(
     pool: &mut NoisePool,
     residual: &[Lanes],
     light: Option<LightCorrection>,
-) -> RigidMotion {
+) -> BodyMotion {
     let (subset, window, pixels) = (refiner.subset, refiner.window, refiner.window.pixels);
     pool.set_residual(window, residual);
     let free = (pixels as f64 - 7.0).max(1.0);
     let variance = 2.0 * subset.energy * (1.0 - found.zncc) / free;
     let warp = light.and_then(|light| found.warp.after_inverse(&light.step)).unwrap_or(found.warp);
-    let inverse = light.map_or(subset.inverse, |light| pad_to_six(&light.inverse));
+    let light_deg = LightCorrection::rotation_deg(light.as_ref());
+    let noisy = light.map_or_else(|| leading(&subset.inverse), |light| light.inverse);
+    let inverse = pad_to_six(&without_noise(&noisy, variance, pixels as f64));
     let angle = warp.uy.atan2(1.0 + warp.ux);
     let Point { x_px: dx, y_px: dy } = offset;
     let (x, y) = warp.apply(dx, dy);
@@ -84,13 +135,17 @@ pub(super) fn motion(
     let (var_u, var_v) = factor.variances(variance, along_u, along_v);
     let mean = 0.5 * (factor.x + factor.y);
     let (var_angle, _) = VarianceFactor { x: mean, y: mean }.variances(variance, along_angle, 0.0);
-    RigidMotion {
+    let noise_fraction = 1.0 - (noisy[2][2] / along_angle).sqrt();
+    let misfit = pool.misfit_fraction().sqrt().hypot(noise_fraction);
+    let sigma_angle_deg = var_angle.sqrt().to_degrees();
+    let motion = RigidMotion {
         u_px: x - dx,
         v_px: y - dy,
         angle_deg: angle.to_degrees(),
         sigma_u_px: var_u.sqrt(),
         sigma_v_px: var_v.sqrt(),
-        sigma_angle_deg: var_angle.sqrt().to_degrees(),
+        sigma_angle_deg,
         points: pixels as u32,
-    }
+    };
+    BodyMotion { motion, zncc: found.zncc, visible_fraction: 1.0, light_deg, misfit_deg: misfit * sigma_angle_deg }
 }

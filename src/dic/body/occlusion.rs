@@ -1,6 +1,6 @@
 //! Matching of a partly occluded body: determines its visible pixels and their motion together.
 
-use super::light_field::{LightCorrection, LightField};
+use super::light_field::LightField;
 use super::motion::{BodyMotion, motion, status_of};
 use super::occlusion_map::OcclusionMap;
 use super::registration::RegistrationSample;
@@ -193,11 +193,9 @@ impl OcclusionSearch {
         residual.iter_mut().zip(&self.window.mask).for_each(|(residual, mask)| *residual = *residual * *mask);
         let field = LightField::new(&self.subset, &self.window);
         let light = field.and_then(|field| field.correction(&self.window, &residual));
-        let light_deg = LightCorrection::rotation_deg(light.as_ref());
-        let motion = motion(&self.refiner(body), found, offset, &mut pool, &residual, light);
+        let moved = motion(&self.refiner(body), found, offset, &mut pool, &residual, light);
         (self.pool, self.residual) = (pool, residual);
-        let visible_fraction = pixels as f64 / body.window.pixels as f64;
-        Ok(BodyMotion { motion, zncc: found.zncc, visible_fraction, light_deg })
+        Ok(BodyMotion { visible_fraction: pixels as f64 / body.window.pixels as f64, ..moved })
     }
 
     /// Clears the occlusion found in the last frame, so that [`Self::occlusion_map`] returns `None`.

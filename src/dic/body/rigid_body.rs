@@ -3,7 +3,7 @@
 //! A rigid motion fitted to the displacements of subsets loses the pixels between and outside the subsets. One match of
 //! all pixels is closer to the Cramer-Rao bound, and cheaper.
 
-use super::light_field::{LightCorrection, LightField};
+use super::light_field::LightField;
 use super::motion::{BodyMotion, motion, status_of, variance_factors};
 use super::occlusion::OcclusionSearch;
 use super::occlusion_map::OcclusionMap;
@@ -177,7 +177,7 @@ impl RigidBody {
                 searched.and_then(|found| {
                     let visible = occlusion.body_motion(&self.refiner(target), &found, offset)?;
                     // The visible pixels are a part of the body's.
-                    Ok(BodyMotion { motion: visible.motion.with_scaled_sigmas(self.gradient_gain), ..visible })
+                    Ok(visible.with_scaled_sigmas(self.gradient_gain))
                 })
             }
         };
@@ -204,9 +204,7 @@ impl RigidBody {
         let light = light.as_ref().and_then(|light| light.correction(window, residual));
         let refiner =
             Refiner { subset, window, shape: Shape::Rigid, target: &target.interpolated, at: target.local(*at) };
-        let light_deg = LightCorrection::rotation_deg(light.as_ref());
-        let motion = motion(&refiner, found, offset, pool, residual, light).with_scaled_sigmas(self.gradient_gain);
-        BodyMotion { motion, zncc: found.zncc, visible_fraction: 1.0, light_deg }
+        motion(&refiner, found, offset, pool, residual, light).with_scaled_sigmas(self.gradient_gain)
     }
 
     /// Runs the match of all pixels from an initial warp.
@@ -312,6 +310,27 @@ mod tests {
         let right = body.find(&frame, Point::new(80.0, 66.0), near).unwrap().motion;
         assert!((right.v_px - (0.25 - 10.0 * 2.0_f64.to_radians().sin())).abs() < 0.002, "{right:?}");
         assert!(right.sigma_v_px >= at_center.sigma_v_px);
+    }
+
+    #[test]
+    fn along_stripes_a_match_is_uncertain() {
+        let mut stripes = Image::new(140, 132);
+        for row in stripes.rows_mut() {
+            for (x, level) in row.iter_mut().enumerate() {
+                *level = 120.0 + 50.0 * (0.4 * x as f32).sin();
+            }
+        }
+        let region = Region::Disc { x_px: 70.0, y_px: 66.0, radius_px: 30.0 };
+        for seed in 0..4 {
+            let mut body = RigidBody::new(&prepared(&record(&stripes, 2.0, 2 * seed)), &region).unwrap();
+            let frame = prepared(&record(&stripes, 2.0, 2 * seed + 1));
+            // The stripes look the same wherever the match starts.
+            let near = PlanarMotion { v_px: 0.8, ..PlanarMotion::default() };
+            let motion = body.find(&frame, CENTER, near).unwrap().motion;
+            assert!(motion.v_px.abs() < 5.0 * motion.sigma_v_px, "{motion:?}");
+            assert!(motion.u_px.abs() < 5.0 * motion.sigma_u_px && motion.sigma_u_px < 0.01, "{motion:?}");
+            assert!(motion.sigma_angle_deg < 0.05, "{motion:?}");
+        }
     }
 
     #[test]

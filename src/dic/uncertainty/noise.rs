@@ -6,6 +6,7 @@
 //! windows of the pair, accounts for that. Noise is also not uniform: photon noise is larger on bright paint than on
 //! dark speckles, and only noise at grey-level slopes moves the result.
 
+mod misfit;
 use super::gradient_gain::GradientGain;
 use crate::dic::geometry::{Block, Pixel, SubsetMask};
 use crate::dic::image::PaddedImage;
@@ -14,7 +15,6 @@ use crate::numeric::{LANES, Lanes, Vector, vectorized};
 
 /// The largest lag, px.
 const REACH: usize = 2;
-
 /// The number of lags of one half plane: (0, 0..=2) and (1..=2, -2..=2).
 const LAGS: usize = (REACH + 1) * (2 * REACH + 1);
 
