@@ -149,3 +149,20 @@ pub(super) fn motion(
     };
     BodyMotion { motion, zncc: found.zncc, visible_fraction: 1.0, light_deg, misfit_deg: misfit * sigma_angle_deg }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_direction_with_no_more_than_noise_is_uncertain() {
+        // Gradient energies along x, y and the angle; 2000 pixels with noise of 2 DN in either frame.
+        let (x, y, angle) = (1e6, 8000.0, 1e9);
+        let inverse = [[1.0 / x, 0.0, 0.0], [0.0, 1.0 / y, 0.0], [0.0, 0.0, 1.0 / angle]];
+        let covariance = without_noise(&inverse, 8.0, 2000.0);
+        let noise = 2000.0 * 4.0 * NOISE_GRADIENT;
+        assert!((covariance[0][0] * x - 1.0).abs() < 0.03, "{covariance:?}");
+        assert!((covariance[1][1] / (y / (y - noise).powi(2)) - 1.0).abs() < 1e-6, "{covariance:?}");
+        assert!(covariance[1][1] * y > 50.0);
+    }
+}
