@@ -196,19 +196,19 @@ fn kill_all(child: &mut Child, mark: &str) {
     let _ = child.wait();
     let timeout = Timeout::new(KILL_TIMEOUT);
     // A process that forks while the list is made is found in the next one.
-    let mut found = marked(mark);
+    let mut found = processes_with_mark(mark);
     while !found.is_empty() && !timeout.has_expired() {
         for pid in found {
             // It may have ended by itself.
             let _ = kill_process(pid, Signal::KILL);
         }
         std::thread::sleep(POLL_PERIOD);
-        found = marked(mark);
+        found = processes_with_mark(mark);
     }
 }
 
 /// Returns the processes whose environment holds this mark.
-fn marked(mark: &str) -> Vec<Pid> {
+fn processes_with_mark(mark: &str) -> Vec<Pid> {
     let variable = format!("{MARK}={mark}");
     let Ok(entries) = std::fs::read_dir("/proc") else { return Vec::new() };
     let pids = entries.flatten().filter_map(|entry| entry.file_name().to_str()?.parse::<i32>().ok());

@@ -14,7 +14,7 @@ use super::stop::Stop;
 use super::stream_state::StreamState;
 use super::summary::Summary;
 use super::waiting::Waiting;
-use crate::bus::{Bus, BusError, FieldPublisher, FrameSubscriber, Subscriber, TopicNotifier};
+use crate::bus::{Bus, BusError, FieldPublisher, FrameSubscriber, Limits, Subscriber, TopicNotifier};
 use crate::camera::StreamFormat;
 use crate::config::{Config, WorkerMode};
 use crate::failure::Failure;
@@ -30,7 +30,7 @@ const WAIT: Duration = Duration::from_millis(2);
 /// Interval of looking at the frames that wait.
 const BACKLOG_PERIOD: Duration = Duration::from_millis(20);
 /// Time that results stay readable for a tracker or recorder that is still at work.
-const LINGER_TIMEOUT: Duration = Duration::from_secs(30);
+const READERS_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// Measures every `workers.count`-th block of frames, as worker `index`, until the stream ends.
 ///
@@ -43,40 +43,10 @@ pub fn run(config: &Config, index: u32, launch: &Launch, stop: &Stop) -> Result<
     let limits = limits(config, &format);
     let role = format!("{}-{index}", Role::Correlate.as_str());
     let bus = Bus::join_as(&config.rig.name, &role, SUCCESSION_TIMEOUT, launch.domain.as_ref())?;
-    let mut reporter = StatusReporter::new(&bus, &limits, Role::Correlate, index)?;
-    if config.camera.has_present_stamps() {
-        reporter.set_live();
-    }
-    let block_frames = u64::from(config.workers.block_frames);
-    let mut worker = Worker {
-        config,
-        bus: &bus,
-        frames: bus.frame_subscriber(&limits)?,
-        fields: bus.field_publisher(&limits)?,
-        notifier: bus.notifier("field")?,
-        reporter,
-        backlog: Backlog::open(&bus, limits.ring_frames as u64)?,
-        backlog_timer: PeriodicTimer::new(BACKLOG_PERIOD),
-        thinning: config.camera.films_live().then(|| Thinning::new(block_frames * u64::from(config.workers.count))),
-        measurer: plan_measurer(config, index, &format)?,
-        summary: Summary::default(),
-        measured: Vec::new(),
-        index,
-        needs_reference: false,
-        next: None,
-        shot: 0,
-        reported_every: 1,
-        skipped: None,
-        is_ended: true,
-        block_frames,
-        is_late: false,
-        is_restart: launch.is_restart,
-        first_complete: 0,
-        newest: FrameStamp::default(),
-        exposure_ns: 0,
-    };
+    let measurer = plan_measurer(config, index, &format)?;
+    let mut worker = Worker::open(config, &bus, &limits, index, measurer)?;
+    worker.is_restart = launch.is_restart;
     bus.reserve()?;
-    worker.needs_reference = worker.measurer.needs_reference();
     let mut recorder =
         RecorderProgress { progress: bus.subscriber(&limits)?, completed: None, expected: config.record.is_some() };
     let waiting = Waiting::new(bus.notification_subscriber("frames")?, config.workers.mode);
@@ -95,7 +65,7 @@ pub fn run(config: &Config, index: u32, launch: &Launch, stop: &Stop) -> Result<
             worker.finish(&stream)?;
             // Without results there is nothing to keep readable, and the tracker may be gone already.
             if worker.summary.given > 0 {
-                linger(&mut recorder, &mut stream, &mut worker, stop)?;
+                wait_for_readers(&mut recorder, &mut stream, &mut worker, stop)?;
             }
             break;
         }
@@ -159,7 +129,50 @@ struct Worker<'a> {
     exposure_ns: u32,
 }
 
-impl Worker<'_> {
+impl<'a> Worker<'a> {
+    /// Opens the topics of a worker that has not attached to a run yet.
+    fn open(
+        config: &'a Config,
+        bus: &'a Bus,
+        limits: &Limits,
+        index: u32,
+        measurer: Measurer,
+    ) -> Result<Self, Failure> {
+        let mut reporter = StatusReporter::new(bus, limits, Role::Correlate, index)?;
+        if config.camera.has_present_stamps() {
+            reporter.set_live();
+        }
+        let block_frames = u64::from(config.workers.block_frames);
+        let frames_per_round = block_frames * u64::from(config.workers.count);
+        Ok(Self {
+            config,
+            bus,
+            frames: bus.frame_subscriber(limits)?,
+            fields: bus.field_publisher(limits)?,
+            notifier: bus.notifier("field")?,
+            reporter,
+            backlog: Backlog::open(bus, limits.ring_frames as u64)?,
+            backlog_timer: PeriodicTimer::new(BACKLOG_PERIOD),
+            thinning: config.camera.films_live().then(|| Thinning::new(frames_per_round)),
+            needs_reference: measurer.needs_reference(),
+            measurer,
+            summary: Summary::default(),
+            measured: Vec::new(),
+            index,
+            next: None,
+            shot: 0,
+            reported_every: 1,
+            skipped: None,
+            is_ended: true,
+            block_frames,
+            is_late: false,
+            is_restart: false,
+            first_complete: 0,
+            newest: FrameStamp::default(),
+            exposure_ns: 0,
+        })
+    }
+
     /// Connects to the ring of a newly announced run, resets the measurement and publishes readiness. If the run
     /// continues one whose camera process died, the frames of that one are measured first.
     fn attach(&mut self, stream: &StreamState, stop: &Stop) -> Result<(), Failure> {
@@ -393,15 +406,15 @@ impl RecorderProgress {
     }
 }
 
-/// Waits until the tracker has published and the recorder has read everything, at most [`LINGER_TIMEOUT`], or for a
+/// Waits until the tracker has published and the recorder has read everything, at most [`READERS_TIMEOUT`], or for a
 /// stop.
-fn linger(
+fn wait_for_readers(
     recorder: &mut RecorderProgress,
     stream: &mut StreamState,
     worker: &mut Worker<'_>,
     stop: &Stop,
 ) -> Result<(), BusError> {
-    let timeout = Timeout::new(LINGER_TIMEOUT);
+    let timeout = Timeout::new(READERS_TIMEOUT);
     while !stop.requested() && !timeout.has_expired() {
         stream.update()?;
         if recorder.check_done(stream.run_id)? && stream.tracked {

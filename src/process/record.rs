@@ -273,13 +273,13 @@ impl Recorder<'_> {
             self.hold_frames(camera)?;
             self.begin_part(camera)?;
             self.end_at_silence(camera)?;
-            let wrote = self.write_one(camera)?;
+            let wrote = self.write_held_frame(camera)?;
             self.take_steps(camera)?;
             goes_on |= wrote && !self.feeds[camera].held.is_empty();
         }
         self.close_if_complete()?;
         if !goes_on {
-            let handed_over = self.write(|open| open.shot.hand_over())?.is_some();
+            let handed_over = self.write(|open| open.shot.write_buffered())?.is_some();
             self.feeds.iter_mut().filter(|_| handed_over).for_each(CameraFeed::note_written);
         }
         Ok(goes_on)
@@ -287,7 +287,7 @@ impl Recorder<'_> {
 
     /// Takes the oldest held frame of a camera, unless it lies after the shot, and writes it if it does not lie before
     /// it. Returns whether a frame was taken.
-    fn write_one(&mut self, camera: usize) -> Result<bool, Failure> {
+    fn write_held_frame(&mut self, camera: usize) -> Result<bool, Failure> {
         let Some(open) = &mut self.shot else { return Ok(false) };
         let feed = &mut self.feeds[camera];
         // Frames beyond the end belong to the next shot.

@@ -118,7 +118,7 @@ impl Shot {
     /// # Errors
     ///
     /// If the file cannot be written.
-    pub fn hand_over(&mut self) -> Result<(), RecordingError> {
+    pub fn write_buffered(&mut self) -> Result<(), RecordingError> {
         self.writer.write_buffered()
     }
 

@@ -1,6 +1,6 @@
 //! Frame-by-frame control of a rig with a stepped camera.
 
-use super::line::Line;
+use super::supervisor_pipe::SupervisorPipe;
 use std::io::{BufRead, BufReader, Write};
 use std::process::ChildStdout;
 use std::sync::mpsc::Sender;
@@ -8,7 +8,7 @@ use std::sync::mpsc::Sender;
 /// Controls a rig whose camera is stepped. Dropping it ends the stream.
 #[derive(Debug)]
 pub struct StepControl {
-    line: Line,
+    pipe: SupervisorPipe,
     answers: BufReader<ChildStdout>,
 }
 
@@ -20,7 +20,7 @@ impl StepControl {
 
     /// Plays a frame and waits until it is published; returns `false` if the rig has ended.
     pub fn step(&mut self) -> bool {
-        self.line.step() && self.read_answer()
+        self.pipe.step() && self.read_answer()
     }
 
     /// Waits for the next line of the camera's process; returns `false` if the process has ended.
@@ -32,7 +32,7 @@ impl StepControl {
 
 impl Drop for StepControl {
     fn drop(&mut self) {
-        self.line.end_steps();
+        self.pipe.end_steps();
     }
 }
 
@@ -45,18 +45,18 @@ pub(super) fn print_answer(line: &str) {
 
 /// Sends the control of a process to `leader`, the program that requested it; without one, each line on standard input
 /// plays a frame.
-pub(super) fn connect(line: &Line, answers: Option<ChildStdout>, leader: Option<&Sender<StepControl>>) {
-    let line = line.clone();
+pub(super) fn connect(pipe: &SupervisorPipe, answers: Option<ChildStdout>, leader: Option<&Sender<StepControl>>) {
+    let pipe = pipe.clone();
     match leader.zip(answers) {
         Some((leader, answers)) => {
             // If the leader has gone, dropping the control ends the stream.
-            let _ = leader.send(StepControl { line, answers: BufReader::new(answers) });
+            let _ = leader.send(StepControl { pipe, answers: BufReader::new(answers) });
         }
         None => {
             std::thread::spawn(move || {
                 let mut lines = std::io::stdin().lines().map_while(Result::ok);
-                while lines.next().is_some_and(|_| line.step()) {}
-                line.end_steps();
+                while lines.next().is_some_and(|_| pipe.step()) {}
+                pipe.end_steps();
             });
         }
     }

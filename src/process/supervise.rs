@@ -11,7 +11,6 @@ mod shot_lines;
 
 use super::clock::{PeriodicTimer, Timeout};
 use super::frame_stamp::FrameStamp;
-use super::line::Line;
 use super::rig_losses::{ProcessLosses, RigLosses};
 use super::setup::{expected_format, limits};
 use super::status_reporter::StatusReporter;
@@ -19,6 +18,7 @@ use super::stepping::{self, StepControl};
 use super::stop::Stop;
 use super::storage::prepare_directory;
 use super::summary::Summary;
+use super::supervisor_pipe::SupervisorPipe;
 use crate::bus::{self, Bus, Subscriber};
 use crate::config::{Config, TriggerMode};
 use crate::failure::{ExitCode, Failure};
@@ -181,14 +181,14 @@ impl<'a> Supervisor<'a> {
         command.env_remove(service_manager::ADDRESS).stdin(Stdio::piped()).stdout(stdout).process_group(0);
         let free_bytes = bus::free_bytes();
         let mut process = command.spawn()?;
-        let line = process.stdin.take().map(|stdin| Line::open(stdin, &config.text));
-        if let (true, Some(line)) = (is_stepped, &line) {
-            stepping::connect(line, process.stdout.take(), self.leader.as_ref());
+        let pipe = process.stdin.take().map(|stdin| SupervisorPipe::open(stdin, &config.text));
+        if let (true, Some(pipe)) = (is_stepped, &pipe) {
+            stepping::connect(pipe, process.stdout.take(), self.leader.as_ref());
         }
         if let Some(running) = self.children.get_mut(&child) {
             running.heartbeat = Heartbeat::default();
             running.free_at_start_bytes = free_bytes;
-            (running.process, running.line, running.waits_for_memory) = (Some(process), line, false);
+            (running.process, running.pipe, running.waits_for_memory) = (Some(process), pipe, false);
         }
         Ok(())
     }
@@ -445,7 +445,7 @@ impl<'a> Supervisor<'a> {
     /// Asks the selected processes to end regularly.
     fn end_processes(&self, is_selected: impl Fn(&Child) -> bool) {
         let selected = self.children.iter().filter(|(child, _)| is_selected(child));
-        selected.filter_map(|(_, running)| running.line.as_ref()).for_each(Line::end);
+        selected.filter_map(|(_, running)| running.pipe.as_ref()).for_each(SupervisorPipe::end);
     }
 
     /// Kills the selected processes that still run.

@@ -46,7 +46,7 @@ impl Recorder<'_> {
                 sequence: self.feeds[0].newest.sequence,
             });
             if let Some(command) = command.filter(|_| code == ReplyCode::Accepted) {
-                self.carry_out(command)?;
+                self.execute_command(command)?;
             }
         }
         Ok(())
@@ -63,7 +63,7 @@ impl Recorder<'_> {
     }
 
     /// Executes an accepted request.
-    fn carry_out(&mut self, command: Command) -> Result<(), Failure> {
+    fn execute_command(&mut self, command: Command) -> Result<(), Failure> {
         match command {
             Command::Status => Ok(()),
             Command::Trigger => self.trigger(None, "software"),

@@ -5,7 +5,7 @@ use super::restarts::RecentDeaths;
 use crate::bus;
 use crate::failure::{ExitCode, Fatal};
 use crate::message::Role;
-use crate::process::line::Line;
+use crate::process::supervisor_pipe::SupervisorPipe;
 use std::os::unix::process::ExitStatusExt;
 use std::process::{Child as Process, ExitStatus};
 
@@ -80,7 +80,7 @@ pub(super) enum Start {
 pub(super) struct Running {
     pub(super) process: Option<Process>,
     /// The pipe to the process.
-    pub(super) line: Option<Line>,
+    pub(super) pipe: Option<SupervisorPipe>,
     pub(super) deaths: RecentDeaths,
     pub(super) heartbeat: Heartbeat,
     /// Whether the process died and waits for free memory before it is started again.

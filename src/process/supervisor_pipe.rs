@@ -24,9 +24,9 @@ const GRACE: Duration = Duration::from_secs(2);
 
 /// The supervisor's end of the pipe.
 #[derive(Debug, Clone)]
-pub(super) struct Line(Sender<u8>);
+pub(super) struct SupervisorPipe(Sender<u8>);
 
-impl Line {
+impl SupervisorPipe {
     /// Sends the rig file, and keeps the pipe open for single bytes. A process that has died already receives nothing,
     /// which its end shows.
     ///
@@ -76,7 +76,7 @@ pub fn read_config() -> std::io::Result<String> {
 /// which closes after the last step.
 ///
 /// Once the supervisor is gone, a stop is requested, and a process that does not end soon is killed.
-pub fn follow(stop: &Stop) -> Receiver<()> {
+pub fn follow_supervisor(stop: &Stop) -> Receiver<()> {
     let (steps, receiver) = channel();
     let stop = stop.clone();
     std::thread::spawn(move || {
