@@ -59,22 +59,44 @@ impl Sphere {
 /// fit is by least squares, each subset weighted by its own uncertainty. Returns `None` if there are too few subsets,
 /// or all in one place.
 pub fn fit_dilatation(field: &[FieldPoint], ball: Option<Sphere>) -> Option<Dilatation> {
-    let fit = Fit::new(field, ball, None)?;
-    let turns = fit.found[4].hypot(fit.found[5]) > BENDING_FRONT_PX;
+    let flat_fit = Fit::new(field, ball, None)?;
+    let [front_x_px, front_y_px] = flat_fit.parameters.front_px;
     // Taken half-way, the depth is symmetric in the rotation and the bending cancels.
-    let fit = if turns { Fit::new(field, ball, Some([fit.found[0], fit.found[1]]))? } else { fit };
-    let [t, s, along, across, ..] = fit.found;
-    let dilatation = along + across * across / (1.0 + along + (1.0 + along).hypot(across));
+    let bends = front_x_px.hypot(front_y_px) > BENDING_FRONT_PX;
+    let fit = if bends { Fit::new(field, ball, Some(flat_fit.parameters.center_px))? } else { flat_fit };
+    let Parameters { center_px: [t, s], p, q, .. } = fit.parameters;
+    let dilatation = p + q * q / (1.0 + p + (1.0 + p).hypot(q));
     let is_finite = [dilatation, t, s].iter().all(|number| number.is_finite());
-    let sigma_ratios = [fit.sigma_ratios[2], fit.sigma_ratios[0].max(fit.sigma_ratios[1]), fit.sigma_ratios[3]];
-    let angle_deg = across.atan2(1.0 + along).to_degrees();
+    let Parameters { center_px: [ratio_t, ratio_s], p: ratio_p, q: ratio_q, .. } = fit.sigma_ratios;
+    let sigma_ratios = [ratio_p, ratio_t.max(ratio_s), ratio_q];
+    let angle_deg = q.atan2(1.0 + p).to_degrees();
     is_finite.then_some(Dilatation { dilatation, center_px: ball.map(|_| [t, s]), angle_deg, sigma_ratios })
 }
 
-/// The six parameters of [`fit_dilatation`], and the ratio of each uncertainty to that of the rotation.
+/// The six parameters of the model of [`fit_dilatation`].
+#[derive(Clone, Copy)]
+struct Parameters {
+    /// The displacement of the centre (t, s), px.
+    center_px: [f64; 2],
+    /// The dilatation along the unrotated axes: (1 + dilatation) cos(angle) - 1.
+    p: f64,
+    /// The same across them: (1 + dilatation) sin(angle).
+    q: f64,
+    /// The displacement of the front relative to the centre (a, b), px.
+    front_px: [f64; 2],
+}
+
+impl From<[f64; 6]> for Parameters {
+    fn from([t, s, p, q, a, b]: [f64; 6]) -> Self {
+        Self { center_px: [t, s], p, q, front_px: [a, b] }
+    }
+}
+
+/// A least-squares fit of the model of [`fit_dilatation`].
 struct Fit {
-    found: [f64; 6],
-    sigma_ratios: [f64; 6],
+    parameters: Parameters,
+    /// The ratio of the uncertainty of each parameter to that of the rotation of a flat body.
+    sigma_ratios: Parameters,
 }
 
 impl Fit {
@@ -113,15 +135,16 @@ impl Fit {
             Some((inverse, found, residual_square.max(0.0) / (count - numbers as f64)))
         };
         let (flat, flat_found, flat_variance) = solved(FLAT_PARAMETERS)?;
-        let sigma_ratios =
-            |inverse: &[[f64; 6]; 6], factor: f64| std::array::from_fn(|k| factor * (inverse[k][k] * square).sqrt());
+        let sigma_ratios = |inverse: &[[f64; 6]; 6], factor: f64| {
+            Parameters::from(std::array::from_fn(|k| factor * (inverse[k][k] * square).sqrt()))
+        };
         if ball.is_none() {
-            return Some(Self { found: flat_found, sigma_ratios: sigma_ratios(&flat, 1.0) });
+            return Some(Self { parameters: flat_found.into(), sigma_ratios: sigma_ratios(&flat, 1.0) });
         }
         let (round, found, round_left) = solved(6)?;
         // The rotation of the front is not noise.
         let share = (round_left / flat_variance).min(1.0).sqrt();
-        Some(Self { found, sigma_ratios: sigma_ratios(&round, share) })
+        Some(Self { parameters: found.into(), sigma_ratios: sigma_ratios(&round, share) })
     }
 }
 
