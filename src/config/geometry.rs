@@ -5,7 +5,7 @@ use super::check::{Bounds, Table};
 use super::error::ConfigError;
 use super::raw::{RawRotation, RawScale, RawSurface, RawVelocity};
 use super::text::Text;
-use crate::motion::{Rectifier, RingLimits, Rotation, Scale};
+use crate::motion::{DEFAULT_LAG_FRAMES, Rectifier, RingLimits, Rotation, Scale};
 
 /// `[surface]`: the surface that bodies strike.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,6 +26,9 @@ pub struct Surface {
 pub struct Velocity {
     /// The number of frames of the local fit, odd, 3 to 1001 frames and more than `order`. Default: chosen by the fit.
     pub window_frames: Option<u32>,
+    /// The number of later frames that a velocity waits for and is fitted to, 0 to 2. Default: 20, or half of
+    /// `window_frames` if that is more.
+    pub lag_frames: u32,
     /// The order of the polynomial fitted to the positions, 1 to 4, default 2.
     pub order: u32,
     /// The acceleration of gravity, 0 to 100 m/s^2, default 9.80665; 0 switches it off.
@@ -43,6 +46,8 @@ const RING: Bounds = Bounds::closed(1.0, 32_768.0, "px");
 /// The minimum width of a ring, px.
 const MIN_RING_PX: f64 = 4.0;
 const ORDER_DEFAULT: u32 = 2;
+/// The default lag of velocities without a window of that length, frames.
+const LAG_DEFAULT: u32 = DEFAULT_LAG_FRAMES as u32;
 
 /// Checks the scale. A calibrated plane has its own, so a second one is refused.
 pub(super) fn check_scale(
@@ -144,8 +149,11 @@ pub(super) fn check_rotation(table: &Table<'_>, raw: &RawRotation) -> Result<Rot
 /// Checks the fit of velocities. The window has more frames than the order of the polynomial.
 pub(super) fn check_velocity(table: &Table<'_>, raw: &RawVelocity) -> Result<Velocity, ConfigError> {
     let gravity = Bounds::closed(0.0, 100.0, "m/s^2");
+    let window_frames: Option<u32> = table.integer("window_frames", raw.window_frames, 3..=1001, "frames, odd")?;
+    let lag_frames = table.integer("lag_frames", raw.lag_frames, 0..=2, "frames")?;
     let velocity = Velocity {
-        window_frames: table.integer("window_frames", raw.window_frames, 3..=1001, "frames, odd")?,
+        window_frames,
+        lag_frames: lag_frames.unwrap_or((window_frames.unwrap_or(0) / 2).max(LAG_DEFAULT)),
         order: table.integer("order", raw.order, 1..=4, "")?.unwrap_or(ORDER_DEFAULT),
         gravity_m_s2: table.number("gravity_m_s2", raw.gravity_m_s2, gravity)?.unwrap_or(9.806_65),
         gravity_angle_deg: table.number("gravity_angle_deg", raw.gravity_angle_deg, ANGLE)?.unwrap_or(-90.0),

@@ -115,6 +115,7 @@ impl Config {
             gravity_m_s2: self.velocity.gravity_m_s2,
             gravity_angle_deg: self.velocity.gravity_angle_deg,
             window_frames: self.velocity.window_frames,
+            lag_frames: u64::from(self.velocity.lag_frames),
             order: self.velocity.order,
             mass_kg: self.bodies[body].mass_kg,
             form: match self.bodies[body].kind {

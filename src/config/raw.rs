@@ -348,14 +348,17 @@ tables! {
         /// The number of frames of the local fit, more than `order`.
         #[key("3 to 1001 frames, odd", "chosen by the fit")]
         window_frames: i64,
+        /// The number of later frames that a velocity waits for and is fitted to. A few give a controller early rows, which
+        /// are ten times less certain and have a later `phase`.
+        #[key("0 to 2 frames", "20, or half of window_frames if that is more")]
+        lag_frames: i64,
         /// The order of the polynomial fitted to the positions.
         #[key("1 to 4", "2")]
         order: i64,
         /// The acceleration of gravity; 0 switches it off.
         #[key("0 to 100 m/s^2", "9.80665")]
         gravity_m_s2: f64,
-        /// The direction of gravity, counter-clockwise from x with y up. For a camera tilted by t counter-clockwise it
-        /// is -90 - t.
+        /// The direction of gravity, counter-clockwise from x (y up): -90 - t for a camera tilted by t counter-clockwise.
         #[key("-180 to 180 deg", "-90, a level camera")]
         gravity_angle_deg: f64,
     }
@@ -366,10 +369,7 @@ tables! {
         /// request. `hardware`: the line of the camera. `motion`: grey levels change. `enter`: a body enters `roi_px`.
         /// `speed`: a body exceeds `speed_m_s`. `gap`: the gap to the surface falls below `gap_mm`.
         /// `predicted-contact`: a body is about to touch the surface.
-        #[key(
-            "\"off\", \"software\", \"hardware\", \"motion\", \"enter\", \"speed\", \"gap\", \"predicted-contact\"",
-            "off"
-        )]
+        #[key("\"off\", \"software\", \"hardware\", \"motion\", \"enter\", \"speed\", \"gap\", \"predicted-contact\"", "off")]
         mode: String,
         /// The mean absolute change of the grey levels in `roi_px` from one frame to the next that counts as motion.
         /// Noise of standard deviation s alone gives 1.13 s. For mode `motion`.

@@ -6,7 +6,7 @@ use super::contact_onset::{fit_onset, time_reversed};
 use super::departure::{Departure, drift, plausible_curves, residual, test_departure};
 use super::force_free::{find_forceless_stretch, find_quiet_stretch, fit_acceleration};
 use super::trajectory::{NORMAL, SurfaceNode, nodes_between, samples, turning_sigma};
-use crate::motion::{AUTO_AHEAD_FRAMES, Regime};
+use crate::motion::Regime;
 use crate::results::{Estimate, Phase};
 
 /// The minimum distance from the flight's curve that counts as a departure, sigmas.
@@ -98,6 +98,8 @@ impl Break {
 #[derive(Debug, Clone)]
 pub struct Detector {
     nodes: Vec<SurfaceNode>,
+    /// The lag of published rows.
+    lag_frames: u64,
     flight_from: f64,
     /// The undecided departure: the time of its first node (frames), its side (-1 or 1) and its number of nodes.
     off: Option<(f64, f64, u32)>,
@@ -108,10 +110,11 @@ pub struct Detector {
 }
 
 impl Detector {
-    /// Creates a detector without any node.
-    pub fn new() -> Self {
+    /// Creates a detector without any node. Rows of frames older than `lag_frames` are published.
+    pub fn new(lag_frames: u64) -> Self {
         Self {
             nodes: Vec::new(),
+            lag_frames,
             flight_from: f64::NEG_INFINITY,
             off: None,
             contact: None,
@@ -298,7 +301,7 @@ impl Detector {
         let (to, newest) = (self.frame_at(end_frames), self.nodes[self.nodes.len() - 1].frame);
         if let Some(b) = self.breaks.back_mut() {
             // Frames this old have been published already.
-            let was_published = b.to.filter(|before| before + AUTO_AHEAD_FRAMES < newest);
+            let was_published = b.to.filter(|before| before + self.lag_frames < newest);
             b.published_after = b.published_after.or(was_published);
             b.to = Some(to.max(b.from + 1));
         }
@@ -381,12 +384,6 @@ impl Detector {
     }
 }
 
-impl Default for Detector {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -402,7 +399,7 @@ mod tests {
         turning_sigma: f64,
         position: impl Fn(f64) -> f64,
     ) -> (Vec<(u64, Event)>, Detector) {
-        let (mut detector, sigma) = (Detector::new(), 1.3e-3);
+        let (mut detector, sigma) = (Detector::new(20), 1.3e-3);
         let mut events = Vec::new();
         for frame in 0..frames {
             let noise = sigma * ((frame * 37 % 17) as f64 - 8.0) / 5.0;

@@ -8,7 +8,7 @@
 use super::contact_detector::Contact;
 use super::solver::{FLIGHT_FRAMES, ImpactContext};
 use super::trajectory::{ANGLE, NORMAL, SurfaceNode, TANGENTIAL, nodes_between};
-use crate::motion::{Axes, OutlineDrift, SizeChange, significant};
+use crate::motion::{Axes, OutlineDrift, SizeChange, shrink_insignificant};
 use crate::results::{Estimate, Impact};
 
 /// The maximum time that the force may last after the detected end, frames.
@@ -179,7 +179,7 @@ impl DilatationRates {
 /// Both flights are combined. A dilatation that rotates with the body is no approach: the scale of the image varies
 /// from place to place.
 fn approach_rates(measured: [Option<Estimate>; 2]) -> [Estimate; 2] {
-    let [before, after] = measured.map(|measured| measured.map_or(NONE, significant));
+    let [before, after] = measured.map(|measured| measured.map_or(NONE, shrink_insignificant));
     if before.value * after.value < 0.0 {
         return [before, after].map(|rate| Estimate { value: 0.0, sigma: rate.value.hypot(rate.sigma) });
     }
@@ -189,10 +189,10 @@ fn approach_rates(measured: [Option<Estimate>; 2]) -> [Estimate; 2] {
             (Some(a), Some(b)) => {
                 let (weight_a, weight_b) = (a.sigma.powi(-2), changed(b).sigma.powi(-2));
                 let value = (weight_a * a.value + weight_b * b.value) / (weight_a + weight_b);
-                significant(Estimate { value, sigma: (weight_a + weight_b).powf(-0.5) })
+                shrink_insignificant(Estimate { value, sigma: (weight_a + weight_b).powf(-0.5) })
             }
-            (Some(own), None) => significant(own),
-            (None, other) => other.map_or(NONE, |other| changed(significant(other))),
+            (Some(own), None) => shrink_insignificant(own),
+            (None, other) => other.map_or(NONE, |other| changed(shrink_insignificant(other))),
         }
     };
     [both(measured[0], measured[1]), both(measured[1], measured[0])]

@@ -32,5 +32,5 @@ pub use systematic::CumulativeSums;
 pub use systematic::RollingShutter;
 pub use systematic::{Intervals, RunningBias, SpeedBias};
 pub use systematic::{LocalDrift, OutlineDrift};
-pub use systematic::{SizeChange, ViewPosition, significant};
-pub use velocity_fit::{AUTO_AHEAD_FRAMES, KnownMotion, Regime, lag_frames, smooth};
+pub use systematic::{SizeChange, ViewPosition, shrink_insignificant};
+pub use velocity_fit::{DEFAULT_LAG_FRAMES, KnownMotion, Regime, smooth};

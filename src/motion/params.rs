@@ -47,7 +47,7 @@ pub struct RingLimits {
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct View {
     /// The principal point in the rectified image, px.
-    pub middle_px: [f64; 2],
+    pub principal_point_px: [f64; 2],
     /// Its standard uncertainty, px.
     pub sigma_px: f64,
 }
@@ -60,15 +60,18 @@ impl View {
         let longest_px = size[0].max(size[1]);
         match rectifier {
             None => Self {
-                middle_px: size.map(|length| 0.5 * (length - 1.0)),
+                principal_point_px: size.map(|length| 0.5 * (length - 1.0)),
                 sigma_px: PRINCIPAL_POINT_SHARE * longest_px,
             },
             // Motion out of a plane that is seen obliquely magnifies about the foot of the camera, whose position is
             // unknown.
             Some(rectifier) if rectifier.mm_per_px().is_some() => {
-                Self { middle_px: rectifier.middle_px(), sigma_px: longest_px }
+                Self { principal_point_px: rectifier.principal_point_px(), sigma_px: longest_px }
             }
-            Some(rectifier) => Self { middle_px: rectifier.middle_px(), sigma_px: CALIBRATED_POINT_SHARE * longest_px },
+            Some(rectifier) => Self {
+                principal_point_px: rectifier.principal_point_px(),
+                sigma_px: CALIBRATED_POINT_SHARE * longest_px,
+            },
         }
     }
 }
@@ -93,6 +96,8 @@ pub struct MotionParams {
     pub gravity_angle_deg: f64,
     /// Frames of the local velocity fit, odd; `None` lets the fit choose.
     pub window_frames: Option<u32>,
+    /// The number of frames after a frame that its rates may use: the lag of its row.
+    pub lag_frames: u64,
     /// Order of the local fit to the positions: 1 to 4.
     pub order: u32,
     /// Mass of the body, kg, where it is known.

@@ -189,8 +189,8 @@ impl PoseIntegrator {
     fn pose_after_step(&mut self, from: &Pose, step: &BodyStep, moved: [f64; 3]) -> Pose {
         let mut kept = from.kept;
         let walk_share = match step.method {
-            MotionMethod::WholeBody => self.walk.whole_body(from.frame, from.pose[2], &mut kept),
-            MotionMethod::Subsets => self.walk.subsets(moved),
+            MotionMethod::WholeBody => self.walk.whole_body_step(from.frame, from.pose[2], &mut kept),
+            MotionMethod::Subsets => self.walk.subset_step(moved),
             // The sum of the differences between outlines is the last outline, whose error does not accumulate.
             MotionMethod::Outlines => [0.0; 3],
         };
@@ -303,8 +303,8 @@ impl PoseIntegrator {
                 // Nodes of different components are not linked, so the shortest step's holds.
                 Some(node) if node.component != longer.component => node,
                 Some(node) => {
-                    let temper = |k: usize| node.pose[k] + LONG_STEP_WEIGHT * (longer.pose[k] - node.pose[k]);
-                    Pose { pose: std::array::from_fn(temper), ..node }
+                    let average = |k: usize| node.pose[k] + LONG_STEP_WEIGHT * (longer.pose[k] - node.pose[k]);
+                    Pose { pose: std::array::from_fn(average), ..node }
                 }
             });
         }
@@ -426,7 +426,7 @@ mod tests {
         let alone = drift(&[1]);
         assert!((alone / 4000_f64.sqrt() - 1.0).abs() < 0.1, "{alone}");
         for intervals in [&[1, 4][..], &[1, 10], &[1, 3, 9]] {
-            let share = |intervals: &[u32]| RandomWalk::new(intervals, None).subsets([0.5, 0.0, 0.0])[0];
+            let share = |intervals: &[u32]| RandomWalk::new(intervals, None).subset_step([0.5, 0.0, 0.0])[0];
             let (found, stated) = (drift(intervals) / alone, share(intervals) / share(&[1]));
             assert!((found / stated - 1.0).abs() < 0.2, "{intervals:?}: {found}, stated {stated}");
         }

@@ -45,7 +45,7 @@ pub struct Renewal {
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct RandomWalk {
     /// The factor by which longer intervals reduce it.
-    temper: f64,
+    long_interval_factor: f64,
     /// The renewal of the whole-body reference; `None` where it is never renewed.
     renewal: Option<Renewal>,
 }
@@ -72,20 +72,20 @@ impl RandomWalk {
             let n = f64::from(*interval) / shortest;
             variance = ((1.0 - g).powi(2) * variance + g * g) / (1.0 - g + g * n).powi(2);
         }
-        Self { temper: f64::sqrt(variance), renewal }
+        Self { long_interval_factor: f64::sqrt(variance), renewal }
     }
 
     /// Returns the random walk of a step over subsets by `moved` (px, px, deg): x, y and angle, as shares of a pose's
     /// white noise.
-    pub fn subsets(&self, moved: [f64; 3]) -> [f64; 3] {
-        subset_walk(moved).map(|share| share * self.temper)
+    pub fn subset_step(&self, moved: [f64; 3]) -> [f64; 3] {
+        subset_walk(moved).map(|share| share * self.long_interval_factor)
     }
 
     /// Returns the random walk of a whole-body step from a frame rotated by `angle_deg`: x, y and angle, as shares of a
     /// pose's white noise.
     ///
     /// It is zero unless the reference is renewed in this frame. `kept` is the newest reference, and is updated.
-    pub(super) fn whole_body(&self, frame: u64, angle_deg: f64, kept: &mut Option<KeptReference>) -> [f64; 3] {
+    pub(super) fn whole_body_step(&self, frame: u64, angle_deg: f64, kept: &mut Option<KeptReference>) -> [f64; 3] {
         let Some(Renewal { block_frames, stale_deg }) = self.renewal else { return [0.0; 3] };
         let block = frame / u64::from(block_frames.max(1));
         let holds = |kept: &KeptReference| kept.block == block && (angle_deg - kept.angle_deg).abs() <= stale_deg;
@@ -122,11 +122,11 @@ mod tests {
     fn a_kept_reference_leaves_something_only_where_it_is_renewed() {
         let walk = RandomWalk::new(&[1], Some(Renewal { block_frames: 8, stale_deg: 3.0 }));
         let mut kept = None;
-        let renewed = |(frame, angle_deg): (u64, f64)| walk.whole_body(frame, angle_deg, &mut kept)[0] > 0.0;
+        let renewed = |(frame, angle_deg): (u64, f64)| walk.whole_body_step(frame, angle_deg, &mut kept)[0] > 0.0;
         let turning = (0..16).map(|frame| (frame, 0.8 * frame as f64));
         let frames: Vec<u64> =
             (0..16).zip(turning.map(renewed)).filter(|(_, renewed)| *renewed).map(|(f, _)| f).collect();
         assert_eq!(frames, [0, 4, 8, 12]);
-        assert!(RandomWalk::new(&[1], None).whole_body(3, 0.0, &mut None)[0] <= 0.0, "a patch's is never renewed");
+        assert!(RandomWalk::new(&[1], None).whole_body_step(3, 0.0, &mut None)[0] <= 0.0, "a patch's is never renewed");
     }
 }

@@ -142,6 +142,7 @@ mod tests {
             gravity_m_s2: 9.81,
             gravity_angle_deg: -90.0,
             window_frames: None,
+            lag_frames: crate::motion::DEFAULT_LAG_FRAMES,
             order: 2,
             mass_kg: None,
             form: Form::Ball,

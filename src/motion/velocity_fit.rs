@@ -4,10 +4,14 @@ use super::{MotionParams, PixelRates, Pose};
 use crate::numeric::{MAX_ORDER, Polynomial, Sample, exp};
 use crate::results::{Estimate, RigidStep};
 
-/// The lag of a sample when the fit chooses its window, frames.
-pub const AUTO_AHEAD_FRAMES: u64 = 20;
+/// The default lag of rates, frames: the reach ahead of every fit that the regime selects.
+pub const DEFAULT_LAG_FRAMES: u64 = 20;
 /// Window and order of the fit while the regime is unknown.
 const DEFAULT: (u32, usize) = (9, 2);
+/// The same for rows with a shorter lag than the default, whose frame lies at the end of the window.
+///
+/// There, the error of order 2 at the onset of a force is larger than the difference between two orders shows.
+const EARLY: (u32, usize) = (11, 3);
 /// The reach ahead of the fit in free flight, frames; an undetected contact lies further ahead.
 const FLIGHT_AHEAD: u64 = 14;
 /// The reach back of the fit in free flight, frames.
@@ -207,7 +211,7 @@ pub(super) fn fit_window(nodes: &[Pose], frame: u64, width: u64, ahead: u64) -> 
     nodes_between(nodes, (to + 1).saturating_sub(width).max(first.frame), to)
 }
 
-/// Estimates the rates at the node of `frame`, from nodes no newer than `frame + ahead`.
+/// Estimates the rates at the node of `frame`, from nodes no newer than `frame + params.lag_frames`.
 ///
 /// With a window in `params`, it is the plain local fit of that window and order, and the sigmas include the difference
 /// from a higher order. Otherwise the regime selects both:
@@ -220,41 +224,52 @@ pub(super) fn fit_window(nodes: &[Pose], frame: u64, width: u64, ahead: u64) -> 
 /// - otherwise order 2 over 9 frames.
 ///
 /// Where the force sets in or ends, neither fit is right: the sigmas of frames near there include the difference
-/// between the two. The sigmas near a frame in which a body is lost, or detected again, include the unobserved force.
+/// between the two. With a lag below the default, the course of a force is not known yet, and all rows but those of free
+/// flight are fitted with order 3 over 11 frames. The sigmas near a frame in which a body is lost, or detected again, include the unobserved force, as
+/// do all with a lag so short that a force is not detected yet.
 pub fn smooth(known: KnownMotion<'_>, frame: u64, regime: Regime, params: &MotionParams) -> Option<PixelRates> {
     let KnownMotion { nodes, gravity, .. } = known;
     let at = nodes[nodes.binary_search_by_key(&frame, |n| n.frame).ok()?];
     let n = u64::from(params.interval_frames.max(1));
-    let plain = |width: u64, order: usize, ahead: u64| {
-        fit_with_truncation_error(fit_window(nodes, frame, width, ahead), at.time_frames, order)
+    let lag = params.lag_frames;
+    let plain = |width: u64, order: usize| {
+        fit_with_truncation_error(fit_window(nodes, frame, width, lag), at.time_frames, order)
     };
     if let Some(width) = params.window_frames {
-        return plain(u64::from(width), params.order as usize, lag_frames(params));
+        return plain(u64::from(width), params.order as usize);
     }
-    let fallback = || plain(u64::from(DEFAULT.0) + n - 1, DEFAULT.1, AUTO_AHEAD_FRAMES);
+    let is_early = lag < DEFAULT_LAG_FRAMES;
+    let (width, order) = if is_early { EARLY } else { DEFAULT };
+    let fallback = || plain(u64::from(width) + n - 1, order);
+    let edges = force_edges(frame, regime);
+    let has_force = matches!(regime, Regime::Contact { .. }) || edges.iter().any(Option::is_some);
+    if is_early && has_force {
+        // The course of a force is known only once it has ended.
+        return fallback();
+    }
     let rates = match regime {
         Regime::Unknown => return fallback(),
         Regime::Flight { from, to } => {
-            let (back, ahead) = (from.max(frame.saturating_sub(FLIGHT_BACK)), to.min(frame + FLIGHT_AHEAD));
+            let (back, ahead) = (from.max(frame.saturating_sub(FLIGHT_BACK)), to.min(frame + FLIGHT_AHEAD.min(lag)));
             let rates = fit_flight(nodes_between(nodes, back, ahead), at.time_frames, gravity).or_else(fallback)?;
-            rates.widened_by(unobserved_force_error(known, frame, n))
+            rates.widened_by(unobserved_force_error(known, frame, lag, n))
         }
         Regime::Contact { speed_px, acceleration_px, .. } => {
             let sigma = (at.sigma[0] + at.sigma[1]) / 2.0;
             let half = contact_half_width(sigma, speed_px, acceleration_px);
-            let across = fit_window(nodes, frame, 2 * half + n, AUTO_AHEAD_FRAMES);
+            let across = fit_window(nodes, frame, 2 * half + n, lag);
             let rates = fit_rates(across, at.time_frames, CONTACT_ORDER, [0.0; 2])?;
             let bias_px = contact_bias(half, speed_px, acceleration_px);
             let [_, _, jump] = velocity_jump_error(across, at.time_frames, CONTACT_ORDER);
             rates.widened_by([bias_px, bias_px, jump])
         }
     };
-    let nodes = nodes_between(nodes, 0, frame + AUTO_AHEAD_FRAMES);
+    let nodes = nodes_between(nodes, 0, frame + lag);
     let widened = |rates: PixelRates, edge: &Edge| {
         let difference = edge.difference(nodes, gravity).unwrap_or_default();
         rates.widened_by(std::array::from_fn(|k| edge.share * difference[k].hypot(edge.min_error[k])))
     };
-    Some(force_edges(frame, regime).iter().flatten().fold(rates, widened))
+    Some(edges.iter().flatten().fold(rates, widened))
 }
 
 /// A moment near a frame at which a force sets in or ends.
@@ -310,18 +325,13 @@ impl Edge {
     }
 }
 
-/// Returns the number of frames that [`smooth`] needs after a frame: the lag of its rates.
-pub fn lag_frames(params: &MotionParams) -> u64 {
-    params.window_frames.map_or(AUTO_AHEAD_FRAMES, |width| u64::from(width / 2).max(AUTO_AHEAD_FRAMES))
-}
-
 /// Returns the possible effect of an unobserved force on the rates next to a gap, per frame.
 ///
 /// A body that is lost as a contact begins has hardly been decelerated before, and the flight does not reveal it. The
-/// bound is what its last steps leave open.
-fn unobserved_force_error(known: KnownMotion<'_>, frame: u64, interval: u64) -> [f64; 3] {
-    let to_frame = known.to_frame.min(frame + AUTO_AHEAD_FRAMES);
-    let nodes = nodes_between(known.nodes, 0, to_frame);
+/// bound is what its last steps leave open. The same holds for a body whose next frames are beyond the lag.
+fn unobserved_force_error(known: KnownMotion<'_>, frame: u64, lag: u64, interval: u64) -> [f64; 3] {
+    let nodes = nodes_between(known.nodes, 0, known.to_frame.min(frame + lag));
+    let to_frame = if lag < GAP_FRAMES as u64 { u64::MAX } else { known.to_frame.min(frame + lag) };
     let Ok(own) = nodes.binary_search_by_key(&frame, |node| node.frame) else { return [0.0; 3] };
     let is_gap = |pair: &[Pose]| pair[1].frame > pair[0].frame + 1;
     let later = nodes[own..].windows(2).take(GAP_FRAMES).position(is_gap);

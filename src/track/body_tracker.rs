@@ -10,9 +10,9 @@ use super::rows::TrackerRows;
 use crate::impact::{Detector, Event, SurfaceNode, deepest_so_far};
 use crate::measure::body_circle;
 use crate::motion::{
-    Axes, Center, CenterFilter, Form, KnownMotion, LocalDrift, MotionParams, OutlineDrift, PixelRates, Pose,
-    PoseIntegrator, Regime, RollingShutter, RunningBias, RunningRadius, Scatter, SizeChange, SpeedBias, View,
-    ViewPosition, gravity_px, lag_frames, physical, smooth,
+    Axes, Center, CenterFilter, DEFAULT_LAG_FRAMES, Form, KnownMotion, LocalDrift, MotionParams, OutlineDrift,
+    PixelRates, Pose, PoseIntegrator, Regime, RollingShutter, RunningBias, RunningRadius, Scatter, SizeChange,
+    SpeedBias, View, ViewPosition, gravity_px, physical, smooth,
 };
 use crate::results::{
     Alarm, AlarmKind, BodyStep, Estimate, Impact, MotionMethod, Phase, PointStatus, TrackSample, VelocitySample,
@@ -111,7 +111,7 @@ impl BodyTracker {
     pub fn add_step(&mut self, step: &BodyStep, origin_ns: u64, rows: &mut TrackerRows) -> BodyStep {
         let accepted = self.gate.gate(step);
         let later_frames = self.rolling.push(&accepted);
-        let straight = self.rolling.straightened(&accepted);
+        let straight = self.rolling.as_global_shutter(&accepted);
         self.origin_ns = origin_ns;
         let since_ns = (i128::from(step.stamp_ns) - i128::from(origin_ns)) as f64 + 0.5 * self.params.exposure_ns;
         let time_frames = since_ns / self.params.frame_period_ns + later_frames;
@@ -142,7 +142,7 @@ impl BodyTracker {
             self.outline_drift.push_step(time_frames, step);
         }
         let Some(node) = self.integrator.push(step, time_frames, self.rolling.image_interval_periods()) else { return };
-        let node = self.rolling.unsheared(node);
+        let node = self.rolling.without_shear(node);
         self.first_sigma_deg.get_or_insert(node.sigma[2]);
         self.retain_node(node);
         if let Some(circle) = outline.filter(|_| self.params.form == Form::Ball) {
@@ -195,7 +195,7 @@ impl BodyTracker {
     /// Adds a step over a longer interval to the pose, unless the gate rejected the ball in its frame.
     pub fn link(&mut self, step: &BodyStep) {
         if !self.gate.has_rejected(step.frame) {
-            self.integrator.link(&self.params.rectified(&self.rolling.straightened(step)));
+            self.integrator.link(&self.params.rectified(&self.rolling.as_global_shutter(step)));
         }
     }
 
@@ -211,7 +211,8 @@ impl BodyTracker {
     /// Stores a pose. Discards those beyond the reach of the local fits, once there are at least 256 of them.
     fn retain_node(&mut self, node: Pose) {
         self.nodes.push(node);
-        let reach = u64::from(self.params.window_frames.unwrap_or(0)) + 2 * lag_frames(&self.params) + SPARE_NODES;
+        let lag = self.params.lag_frames.max(DEFAULT_LAG_FRAMES);
+        let reach = u64::from(self.params.window_frames.unwrap_or(0)) + 2 * lag + SPARE_NODES;
         let old = self.nodes.partition_point(|n| n.frame + reach < node.frame);
         if old >= 256 {
             self.nodes.drain(..old);
@@ -245,7 +246,7 @@ impl BodyTracker {
     /// the outline.
     fn correct_out_of_plane(&self, rates: PixelRates, regime: Regime, node: &Pose, here: &LocalDrift) -> PixelRates {
         let rates = OutlineDrift::apply_to_rates(rates, here);
-        let View { middle_px: [x, y], sigma_px } = self.params.view;
+        let View { principal_point_px: [x, y], sigma_px } = self.params.view;
         let Some(origin_px) = self.origin_px() else { return rates };
         let place_px = [origin_px[0] + node.pose[0] - x, origin_px[1] + node.pose[1] - y];
         self.size_change.across(

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use super::body_tracker::BodyTracker;
 use super::rows::TrackerRows;
 use crate::impact::Detector;
-use crate::motion::{MotionParams, lag_frames};
+use crate::motion::MotionParams;
 use crate::results::BodyStep;
 
 /// The parameters of the tracker.
@@ -31,15 +31,18 @@ impl TrackerParams {
 /// Turns steps into tracks, velocities and impacts.
 ///
 /// A pure function of the sequence of steps: the same steps give the same bits, live and offline. The
-/// rows of a frame are emitted with the first step `lag_frames + 1` frames later and use nothing
-/// newer. Impacts are emitted as soon as they are measured.
+/// rows of a frame are emitted with the last step `lag_frames` frames later and use nothing newer. Impacts are emitted
+/// as soon as they are measured.
 #[derive(Debug, Clone)]
 pub struct Tracker {
     bodies: Vec<BodyTracker>,
     /// The index of the body that is the surface.
     surface_body: Option<u32>,
     lag_frames: u64,
+    /// The shortest interval of steps, frames.
     shortest_frames: u32,
+    /// The interval of the last step of a body in a frame, frames.
+    last_frames: u32,
     origin_ns: Option<u64>,
     pending: VecDeque<BodyStep>,
 }
@@ -51,13 +54,15 @@ impl Tracker {
             .zip(&params.motion)
             .map(|(i, m)| {
                 let strikes = params.contact && params.surface_body != Some(i);
-                BodyTracker::new(i, m, strikes.then(Detector::new))
+                BodyTracker::new(i, m, strikes.then(|| Detector::new(m.lag_frames)))
             })
             .collect();
-        let lag_frames = params.motion.iter().map(lag_frames).max().unwrap_or(0);
+        let lag_frames = params.motion.iter().map(|motion| motion.lag_frames).max().unwrap_or(0);
         let shortest_frames = params.intervals_frames().next().unwrap_or(1);
+        let last_frames = params.intervals_frames().last().unwrap_or(1);
         let surface_body = params.surface_body;
-        Self { bodies, surface_body, lag_frames, shortest_frames, origin_ns: None, pending: VecDeque::new() }
+        let (origin_ns, pending) = (None, VecDeque::new());
+        Self { bodies, surface_body, lag_frames, shortest_frames, last_frames, origin_ns, pending }
     }
 
     /// Processes the next step in frame order and appends finished rows.
@@ -69,12 +74,21 @@ impl Tracker {
     ///
     /// If the step has a body that is none of the configured ones.
     pub fn push(&mut self, step: &BodyStep, rows: &mut TrackerRows) {
-        if step.interval_frames != self.shortest_frames {
-            self.bodies[step.body as usize].link(step);
-            return;
-        }
         let lag = self.lag_frames;
-        self.emit(|oldest| oldest.frame.saturating_add(lag) < step.frame, rows);
+        if step.interval_frames == self.shortest_frames {
+            // The frame that they were waiting for is missing.
+            self.emit(|oldest| oldest.frame.saturating_add(lag) < step.frame, rows);
+            self.add(step, rows);
+        } else {
+            self.bodies[step.body as usize].link(step);
+        }
+        if step.body as usize + 1 == self.bodies.len() && step.interval_frames == self.last_frames {
+            self.emit(|oldest| oldest.frame.saturating_add(lag) <= step.frame, rows);
+        }
+    }
+
+    /// Adds a step over the shortest interval to its body.
+    fn add(&mut self, step: &BodyStep, rows: &mut TrackerRows) {
         let origin_ns = *self.origin_ns.get_or_insert(step.stamp_ns);
         let body = &mut self.bodies[step.body as usize];
         let accepted = body.add_step(step, origin_ns, rows);

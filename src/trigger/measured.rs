@@ -156,7 +156,7 @@ impl MeasuredTrigger {
             return body.check_enter(step, roi_px);
         }
         body.rolling.push(step);
-        let step = &body.watch.motion.rectified(&body.rolling.straightened(step));
+        let step = &body.watch.motion.rectified(&body.rolling.as_global_shutter(step));
         let scale = body.metres_per_px(step);
         let gravity = scale.map_or([0.0; 2], |scale| gravity_px(&body.watch.motion, scale));
         if !body.flight.add_step(step, gravity) {

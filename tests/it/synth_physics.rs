@@ -314,6 +314,7 @@ impl Experiment {
             // Gravity stays opposite to the surface normal, so that a tilt of the surface tilts the whole experiment.
             gravity_angle_deg: self.surface_angle_deg - 90.0,
             window_frames: None,
+            lag_frames: 20,
             order: 2,
             mass_kg: Some(self.mass_kg),
             form: Form::Ball,

@@ -47,6 +47,9 @@ pub struct BenchOptions {
     /// live --rate: set up for the shortest delay, as `workers.mode = "latency"` in a rig file.
     #[arg(long, requires = "rate")]
     pub latency: bool,
+    /// live --rate: frames that a velocity waits for, as `velocity.lag_frames` [default: that of a rig file without it].
+    #[arg(long, requires = "rate", value_parser = clap::value_parser!(u32).range(0..=2))]
+    pub lag_frames: Option<u32>,
     /// live --rate: frames in the ring [default: 20000, or 2000 for --rate max, in at most a quarter of the memory].
     #[arg(long, requires = "rate")]
     pub ring: Option<u64>,

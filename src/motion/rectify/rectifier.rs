@@ -68,10 +68,12 @@ struct Disc {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rectifier {
     calibration: Calibration,
-    /// The centre of the calibrated image, in the recorded image and in the plane.
-    middle: [[f64; 2]; 2],
+    /// The centre of the calibrated image, in the recorded image.
+    center_px: [f64; 2],
+    /// The same in the plane.
+    center_plane: [f64; 2],
     /// From the plane to rectified pixels, relative to the centre.
-    turn: [[f64; 2]; 2],
+    from_plane_axes: [[f64; 2]; 2],
     mm_per_px: Option<f64>,
 }
 
@@ -88,17 +90,18 @@ impl Rectifier {
         }
         let [width, height] = calibration.image_px.map(f64::from);
         let [left, top] = calibration.offset_px.map(f64::from);
-        let middle_px = [0.5 * (width - 1.0) - left, 0.5 * (height - 1.0) - top];
+        let center_px = [0.5 * (width - 1.0) - left, 0.5 * (height - 1.0) - top];
         let folds = |[x, y]: [f64; 2]| RectifierError::Folds { x_px: x + left, y_px: y + top };
-        let mut rectifier =
-            Self { calibration, middle: [middle_px; 2], turn: [[1.0, 0.0], [0.0, 1.0]], mm_per_px: None };
-        let middle = rectifier.plane_position(middle_px).ok_or(folds(middle_px))?;
-        let slope = rectifier.jacobian_at(middle_px, Self::plane_position).ok_or(folds(middle_px))?;
+        let from_plane_axes = [[1.0, 0.0], [0.0, 1.0]];
+        let mut rectifier = Self { calibration, center_px, center_plane: center_px, from_plane_axes, mm_per_px: None };
+        let middle = rectifier.plane_position(center_px).ok_or(folds(center_px))?;
+        let slope = rectifier.jacobian_at(center_px, Self::plane_position).ok_or(folds(center_px))?;
         let size = determinant(&slope).abs().sqrt();
         if !(size > 0.0 && size.is_finite()) {
-            return Err(folds(middle_px));
+            return Err(folds(center_px));
         }
-        (rectifier.middle[1], rectifier.turn) = (middle, inverse_similarity(&slope, size));
+        rectifier.center_plane = middle;
+        rectifier.from_plane_axes = inverse_similarity(&slope, size);
         rectifier.mm_per_px = calibration.homography.map(|_| size);
         for k in 0..CHECKED_POSITIONS * CHECKED_POSITIONS {
             let share = |k: usize| k as f64 / (CHECKED_POSITIONS - 1) as f64;
@@ -125,20 +128,20 @@ impl Rectifier {
     }
 
     /// Returns the principal point in the rectified image, px; the centre of the image without a lens.
-    pub fn middle_px(&self) -> [f64; 2] {
+    pub fn principal_point_px(&self) -> [f64; 2] {
         let offset = self.calibration.offset_px.map(f64::from);
         let ahead = self.calibration.lens.and_then(|lens| {
             let [x, y] = lens.pixel([0.0; 2]);
             self.rectify_point([x - offset[0], y - offset[1]])
         });
-        ahead.unwrap_or(self.middle[0])
+        ahead.unwrap_or(self.center_px)
     }
 
     /// Converts a pixel of the recorded image to its rectified position, px; `None` beyond the calibration.
     pub fn rectify_point(&self, at_px: [f64; 2]) -> Option<[f64; 2]> {
         let [x, y] = self.plane_position(at_px)?;
-        let offset = multiply(&self.turn, [x - self.middle[1][0], y - self.middle[1][1]]);
-        Some([self.middle[0][0] + offset[0], self.middle[0][1] + offset[1]])
+        let offset = multiply(&self.from_plane_axes, [x - self.center_plane[0], y - self.center_plane[1]]);
+        Some([self.center_px[0] + offset[0], self.center_px[1] + offset[1]])
     }
 
     /// Converts a rectified position to its pixel in the recorded image; `None` beyond the calibration.
@@ -358,7 +361,7 @@ mod tests {
     #[test]
     fn the_middle_stays_where_it_is_and_as_it_is() {
         for rectifier in all() {
-            let [x, y] = rectifier.middle[0];
+            let [x, y] = rectifier.center_px;
             let place = rectifier.rectify_point([x, y]).unwrap();
             assert!((place[0] - x).hypot(place[1] - y) < 1e-9, "{place:?}");
             let jacobian = rectifier.jacobian([x, y]).unwrap();

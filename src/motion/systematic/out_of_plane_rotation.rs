@@ -99,7 +99,7 @@ pub struct LocalDrift {
 impl OutlineDrift {
     /// Creates an estimate for a camera with a rolling or a global shutter.
     pub fn new(rolling: &RollingShutter) -> Self {
-        Self { common_error_share: if rolling.rolls() { 1.0 } else { 0.0 }, ..Self::default() }
+        Self { common_error_share: if rolling.is_rolling() { 1.0 } else { 0.0 }, ..Self::default() }
     }
 
     /// Records the offset of the outline detected in a node's frame from the node's pose.

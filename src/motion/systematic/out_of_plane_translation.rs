@@ -39,7 +39,7 @@ impl SizeChange {
     pub fn total_dilatation(&self) -> f64 {
         let sizes = self.sizes.sums();
         let (Some([first]), Some([last])) = (sizes.first(), sizes.last()) else { return 0.0 };
-        let rate = self.rate(first.time_frames, last.time_frames).map(significant);
+        let rate = self.rate(first.time_frames, last.time_frames).map(shrink_insignificant);
         rate.map_or(0.0, |rate| (rate.value * (last.time_frames - first.time_frames)).abs())
     }
 
@@ -83,16 +83,16 @@ impl SizeChange {
             Regime::Unknown => (seen.frame.saturating_sub(BACK), seen.frame + AHEAD),
         };
         let time = |frame: u64| seen.time_frames + frame as f64 - seen.frame as f64;
-        let dilatation = self.rate(time(from) - 0.5, time(to) + 0.5).map(significant);
+        let dilatation = self.rate(time(from) - 0.5, time(to) + 0.5).map(shrink_insignificant);
         // A flight that has just begun constrains it too little; the flight before bounds it.
         let before = || {
             let from = seen.frame.saturating_sub(AHEAD);
-            let before = self.rate(time(from) - 0.5, time(to) + 0.5).map(significant)?;
+            let before = self.rate(time(from) - 0.5, time(to) + 0.5).map(shrink_insignificant)?;
             Some(Estimate { value: 0.0, sigma: before.value.hypot(before.sigma) })
         };
         let Some(dilatation) = dilatation.or_else(before) else { return rates };
         let since = self.sizes.sums().first().map_or(0.0, |[first]| seen.time_frames - first.time_frames);
-        let already = self.since_first(seen.time_frames).map_or(0.0, |size| significant(size).value);
+        let already = self.since_first(seen.time_frames).map_or(0.0, |size| shrink_insignificant(size).value);
         let across = |rate: Estimate, place_px: f64| {
             let value = rate.value - dilatation.value * place_px;
             let place = (dilatation.sigma * place_px).hypot(dilatation.value * seen.sigma_px);
@@ -108,7 +108,7 @@ impl SizeChange {
 /// part beyond.
 ///
 /// Bodies mostly keep their distance, so an insignificant dilatation is not corrected.
-pub fn significant(seen: Estimate) -> Estimate {
+pub fn shrink_insignificant(seen: Estimate) -> Estimate {
     let share = 1.0 - (CHANCE_SIGMAS * seen.sigma / seen.value).powi(2);
     if share > 0.0 {
         Estimate { value: share * seen.value, sigma: share.sqrt() * seen.sigma }
@@ -159,7 +159,7 @@ mod tests {
 
     #[test]
     fn what_may_be_chance_is_left_out() {
-        let dilatation = |value: f64| significant(Estimate { value, sigma: 1.0 });
+        let dilatation = |value: f64| shrink_insignificant(Estimate { value, sigma: 1.0 });
         assert!(
             dilatation(1.9).value.abs() <= 0.0
                 && dilatation(-2.0).sigma.abs() <= 0.0

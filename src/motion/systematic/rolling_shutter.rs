@@ -144,8 +144,8 @@ impl RollingShutter {
     /// Returns the newest frame's node without the apparent rotation since the first, which the shear of the image
     /// causes.
     #[must_use]
-    pub fn unsheared(&mut self, node: Pose) -> Pose {
-        if !self.rolls() {
+    pub fn without_shear(&mut self, node: Pose) -> Pose {
+        if !self.is_rolling() {
             return node;
         }
         let shear_rad = 0.5 * self.stretch_and_change().0[0];
@@ -155,7 +155,7 @@ impl RollingShutter {
     }
 
     /// Records the start of a contact: the offset of the effective row counts from here on.
-    pub fn touches(&mut self) {
+    pub fn begin_contact(&mut self) {
         self.row_offset_px = 0.0;
     }
 
@@ -164,7 +164,7 @@ impl RollingShutter {
     /// `period_s` is the frame period, s.
     #[must_use]
     pub fn widen_times(&self, impact: Impact, period_s: f64) -> Impact {
-        if !self.rolls() {
+        if !self.is_rolling() {
             return impact;
         }
         let row_sigma_s = self.shutter.row_time_frames * self.row_offset_px * period_s;
@@ -194,7 +194,7 @@ impl RollingShutter {
     /// pattern weights one side more, and turns with the body. An occluded part adds the error of the strained image.
     #[must_use]
     pub fn widen_rates(&self, rates: PixelRates) -> PixelRates {
-        if !self.rolls() {
+        if !self.is_rolling() {
             return rates;
         }
         let turn_rad = rates.theta.value.to_radians();
@@ -215,16 +215,16 @@ impl RollingShutter {
     }
 
     /// Whether rows are exposed one after another.
-    pub fn rolls(&self) -> bool {
+    pub fn is_rolling(&self) -> bool {
         self.shutter.row_time_frames.total_cmp(&0.0).is_ne()
     }
 
     /// Returns the last step as a global shutter would image it.
     ///
     /// Its motion remains that between the moments of two frames, and its rotation remains the image's: see
-    /// [`Self::unsheared`].
-    pub fn straightened(&self, step: &BodyStep) -> BodyStep {
-        if !self.rolls() || self.moved_px.is_none() {
+    /// [`Self::without_shear`].
+    pub fn as_global_shutter(&self, step: &BodyStep) -> BodyStep {
+        if !self.is_rolling() || self.moved_px.is_none() {
             return *step;
         }
         let (stretch, change) = self.stretch_and_change();

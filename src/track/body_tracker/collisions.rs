@@ -25,7 +25,7 @@ impl BodyTracker {
                 if let Some(next) = contact {
                     self.measure_impact(next.flight_to_frames, Revision::Final, impacts);
                 }
-                self.rolling.touches();
+                self.rolling.begin_contact();
                 self.pending_impact = None;
             }
             Event::Ended => {
@@ -110,7 +110,7 @@ impl BodyTracker {
 
     /// Returns the origin of poses relative to the principal point, along normal and tangent, px.
     fn relative_position_px(&self) -> Option<[f64; 2]> {
-        let (origin_px, [x, y]) = (self.origin_px()?, self.params.view.middle_px);
+        let (origin_px, [x, y]) = (self.origin_px()?, self.params.view.principal_point_px);
         let relative = self.axes.surface(origin_px[0] - x, origin_px[1] - y);
         Some([relative.normal, relative.tangential])
     }

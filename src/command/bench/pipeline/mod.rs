@@ -83,6 +83,8 @@ struct Plan {
     step_px: u32,
     workers: Option<u32>,
     block_frames: Option<u32>,
+    /// The frames that a velocity waits for; `None`: the default of the rig file.
+    lag_frames: Option<u32>,
     mode: WorkerMode,
     ring_frames: u64,
 }
@@ -140,9 +142,21 @@ fn plans(
     let plan = |wanted: &usize| {
         let SubsetGrid { step_px, subsets } = scene.closest_grid(*wanted);
         let ring_frames = options.ring.unwrap_or_else(|| rig::default_ring_frames(scene.frame_bytes(), defaults.1));
-        let (workers, block_frames) = (options.workers, options.block_frames);
+        let BenchOptions { workers, block_frames, lag_frames, .. } = *options;
         let mode = if options.latency { WorkerMode::Latency } else { WorkerMode::Throughput };
-        Plan { rate_hz, seconds, side_px, scene, subsets, step_px, workers, block_frames, mode, ring_frames }
+        Plan {
+            rate_hz,
+            seconds,
+            side_px,
+            scene,
+            subsets,
+            step_px,
+            workers,
+            block_frames,
+            lag_frames,
+            mode,
+            ring_frames,
+        }
     };
     Ok(wanted.iter().map(plan).collect())
 }

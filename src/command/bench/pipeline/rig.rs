@@ -82,10 +82,11 @@ fn rig_text(plan: &Plan, scenario: &Path, shots: &Path) -> String {
     let body = plan.scene.rig_tables(MM_PER_PX, plan.step_px);
     let count = plan.workers.map_or_else(String::new, |count| format!("count = {count}\n"));
     let block = plan.block_frames.map_or_else(String::new, |frames| format!("block_frames = {frames}\n"));
+    let lag = plan.lag_frames.map_or_else(String::new, |frames| format!("[velocity]\nlag_frames = {frames}\n"));
     let mode = if plan.mode == WorkerMode::Latency { "mode = \"latency\"\n" } else { "" };
     format!(
         "[rig]\nname = \"{NAME}\"\n[camera]\nsource = \"simulated\"\nscenario = {:?}\nendless = true\n\
-         frame_rate_hz = {rate_hz:?}\n[scale]\nmm_per_px = {MM_PER_PX:?}\n{body}[trigger]\nmode = \"software\"\npre_s = {pre_s:?}\n[record]\ndirectory = {:?}\n[workers]\n{count}{block}{mode}",
+         frame_rate_hz = {rate_hz:?}\n[scale]\nmm_per_px = {MM_PER_PX:?}\n{body}{lag}[trigger]\nmode = \"software\"\npre_s = {pre_s:?}\n[record]\ndirectory = {:?}\n[workers]\n{count}{block}{mode}",
         scenario.display().to_string(),
         shots.display().to_string(),
     )

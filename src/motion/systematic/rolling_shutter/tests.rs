@@ -106,7 +106,7 @@ fn a_ball_is_as_large_as_it_is_at_the_moment_its_centre_was_exposed() {
             for frame in 0..6 {
                 let step = film.step(frame);
                 let later = rolling.push(&step);
-                let straight = rolling.straightened(&step);
+                let straight = rolling.as_global_shutter(&step);
                 let (seen, measured) = (step.circle().unwrap(), straight.circle().unwrap());
                 let (_, time) = film.shown(frame, [0.0; 2]);
                 assert!((frame as f64 + later - time).abs() < 1e-6, "{later} at {frame}, truly {time}");
@@ -133,7 +133,7 @@ fn a_ball_that_turns_does_not_sink() {
         for frame in 0..4 {
             let step = film.step(frame);
             rolling.push(&step);
-            let straight = rolling.straightened(&step);
+            let straight = rolling.as_global_shutter(&step);
             let truth = film.shown(frame + 1, [0.0; 2]).0[1] - film.shown(frame, [0.0; 2]).0[1];
             let (seen, measured) = (step.motion.unwrap().dy_px - truth, straight.motion.unwrap());
             let off = measured.dy_px - truth;
@@ -159,7 +159,7 @@ fn a_ball_that_is_pushed_aside_is_not_turned_by_it() {
     for frame in 0..12 {
         let step = film.step(frame);
         rolling.push(&step);
-        let measured_deg = rolling.unsheared(node(angle_deg)).pose[2];
+        let measured_deg = rolling.without_shear(node(angle_deg)).pose[2];
         let truth_deg = (film.turn_rad * (film.shown(frame, [0.0; 2]).1 - first)).to_degrees();
         // The first frame has no step before it.
         let off = measured_deg - truth_deg;
@@ -203,7 +203,7 @@ fn a_rod_has_its_edges_and_its_tilt_of_one_moment() {
         };
         let later = rolling.push(&step);
         assert!((later - row_time_frames * middle[1]).abs() < 1e-9);
-        let measured = rolling.straightened(&step).rod().unwrap();
+        let measured = rolling.as_global_shutter(&step).rod().unwrap();
         assert!((rod.tilt_deg.value - tilt_deg).abs() > 0.2, "{rod:?}");
         assert!((measured.tilt_deg.value - tilt_deg).abs() < 1e-6, "{measured:?}");
         for (edge, along) in measured.edges.iter().flatten().zip(along) {
@@ -245,8 +245,8 @@ fn rows_that_are_exposed_at_once_change_nothing() {
     for frame in 0..3 {
         let step = film.step(frame);
         assert!(rolling.push(&step).abs() <= 0.0);
-        assert_eq!(rolling.straightened(&step), step);
-        assert_eq!(rolling.unsheared(node(1.5)), node(1.5));
+        assert_eq!(rolling.as_global_shutter(&step), step);
+        assert_eq!(rolling.without_shear(node(1.5)), node(1.5));
     }
     let upwards = Shutter { row_time_frames: -0.001, ..Shutter::default() }.over([640, 480]);
     let later = RollingShutter::new(upwards, Form::Ball).push(&film.step(0));
