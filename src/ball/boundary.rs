@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::annulus::maximum;
 use super::pyramid::GreyImage;
-use super::ransac::{Ray, RoughCircle, sample_line, within};
+use super::ransac::{Ray, RoughCircle, can_interpolate, sample_line};
 use super::texture_disc::{RadiusRange, Region, log_levels};
 use super::visible_fraction::{RimBin, fraction_in_image, unoccluded_fraction};
 use crate::image::{ImageView, is_saturated};
@@ -163,7 +163,8 @@ impl Boundary {
         for ray in 0..rays {
             self.starts.push(self.steps.len());
             let (cos, sin) = (self.cos[ray], self.sin[ray]);
-            let is_inside = [low, high].iter().all(|r| within(view, (x + r * cos) as f32, (y + r * sin) as f32));
+            let is_inside =
+                [low, high].iter().all(|r| can_interpolate(view, (x + r * cos) as f32, (y + r * sin) as f32));
             if !is_inside {
                 continue;
             }

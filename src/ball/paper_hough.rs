@@ -3,7 +3,7 @@
 //! H. Ghaednia et al., Int. J. Mech. Sci. 131-132 (2017), section 4.3. The boundary lies at the strongest change across
 //! the rim of a ball of one grey level. Whole pixels there are marked and vote for every circle through them.
 
-use super::ransac::within;
+use super::ransac::can_interpolate;
 use crate::image::ImageView;
 use crate::numeric::quantile;
 use crate::results::Circle;
@@ -34,11 +34,17 @@ const CORRELATED_MARKS: f64 = 20.0;
 /// The transform with its scratch memory.
 #[derive(Debug, Default)]
 pub(super) struct PaperHough {
-    /// The marked pixels relative to the centre of the detected circle.
-    marks: Vec<(f64, f64)>,
+    marks: Vec<Mark>,
     levels: Vec<f32>,
     radii: Vec<u32>,
     cells: Vec<Cell>,
+}
+
+/// A marked pixel relative to the centre of the detected circle, px.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Mark {
+    x_px: f64,
+    y_px: f64,
 }
 
 /// A circle of the accumulator, relative to the detected centre, with its votes.
@@ -55,8 +61,9 @@ impl PaperHough {
     pub(super) fn find_circle(&mut self, image: ImageView<'_>, detected: &Circle) -> Option<Circle> {
         let rays = (std::f64::consts::TAU * detected.radius_px).ceil();
         self.mark_boundary(image, detected, rays as usize);
-        let best = self.transform(detected.radius_px)?;
-        let is_on_circle = |(x, y): &&(f64, f64)| ((x - best.x).hypot(y - best.y) - best.radius).abs() < 1.0;
+        self.accumulate_votes(detected.radius_px);
+        let best = self.mean_of_peak()?;
+        let is_on_circle = |mark: &&Mark| ((mark.x_px - best.x).hypot(mark.y_px - best.y) - best.radius).abs() < 1.0;
         let marked = self.marks.iter().filter(is_on_circle).count() as f64;
         if marked < MIN_MARKED_FRACTION * rays || marked < MIN_INLIER_FRACTION * self.marks.len() as f64 {
             return None;
@@ -102,7 +109,7 @@ impl PaperHough {
             if let Some(at) = boundary_sample(&self.levels, ball, inside) {
                 let along = detected.radius_px - REACH_PX + STRIDE_PX * at as f64;
                 let pixel = |middle: f64, part: f64| (middle + along * part).round() - middle;
-                let mark = (pixel(detected.x_px, cos), pixel(detected.y_px, sin));
+                let mark = Mark { x_px: pixel(detected.x_px, cos), y_px: pixel(detected.y_px, sin) };
                 if self.marks.last() != Some(&mark) {
                     self.marks.push(mark);
                 }
@@ -126,10 +133,11 @@ impl PaperHough {
         quantile(&mut self.levels, 0.5)
     }
 
-    /// Computes the Hough transform: each mark votes, for every centre, for the radius of the circle through it.
+    /// Fills the accumulator: each mark votes, for every centre within [`REACH_PX`], for the radius of the circle through
+    /// it.
     ///
-    /// Returns the mean of the circles with the most votes; `None` without marks.
-    fn transform(&mut self, radius_px: f64) -> Option<Cell> {
+    /// `radius_px` is the radius of the detected circle, about which radii are tried.
+    fn accumulate_votes(&mut self, radius_px: f64) {
         let side = (REACH_PX / CELL_PX) as i32;
         let bins = 2 * side as usize + 1;
         self.cells.clear();
@@ -138,7 +146,7 @@ impl PaperHough {
             self.radii.clear();
             self.radii.resize(bins, 0);
             for mark in &self.marks {
-                let radius = ((mark.0 - x).powi(2) + (mark.1 - y).powi(2)).sqrt();
+                let radius = ((mark.x_px - x).powi(2) + (mark.y_px - y).powi(2)).sqrt();
                 let bin = ((radius - radius_px) / CELL_PX).round() + f64::from(side);
                 if let Some(votes) = self.radii.get_mut(bin as usize).filter(|_| bin >= 0.0) {
                     *votes += 1;
@@ -154,6 +162,11 @@ impl PaperHough {
                 votes: votes(near),
             }));
         }
+    }
+
+    /// Returns the mean of the circles with at least [`VOTE_FRACTION`] of the maximum votes, weighted by their excess;
+    /// `None` without marks.
+    fn mean_of_peak(&self) -> Option<Cell> {
         let max_votes = self.cells.iter().map(|cell| cell.votes).fold(0.0, f64::max);
         let (mut sum, mut mean) = (0.0, Cell { x: 0.0, y: 0.0, radius: 0.0, votes: max_votes });
         for cell in self.cells.iter().filter(|cell| cell.votes > VOTE_FRACTION * max_votes) {
@@ -182,7 +195,7 @@ fn boundary_sample(levels: &[f32], ball: f32, inside: f32) -> Option<usize> {
 
 /// Interpolates the grey level bilinearly at a position, px; `None` outside the image.
 fn interpolate_bilinear(image: ImageView<'_>, x: f64, y: f64) -> Option<f32> {
-    if !within(image, x as f32, y as f32) {
+    if !can_interpolate(image, x as f32, y as f32) {
         return None;
     }
     let (column, row) = (x as usize, y as usize);

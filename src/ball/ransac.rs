@@ -90,7 +90,7 @@ impl Ransac {
         let best = [Polarity::Brighter, Polarity::Darker];
         self.find_steps(image, near, params);
         best.into_iter()
-            .filter_map(|polarity| self.circle(near, polarity, params))
+            .filter_map(|polarity| self.fit_by_ransac(near, polarity, params))
             .reduce(|a, b| if b.support > a.support { b } else { a })
     }
 
@@ -103,7 +103,7 @@ impl Ransac {
     ) -> Option<Candidate> {
         let near = RoughCircle { x: candidate.x, y: candidate.y, radius: candidate.radius };
         self.find_steps(image, near, params);
-        self.circle(near, candidate.polarity, params)
+        self.fit_by_ransac(near, candidate.polarity, params)
     }
 
     /// Finds the strongest steps along rays through the rim, and counts the rays inside the image.
@@ -116,7 +116,8 @@ impl Ransac {
         let (low, samples) = (radius - reach - 1.0, (2.0 * reach + 3.0) as usize);
         for ray in 0..rays {
             let (cos, sin) = (self.cos[ray], self.sin[ray]);
-            let is_inside = [low, low + samples as f32 - 1.0].iter().all(|r| within(image, x + r * cos, y + r * sin));
+            let is_inside =
+                [low, low + samples as f32 - 1.0].iter().all(|r| can_interpolate(image, x + r * cos, y + r * sin));
             if !is_inside {
                 continue;
             }
@@ -175,7 +176,10 @@ impl Ransac {
         }
     }
 
-    fn circle(&mut self, near: RoughCircle, polarity: Polarity, params: RansacParams) -> Option<Candidate> {
+    /// Fits a circle of one polarity by RANSAC near a candidate, and refines the best one by least squares.
+    ///
+    /// `None` if too few rays have a step, or too few lie in the image.
+    fn fit_by_ransac(&mut self, near: RoughCircle, polarity: Polarity, params: RansacParams) -> Option<Candidate> {
         // Outwards, the rim of a brighter ball is a step down.
         let sign = match polarity {
             Polarity::Brighter => 0,
@@ -188,7 +192,7 @@ impl Ransac {
         let mut tried = 0;
         // Most draws are refused at no cost, because the circle through the three steps is far from the candidate.
         for _ in 0..params.draws * 8 {
-            let Some(offset) = self.draw(sign, near.radius, params.reach_px) else { continue };
+            let Some(offset) = self.random_circle(sign, near.radius, params.reach_px) else { continue };
             let support = self.support(sign, offset, params.tolerance_px);
             if support > best.0 {
                 best = (support, offset);
@@ -216,8 +220,8 @@ impl Ransac {
         })
     }
 
-    /// Draws a circle through three steps of one sign; `None` if it is far from the candidate.
-    fn draw(&mut self, sign: usize, radius: f32, reach: f32) -> Option<Offset> {
+    /// Returns the circle through three random steps of one sign; `None` if it is far from the candidate.
+    fn random_circle(&mut self, sign: usize, radius: f32, reach: f32) -> Option<Offset> {
         let mut points = [(0.0_f32, 0.0_f32); 3];
         let mut rays = [0_u32; 3];
         for i in 0..3 {
@@ -293,8 +297,9 @@ fn votes(steps: &[Vec<f32>; STEPS], cos: &[f32], sin: &[f32], offset: Offset, sc
     sums.iter().sum()
 }
 
-pub(super) fn within(image: ImageView<'_>, x: f32, y: f32) -> bool {
-    x >= 0.0 && y >= 0.0 && x < (image.width() - 1) as f32 && y < (image.height() - 1) as f32
+/// Whether the grey level at a position, px, can be interpolated bilinearly: all four pixels around it lie in the image.
+pub(super) fn can_interpolate(image: ImageView<'_>, x_px: f32, y_px: f32) -> bool {
+    x_px >= 0.0 && y_px >= 0.0 && x_px < (image.width() - 1) as f32 && y_px < (image.height() - 1) as f32
 }
 
 /// The first sample on a ray, and the step to the next, px.
@@ -305,7 +310,7 @@ pub(super) struct Ray {
     pub dy: f32,
 }
 
-/// Samples grey levels bilinearly at `count` points of a ray, all [`within`] the image.
+/// Samples grey levels bilinearly at `count` points of a ray, which all [can be interpolated](can_interpolate).
 pub(super) fn sample_line(image: ImageView<'_>, ray: Ray, count: usize, out: &mut Vec<f32>) {
     // Fixed point with 16 fractional bits: stepping in integers is cheaper than rounding every coordinate.
     const ONE: f32 = 65536.0;

@@ -43,9 +43,8 @@ impl PendingRequest {
         Command::from_number(self.0.command)
     }
 
-    /// Sends the answer. A client that is gone by now gets none, which is no error.
+    /// Sends the answer. It is discarded if the client has ended.
     pub fn answer(self, reply: Reply) {
-        // The client may be gone by now.
         let _ = self.0.send_copy(reply);
     }
 }

@@ -51,7 +51,7 @@ pub(super) fn require(needed_bytes: u64) -> Result<(), BusError> {
 /// [`BusError::Memory`] if there is not enough for a file.
 pub(super) fn reserve(paths: &[PathBuf]) -> Result<(), BusError> {
     for path in paths {
-        // It may be gone by now.
+        // It may have been removed since.
         let Ok(file) = OpenOptions::new().write(true).open(path) else { continue };
         let Ok(found) = file.metadata() else { continue };
         let is_reserved = found.blocks() * 512 >= found.len();

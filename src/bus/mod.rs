@@ -155,13 +155,15 @@ impl Bus {
         Self::new(member, rig, role, vec![claim])
     }
 
-    /// Joins as the supervisor of a rig, which gets a new domain, or that of `first`, a rig of the same supervisor.
+    /// Joins as the supervisor of a rig, and creates a domain for it.
+    ///
+    /// With `first`, another rig of the same supervisor, it joins the domain of that rig instead.
     ///
     /// # Errors
     ///
     /// [`BusError::Taken`] when the rig runs already. Otherwise as in [`join`](Self::join).
     #[cfg_attr(all(doc, not(internals)), doc(hidden))]
-    pub fn supervise(rig: &str, role: &str, first: Option<&Self>) -> Result<Self, BusError> {
+    pub fn join_as_supervisor(rig: &str, role: &str, first: Option<&Self>) -> Result<Self, BusError> {
         memory::require(memory::JOIN_BYTES)?;
         let domain = first.map(Self::domain);
         let (member, place) = domain::renew(rig, role, &domain.as_ref().map_or(Renewal::New, Renewal::Of))?;

@@ -357,7 +357,7 @@ enum Passes {
 }
 
 impl Passes {
-    /// Returns the frame of a film of so many frames that is shown as the frame with this index.
+    /// Returns the frame of the film to show as frame `index`; `frames` is the length of the film.
     fn frame_of_film(self, index: u64, frames: u64) -> u64 {
         let within = index % (2 * frames);
         match self {

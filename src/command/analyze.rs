@@ -9,7 +9,7 @@ use crate::camera::CameraIdentity;
 use crate::console::{Outcome, Overwrite, UsageError, print_line, print_note, progress, table};
 use crate::failure::Failure;
 use crate::process::{FilmToMeasure, MeasuredFilm, measure_film, recording_info, results_record};
-use crate::recording::{Recording, RecordingError};
+use crate::recording::{Recording, RecordingError, results_path};
 use crate::report;
 use crate::results::{Estimate, Impact};
 use std::path::{Path, PathBuf};
@@ -119,12 +119,11 @@ pub(super) fn measure_and_print(
 /// Returns `shot.results-1.mcap` next to `shot.mcap`, or the next free number; of a view, `shot.VIEW.results-1.mcap`.
 fn free_results_path(inputs: &[PathBuf], camera: Option<&str>) -> PathBuf {
     let input = inputs.first().map_or_else(|| Path::new("film"), PathBuf::as_path);
-    let stem = input.file_stem().map_or_else(|| "recording".into(), |stem| stem.to_string_lossy().into_owned());
+    let stem = input.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
     // A pattern such as `shot/*.png` is no name of a file.
     let stem = stem.replace(['*', '?', '[', ']'], "");
-    let stem = if stem.is_empty() { "images".to_owned() } else { stem };
-    let camera = camera.map_or_else(String::new, |camera| format!(".{camera}"));
-    let numbered = |number: u32| input.with_file_name(format!("{stem}{camera}.results-{number}.mcap"));
+    let film = input.with_file_name(format!("{}.mcap", if stem.is_empty() { "images" } else { &stem }));
+    let numbered = |number: u32| results_path(&film, camera, number);
     (1..u32::MAX).map(numbered).find(|path| !path.exists()).unwrap_or_else(|| numbered(u32::MAX))
 }
 

@@ -134,12 +134,12 @@ fn is_from(status: &StatusMessage, role: &TakenRole) -> bool {
 /// Returns the name of a process: its role, with its index or state.
 fn process_name(status: &StatusMessage) -> String {
     match Role::from_number(status.role) {
-        Some(Role::Correlate) if status.state > 1 => {
-            format!("correlate {} (1 block of {})", status.index, status.state)
+        Some(Role::Correlate) if status.measured_every() > 1 => {
+            format!("correlate {} (1 block of {})", status.index, status.measured_every())
         }
         Some(Role::Correlate) => format!("correlate {}", status.index),
-        Some(Role::Record) if status.state & 2 != 0 => "record (disk full)".into(),
-        Some(Role::Record) if status.state & 1 != 0 => "record (armed)".into(),
+        Some(Role::Record) if status.is_disk_full() => "record (disk full)".into(),
+        Some(Role::Record) if status.is_armed() => "record (armed)".into(),
         Some(role) => role.as_str().into(),
         None => "?".into(),
     }

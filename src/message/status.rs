@@ -100,6 +100,29 @@ described! {
     }
 }
 
+impl StatusMessage {
+    /// Returns the k of a worker that measures every k-th of its blocks; 1 if it measures all, and for other processes.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
+    #[must_use]
+    pub fn measured_every(&self) -> u32 {
+        if self.role == Role::Correlate as u32 { self.state.max(1) } else { 1 }
+    }
+
+    /// Whether the status is that of an armed recorder.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
+    #[must_use]
+    pub fn is_armed(&self) -> bool {
+        self.role == Role::Record as u32 && self.state & 1 != 0
+    }
+
+    /// Whether the status is that of a recorder whose recordings would not fit or cannot be written.
+    #[cfg_attr(all(doc, not(internals)), doc(hidden))]
+    #[must_use]
+    pub fn is_disk_full(&self) -> bool {
+        self.role == Role::Record as u32 && self.state & 2 != 0
+    }
+}
+
 described! {
     "ricochet.Progress.v1"
     /// The progress of one reader of the frames.

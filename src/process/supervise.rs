@@ -116,11 +116,12 @@ impl<'a> Supervisor<'a> {
         if let Some(record) = &config.record {
             prepare_directory(record)?;
         }
-        let bus = Bus::supervise(&config.rig.name, Role::Supervise.as_str(), None)?;
+        let bus = Bus::join_as_supervisor(&config.rig.name, Role::Supervise.as_str(), None)?;
         let limits = limits(config, &expected_format(config)?);
         let mut groups = vec![CameraGroup::open("", config, bus)?];
         for view in &config.views {
-            let view_bus = Bus::supervise(&view.config.rig.name, Role::Supervise.as_str(), Some(&groups[0].bus))?;
+            let view_bus =
+                Bus::join_as_supervisor(&view.config.rig.name, Role::Supervise.as_str(), Some(&groups[0].bus))?;
             groups.push(CameraGroup::open(&view.name, &view.config, view_bus)?);
         }
         let bus = &groups[0].bus;
@@ -142,7 +143,7 @@ impl<'a> Supervisor<'a> {
         };
         let recorder = config.record.iter().map(|_| Child::first(Role::Record));
         let cameras = (0..).zip(&supervisor.groups).flat_map(|(camera, group)| group.children(camera));
-        let children: Vec<Child> = recorder.chain(cameras).chain(page::child(config, extras.page)).collect();
+        let children: Vec<Child> = recorder.chain(cameras).chain(page::page_process(config, extras.page)).collect();
         let rings = supervisor.groups.iter().map(|group| group.ring_bytes);
         bus::check_room(rings.sum(), children.len())?;
         for child in children {

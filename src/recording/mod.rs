@@ -16,6 +16,7 @@ mod png_attachment;
 mod reader;
 mod record;
 mod recover;
+mod results_file;
 mod row_batch;
 mod rows;
 mod schema;
@@ -31,12 +32,14 @@ pub use extract::{copy_as_ros2, copy_results};
 #[cfg_attr(all(doc, not(internals)), doc(hidden))]
 pub use part_file::part_path;
 #[cfg_attr(all(doc, not(internals)), doc(hidden))]
-pub use png_attachment::{from_png, to_png, to_png_of_bits};
+pub use png_attachment::{from_png, to_png, to_png_with_bit_depth};
 #[cfg_attr(all(doc, not(internals)), doc(hidden))]
 pub use reader::files_of;
 pub use reader::{Attachment, Frames, Recording, Rows, TopicSummary};
 #[cfg_attr(all(doc, not(internals)), doc(hidden))]
 pub use recover::{Recovered, recover, recover_with_progress};
+#[cfg_attr(all(doc, not(internals)), doc(hidden))]
+pub use results_file::results_path;
 pub use rows::{EventRow, StatusRow};
 #[cfg_attr(all(doc, not(internals)), doc(hidden))]
 pub use schema::Topic;

@@ -13,19 +13,18 @@ const MAX_PICTURE_BYTES: u64 = 1 << 30;
 pub fn to_png(picture: &Image) -> Option<Vec<u8>> {
     let view = picture.view();
     let is_small = (0..view.height()).all(|y| view.row(y).iter().all(|level| level.round() <= 255.0));
-    to_png_of_bits(picture, if is_small { 8 } else { 16 })
+    to_png_with_bit_depth(picture, if is_small { 8 } else { 16 })
 }
 
-/// Encodes a picture of grey levels, rounded and clamped to the range, as PNG of 8 bits, or of 16 if `bits` is more
-/// than 8.
+/// Encodes a picture of grey levels as PNG, with 8 bits per pixel for a `bit_depth` of at most 8, else with 16.
 ///
-/// Returns `None` when the picture has no pixels or is too large.
-pub fn to_png_of_bits(picture: &Image, bits: u32) -> Option<Vec<u8>> {
+/// Grey levels are rounded, and clamped to the range. Returns `None` when the picture has no pixels or is too large.
+pub fn to_png_with_bit_depth(picture: &Image, bit_depth: u32) -> Option<Vec<u8>> {
     let view = picture.view();
     let (width, height) = (u32::try_from(view.width()).ok()?, u32::try_from(view.height()).ok()?);
     let levels =
         (0..view.height()).flat_map(|y| view.row(y).iter().map(|level| level.round().clamp(0.0, 65_535.0) as u16));
-    if bits <= 8 {
+    if bit_depth <= 8 {
         encode_png(&GrayImage::from_raw(width, height, levels.map(|level| level.min(255) as u8).collect())?).ok()
     } else {
         encode_png(&ImageBuffer::<Luma<u16>, _>::from_raw(width, height, levels.collect())?).ok()

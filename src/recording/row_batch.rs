@@ -3,6 +3,27 @@
 use super::container::MESSAGE_OVERHEAD_BYTES;
 use super::schema::Topic;
 
+/// A message of a batch.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct BatchedMessage<'a> {
+    /// The index of the camera.
+    pub(super) camera: usize,
+    pub(super) topic: Topic,
+    /// The log time, ns since the Unix epoch.
+    pub(super) log_time_ns: u64,
+    pub(super) bytes: &'a [u8],
+}
+
+/// The place of a message in a batch.
+#[derive(Debug, Clone, Copy)]
+struct Entry {
+    camera: usize,
+    topic: Topic,
+    log_time_ns: u64,
+    /// One past its last byte.
+    end: usize,
+}
+
 /// Encoded messages of one kind, held back until they fill a chunk.
 ///
 /// Readers can skip whole chunks only. Small messages in their own chunks allow a reader of `/velocity` to skip all
@@ -10,8 +31,7 @@ use super::schema::Topic;
 #[derive(Debug, Default)]
 pub(super) struct Batch {
     bytes: Vec<u8>,
-    /// Camera, topic, log time and end of each message.
-    messages: Vec<(usize, Topic, u64, usize)>,
+    messages: Vec<Entry>,
     first_ns: Option<u64>,
 }
 
@@ -20,7 +40,7 @@ impl Batch {
     pub(super) fn push<M: prost::Message>(&mut self, camera: usize, topic: Topic, log_time_ns: u64, message: &M) {
         self.first_ns.get_or_insert(log_time_ns);
         self.bytes.extend_from_slice(&message.encode_to_vec());
-        self.messages.push((camera, topic, log_time_ns, self.bytes.len()));
+        self.messages.push(Entry { camera, topic, log_time_ns, end: self.bytes.len() });
     }
 
     /// Whether the batch holds at least `limit_bytes`, or its first message is at least `limit_ns` older than `now_ns`.
@@ -37,14 +57,13 @@ impl Batch {
         self.bytes.len() as u64 + self.messages.len() as u64 * MESSAGE_OVERHEAD_BYTES
     }
 
-    /// Returns every message in the order of arrival: camera, topic, log time, bytes.
-    pub(super) fn iter(&self) -> impl Iterator<Item = (usize, Topic, u64, &[u8])> {
-        let starts = std::iter::once(0).chain(self.messages.iter().map(|message| message.3));
-        let bytes = |start: usize, end: usize| &self.bytes[start..end];
-        self.messages
-            .iter()
-            .zip(starts)
-            .map(move |((camera, topic, time, end), start)| (*camera, *topic, *time, bytes(start, *end)))
+    /// Returns every message in the order of arrival.
+    pub(super) fn iter(&self) -> impl Iterator<Item = BatchedMessage<'_>> {
+        let starts = std::iter::once(0).chain(self.messages.iter().map(|message| message.end));
+        self.messages.iter().zip(starts).map(|(entry, start)| {
+            let Entry { camera, topic, log_time_ns, end } = *entry;
+            BatchedMessage { camera, topic, log_time_ns, bytes: &self.bytes[start..end] }
+        })
     }
 
     /// Removes all messages and keeps the memory.

@@ -364,9 +364,9 @@ impl RecordingWriter {
             self.make_room(batch.expected_bytes())?;
             self.flush()?;
             let camera = self.camera;
-            for (of_camera, topic, log_time_ns, message) in batch.iter() {
-                self.camera = of_camera;
-                self.write_message(topic, 0, log_time_ns, &Payload::from_bytes(message))?;
+            for message in batch.iter() {
+                self.camera = message.camera;
+                self.write_message(message.topic, 0, message.log_time_ns, &Payload::from_bytes(message.bytes))?;
             }
             self.camera = camera;
             self.flush()?;

@@ -27,7 +27,7 @@ struct VelocityChart {
     heading: PreEscaped<&'static str>,
     unit: &'static str,
     /// Returns the number and its standard uncertainty.
-    number: fn(&BodyVelocity) -> Option<(f64, f64)>,
+    number: fn(&BodyVelocity) -> Option<Estimate>,
 }
 
 /// The velocity charts of a body, in the order of the page.
@@ -36,19 +36,19 @@ const VELOCITIES: [VelocityChart; 3] = [
         title: "Normal velocity",
         heading: PreEscaped("Normal velocity <i>v</i><sub>n</sub>"),
         unit: "m/s",
-        number: |v| Some((v.vn_m_s, v.sigma_v_m_s)),
+        number: |v| Some(Estimate { value: v.vn_m_s, sigma: v.sigma_v_m_s }),
     },
     VelocityChart {
         title: "Tangential velocity",
         heading: PreEscaped("Tangential velocity <i>v</i><sub>t</sub>"),
         unit: "m/s",
-        number: |v| Some((v.vt_m_s, v.sigma_v_m_s)),
+        number: |v| Some(Estimate { value: v.vt_m_s, sigma: v.sigma_v_m_s }),
     },
     VelocityChart {
         title: "Spin, counter-clockwise",
         heading: PreEscaped("Spin <i>ω</i>, counter-clockwise"),
         unit: "rad/s",
-        number: |v| v.omega_rad_s.zip(v.sigma_omega_rad_s),
+        number: |v| v.omega_rad_s.zip(v.sigma_omega_rad_s).map(|(value, sigma)| Estimate { value, sigma }),
     },
 ];
 
@@ -100,7 +100,7 @@ impl<'a> BodyCharts<'a> {
         let VelocityChart { title, heading, unit, number } = velocity;
         let curves = self.measured_and_true_curves(|row| row.velocity.as_ref().and_then(number));
         let chart = TimeChart { title: (*title).into(), curves, height: 130.0, has_axis: false };
-        let note = self.typical_sigma(|row| row.velocity.as_ref().and_then(number).map(|(_, sigma)| sigma));
+        let note = self.typical_sigma(|row| row.velocity.as_ref().and_then(number).map(|number| number.sigma));
         self.captioned(&html! { (heading) ", " (unit) }, note.as_ref(), &chart)
     }
 
@@ -123,10 +123,10 @@ impl<'a> BodyCharts<'a> {
     fn unbroken_stretches(
         &self,
         rows: &[&VelocitySample],
-        number: impl Fn(&VelocitySample) -> Option<(f64, f64)>,
+        number: impl Fn(&VelocitySample) -> Option<Estimate>,
     ) -> Vec<Vec<TimePoint>> {
         let point = |row: &&VelocitySample| {
-            let (y, sigma) = number(row).filter(|(y, _)| y.is_finite())?;
+            let Estimate { value: y, sigma } = number(row).filter(|number| number.value.is_finite())?;
             let sigma = if sigma.is_finite() { sigma } else { 0.0 };
             Some((row.frame, TimePoint { x: 1e3 * self.shot.seconds(row.stamp_ns), y, sigma }))
         };
@@ -140,15 +140,20 @@ impl<'a> BodyCharts<'a> {
         label: &'static str,
         number: impl Fn(&VelocitySample) -> Option<f64>,
     ) -> TimeCurve {
-        TimeCurve { class, label, stretches: self.unbroken_stretches(&self.rows, |row| Some((number(row)?, 0.0))) }
+        TimeCurve {
+            class,
+            label,
+            stretches: self.unbroken_stretches(&self.rows, |row| Some(Estimate { value: number(row)?, sigma: 0.0 })),
+        }
     }
 
     /// Returns the measured curve of a number with its uncertainty, and the true one, which may be empty.
     pub(super) fn measured_and_true_curves(
         &self,
-        number: impl Fn(&VelocitySample) -> Option<(f64, f64)>,
+        number: impl Fn(&VelocitySample) -> Option<Estimate>,
     ) -> Vec<TimeCurve> {
-        let truth = self.unbroken_stretches(&self.truth, |row| number(row).map(|(y, _)| (y, 0.0)));
+        let truth =
+            self.unbroken_stretches(&self.truth, |row| number(row).map(|number| Estimate { sigma: 0.0, ..number }));
         vec![
             TimeCurve { class: "a", label: "", stretches: self.unbroken_stretches(&self.rows, &number) },
             TimeCurve { class: "truth", label: "", stretches: truth },

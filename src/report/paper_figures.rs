@@ -4,7 +4,7 @@ use super::curves::{BodyCharts, join_consecutive};
 use super::shot::{Shot, Snapshot};
 use super::snapshot;
 use crate::plot::{self, TimeChart, TimeCurve, TimePoint, fixed, three_digits};
-use crate::results::{BodyVelocity, ROD_EDGES, TrackSample, VelocitySample};
+use crate::results::{BodyVelocity, Estimate, ROD_EDGES, TrackSample, VelocitySample};
 use maud::{Markup, html};
 
 /// Width of a figure, px.
@@ -59,7 +59,7 @@ const BY_THE_PAPER: &str = "normal velocity by the paper's settings, m/s: 5 spli
 type Panel = (&'static str, Vec<TimeCurve>);
 
 /// A number of a row with its uncertainty.
-type Number<'a> = &'a dyn Fn(&VelocitySample) -> Option<(f64, f64)>;
+type Number<'a> = &'a dyn Fn(&VelocitySample) -> Option<Estimate>;
 
 /// Draws the figures of one of the paper's experiments (`rod`, `tennis` or `lacrosse`) from the first body of a shot.
 ///
@@ -76,12 +76,13 @@ pub fn figures(shot: &Shot, experiment: &Experiment<'_>) -> Vec<Figure> {
     let Some(charts) = BodyCharts::new(shot, 0) else { return Vec::new() };
     let is_rod = experiment.name == "rod";
     let subject = if is_rod { "the mark on the rod" } else { "the centre of the ball" };
-    let velocity_number = |number: fn(&BodyVelocity) -> Option<(f64, f64)>| {
+    let velocity_number = |number: fn(&BodyVelocity) -> Option<Estimate>| {
         move |row: &VelocitySample| row.velocity.as_ref().and_then(number)
     };
-    let normal = velocity_number(|v| Some((v.vn_m_s, v.sigma_v_m_s)));
-    let tangential = velocity_number(|v| Some((v.vt_m_s, v.sigma_v_m_s)));
-    let spin = velocity_number(|v| v.omega_rad_s.zip(v.sigma_omega_rad_s));
+    let normal = velocity_number(|v| Some(Estimate { value: v.vn_m_s, sigma: v.sigma_v_m_s }));
+    let tangential = velocity_number(|v| Some(Estimate { value: v.vt_m_s, sigma: v.sigma_v_m_s }));
+    let spin =
+        velocity_number(|v| v.omega_rad_s.zip(v.sigma_omega_rad_s).map(|(value, sigma)| Estimate { value, sigma }));
     let axes = SurfaceAxes::new(shot, experiment);
     let panel = |title: &'static str, number: Number<'_>| (title, labelled_pair(&charts, number));
     let mut positions = vec![panel("normal position, mm", &|row| axes.normal_mm(row))];
@@ -129,16 +130,16 @@ impl SurfaceAxes {
         Some([row.center_x_px? - self.origin_px[0], self.origin_px[1] - row.center_y_px?])
     }
 
-    /// Returns the position along the surface's normal, mm, with an uncertainty of 0, which draws no band.
-    fn normal_mm(&self, row: &VelocitySample) -> Option<(f64, f64)> {
+    /// Returns the position along the surface's normal, mm, without uncertainty (0).
+    fn normal_mm(&self, row: &VelocitySample) -> Option<Estimate> {
         let [right, up] = self.displacement_px(row)?;
-        Some((self.mm_per_px * (up * self.cos - right * self.sin), 0.0))
+        Some(Estimate { value: self.mm_per_px * (up * self.cos - right * self.sin), sigma: 0.0 })
     }
 
-    /// Returns the position along the surface's tangent, mm, with an uncertainty of 0, which draws no band.
-    fn tangential_mm(&self, row: &VelocitySample) -> Option<(f64, f64)> {
+    /// Returns the position along the surface's tangent, mm, without uncertainty (0).
+    fn tangential_mm(&self, row: &VelocitySample) -> Option<Estimate> {
         let [right, up] = self.displacement_px(row)?;
-        Some((self.mm_per_px * (right * self.cos + up * self.sin), 0.0))
+        Some(Estimate { value: self.mm_per_px * (right * self.cos + up * self.sin), sigma: 0.0 })
     }
 }
 

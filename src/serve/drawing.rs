@@ -38,22 +38,24 @@ pub(super) async fn shapes(State(app): State<Arc<App>>) -> Response {
     }
 }
 
-/// Writes the shape of a request to the rig file, if the page of the request holds control and the file with the shape
-/// passes the checks of a rig file.
-pub(super) async fn draw(State(app): State<Arc<App>>, request: Request) -> Response {
+/// Answers `POST /api/drawing`: writes the shape in the request to the rig file.
+///
+/// Refuses if another page holds control, the file has changed since `revision`, or the file with the shape fails the
+/// checks.
+pub(super) async fn write_shape(State(app): State<Arc<App>>, request: Request) -> Response {
     let (parts, body) = request.into_parts();
     let body = match read_body(body).await.and_then(|body| check_control(&app, &parts.headers).map(|()| body)) {
         Ok(body) => body,
         Err(refusal) => return *refusal,
     };
-    let asked = serde_json::from_slice::<Value>(&body).ok();
-    let Some((revision, shape)) = asked.as_ref().and_then(parse_request) else {
+    let request_json = serde_json::from_slice::<Value>(&body).ok();
+    let Some((revision, shape)) = request_json.as_ref().and_then(parse_request) else {
         let form = "the body is {\"revision\": \"...\", \"shape\": \"trigger-region, search-region, polygon, mask, \
                     new-patch or edge\", \"body\": \"NAME\", \"place\": 0, \"points_px\": [[x, y], ...]}";
         return refuse(StatusCode::BAD_REQUEST, form);
     };
     let frame_px = frame_size(&app);
-    let write = move || app.rig_file.as_ref().map(|file| file.draw(&revision, &shape, frame_px));
+    let write = move || app.rig_file.as_ref().map(|file| file.write_shape(&revision, &shape, frame_px));
     match tokio::task::spawn_blocking(write).await {
         Ok(Some(Ok(written))) => {
             let answer = format!(

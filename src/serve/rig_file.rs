@@ -76,7 +76,7 @@ impl RigFile {
     /// # Errors
     ///
     /// [`RigFileError`]. The file is then as it was.
-    pub(super) fn draw(
+    pub(super) fn write_shape(
         &self,
         revision: &str,
         shape: &Shape,
@@ -171,12 +171,12 @@ mod tests {
         fs::set_permissions(&path, fs::Permissions::from_mode(0o640)).unwrap();
         let drawn = file.shapes().unwrap();
         assert!(drawn.shapes.contains(&edge(90.0)));
-        let written = file.draw(&drawn.revision, &edge(80.0), Some((100, 100))).unwrap();
+        let written = file.write_shape(&drawn.revision, &edge(80.0), Some((100, 100))).unwrap();
         let text = fs::read_to_string(&path).unwrap();
         assert_eq!(text, FILE.replace("[[0, 90], [99, 90]]", "[[0.0, 80.0], [99.0, 80.0]]"));
         assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o640);
-        assert!(matches!(file.draw(&drawn.revision, &edge(70.0), None), Err(RigFileError::Changed { .. })));
-        file.draw(&written.revision, &edge(70.0), None).unwrap();
+        assert!(matches!(file.write_shape(&drawn.revision, &edge(70.0), None), Err(RigFileError::Changed { .. })));
+        file.write_shape(&written.revision, &edge(70.0), None).unwrap();
         let names: Vec<_> = fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
         assert_eq!(names, ["rig.toml"]);
     }
@@ -185,9 +185,9 @@ mod tests {
     fn a_refused_shape_leaves_the_file_as_it_was() {
         let (_folder, path, file) = rig_file();
         let revision = file.shapes().unwrap().revision;
-        assert!(matches!(file.draw(&revision, &edge(100.0), Some((100, 100))), Err(RigFileError::Drawing(_))));
+        assert!(matches!(file.write_shape(&revision, &edge(100.0), Some((100, 100))), Err(RigFileError::Drawing(_))));
         let steep = Shape { key: ShapeKey::Edge, points_px: vec![[5.0, 5.0], [5.0, 5.2]] };
-        assert!(matches!(file.draw(&revision, &steep, None), Err(RigFileError::Drawing(_))));
+        assert!(matches!(file.write_shape(&revision, &steep, None), Err(RigFileError::Drawing(_))));
         assert_eq!(fs::read_to_string(&path).unwrap(), FILE);
         assert!(!replace_file(&path, "another text", "new").unwrap());
         assert_eq!(fs::read_to_string(&path).unwrap(), FILE);

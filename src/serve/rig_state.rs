@@ -163,7 +163,7 @@ impl PageState {
     pub(super) fn add_status(&mut self, status: &StatusMessage, now_s: f64) {
         self.statuses.insert((status.role, status.index), *status);
         match Role::from_number(status.role) {
-            Some(Role::Record) => self.is_armed = status.state & 1 != 0,
+            Some(Role::Record) => self.is_armed = status.is_armed(),
             Some(Role::Acquire) => {
                 self.heard_s = now_s;
                 // A camera that delivers again is no longer at fault.
@@ -274,7 +274,7 @@ impl PageState {
             return Some(format!("camera: {text}"));
         }
         let recorder = self.statuses.get(&(Role::Record as u32, 0));
-        if recorder.is_some_and(|status| status.state & 2 != 0) {
+        if recorder.is_some_and(|status| status.is_disk_full()) {
             let unknown = "recordings do not fit or cannot be written";
             return Some(if self.storage.is_empty() { unknown.into() } else { self.storage.clone() });
         }

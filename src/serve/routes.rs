@@ -91,7 +91,7 @@ const TABLE: &[Route] = &[
     writing(
         "/api/drawing",
         "Write a shape to the rig file of this revision, if the file passes the checks with it.",
-        || post(drawing::draw),
+        || post(drawing::write_shape),
     ),
     reading("/api/shots", "The shots, the newest first, with mean and spread.", Answer::Object, || get(api::shots)),
     writing("/api/shots/{name}/reject", "Reject a shot; the body is {\"reason\": \"...\"}. Its file stays.", || {

@@ -77,7 +77,7 @@ fn bars_json(config: &Config, rig: &PageState, shots: &Shots) -> Value {
         "lost_recorded": statuses_of(Role::Record).map(lost).sum::<u64>(),
         "lag_frames": slowest.map(|status| status.waiting),
         "lag_capacity_frames": slowest.map(|status| status.capacity),
-        "measured_every": statuses_of(Role::Correlate).map(|status| status.state.max(1)).max(),
+        "measured_every": statuses_of(Role::Correlate).map(|status| status.measured_every()).max(),
         "rate_hz": rig.camera_status().map(|status| status.rate_hz),
         "frames": rig.camera_status().map(|status| status.taken),
     })

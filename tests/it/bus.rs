@@ -100,7 +100,7 @@ fn a_listener_waits_for_the_rig_that_was_started_again() {
     let name = rig_name();
     let guest = Bus::join(&name, "test").unwrap();
     let first = guest.domain();
-    let restarted = Bus::supervise(&name, "supervisor", None).unwrap();
+    let restarted = Bus::join_as_supervisor(&name, "supervisor", None).unwrap();
     assert_ne!(first, restarted.domain());
     // A process of a rig stays in the domain of its run.
     guest.notification_subscriber("velocity").unwrap();

@@ -14,7 +14,7 @@ pub(super) struct Overflow {
 }
 
 impl Overflow {
-    /// Begins with an empty queue of so many rows.
+    /// Creates the count for an empty queue of `capacity` rows.
     pub(super) fn new(capacity: usize) -> Self {
         Self { capacity, before: None, frames: None, count: 0 }
     }

@@ -59,7 +59,7 @@ pub(super) fn start(
 }
 
 impl TopicThread<'_> {
-    /// Starts the thread of a topic with a cache of so many rows.
+    /// Starts the thread of a topic, with a cache of `cached_rows` rows.
     fn start<T: Topic>(
         &self,
         cached_rows: usize,

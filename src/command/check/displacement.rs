@@ -41,8 +41,8 @@ pub(super) struct NoiseFloor {
 }
 
 impl NoiseFloor {
-    /// Returns the rate that so many workers keep up with on so many processors, which the other processes need as
-    /// well, frames per second.
+    /// Returns the frame rate that `workers` workers sustain on `processors` processors, which the other processes need
+    /// as well, Hz.
     pub(super) fn capacity_hz(&self, workers: usize, processors: usize) -> f64 {
         let measured_hz = workers as f64 / self.measure_s;
         measured_hz.min(processors as f64 / (self.measure_s + self.overhead_s))

@@ -122,7 +122,7 @@ fn film(
     Ok(())
 }
 
-/// Returns the error of a camera that has delivered only so many frames.
+/// Returns the error of a camera that delivered only `received` frames.
 fn too_few_frames_error(config: &Config, received: usize) -> CameraError {
     let id = config.camera.id.clone().or(config.camera.scenario.clone()).unwrap_or_default();
     let waits = match &config.camera.trigger_source {

@@ -45,7 +45,7 @@ enum Values {
 }
 
 impl Sink for Table<'_> {
-    fn header(&mut self, columns: &[Heading]) -> Result<(), ExportError> {
+    fn write_header(&mut self, columns: &[Heading]) -> Result<(), ExportError> {
         let values = |kind| match kind {
             Kind::Integer => Values::Numbers("<i8", Vec::new()),
             Kind::Stamp => Values::Numbers("<u8", Vec::new()),
@@ -57,7 +57,7 @@ impl Sink for Table<'_> {
         Ok(())
     }
 
-    fn row(&mut self, cells: Vec<Cell>) -> Result<(), ExportError> {
+    fn write_row(&mut self, cells: Vec<Cell>) -> Result<(), ExportError> {
         self.rows += 1;
         for ((_, values), cell) in self.columns.iter_mut().zip(cells) {
             let pushed = values.push(cell);

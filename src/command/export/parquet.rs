@@ -53,7 +53,7 @@ fn write_error(name: &str, error: ParquetError) -> ExportError {
 }
 
 impl Sink for Table<'_> {
-    fn header(&mut self, columns: &[Heading]) -> Result<(), ExportError> {
+    fn write_header(&mut self, columns: &[Heading]) -> Result<(), ExportError> {
         let Some(file) = self.file.take() else { return Ok(()) };
         let properties = WriterProperties::builder()
             .set_created_by(concat!("ricochet ", env!("CARGO_PKG_VERSION")).into())
@@ -65,7 +65,7 @@ impl Sink for Table<'_> {
         Ok(())
     }
 
-    fn row(&mut self, cells: Vec<Cell>) -> Result<(), ExportError> {
+    fn write_row(&mut self, cells: Vec<Cell>) -> Result<(), ExportError> {
         self.rows.push(cells);
         self.count += 1;
         if self.rows.len() < GROUP_ROWS { Ok(()) } else { self.write_group() }

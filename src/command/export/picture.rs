@@ -6,7 +6,7 @@ use crate::console::write_file;
 use crate::image::{Frame, FrameMeta, Image, encode_png};
 use crate::interrupt;
 use crate::plot::{ArrowScale, Canvas, Color};
-use crate::recording::{Recording, RecordingError, to_png_of_bits};
+use crate::recording::{Recording, RecordingError, to_png_with_bit_depth};
 use crate::results::segments;
 use crate::results::{PairField, TrackSample};
 use image::RgbImage;
@@ -58,7 +58,7 @@ pub(super) fn write_all(options: &ExportOptions, directory: &Path) -> Result<u64
 fn encode_recorded(meta: FrameMeta, bytes: &[u8]) -> io::Result<Vec<u8>> {
     let mut image = Image::default();
     Frame { meta, bytes }.unpack(&mut image).map_err(io::Error::other)?;
-    to_png_of_bits(&image, meta.format.bits()).ok_or_else(|| io::Error::other("the frame is no image"))
+    to_png_with_bit_depth(&image, meta.format.bits()).ok_or_else(|| io::Error::other("the frame is no image"))
 }
 
 /// Returns the error for a frame that the results were not measured in.

@@ -104,12 +104,12 @@ fn double_heading(name: &'static str) -> Heading {
 
 /// Sends the headings: those given, then those of the columns.
 fn send_header<R>(first: &[Heading], columns: &[Column<R>], table: &mut dyn Sink) -> Result<(), ExportError> {
-    table.header(&first.iter().copied().chain(columns.iter().map(|column| column.heading)).collect::<Vec<_>>())
+    table.write_header(&first.iter().copied().chain(columns.iter().map(|column| column.heading)).collect::<Vec<_>>())
 }
 
 /// Sends a row: the cells given, then those of the columns.
 fn send_row<R>(first: Vec<Cell>, row: &R, columns: &[Column<R>], table: &mut dyn Sink) -> Result<(), ExportError> {
-    table.row(first.into_iter().chain(columns.iter().map(|column| (column.cell)(row))).collect())
+    table.write_row(first.into_iter().chain(columns.iter().map(|column| (column.cell)(row))).collect())
 }
 
 /// Sends velocity rows, by frame and body.
@@ -227,10 +227,10 @@ fn send_events(recording: &Recording, table: &mut dyn Sink) -> Result<(), Export
     let rows: Vec<EventRow> = recording.events()?.collect::<Result<_, _>>()?;
     let first = rows.first().map(|row| Origin { frame: 0, stamp_ns: row.stamp_ns });
     let origin = Origin::from_recording(recording, first)?;
-    table.header(&[STAMP, TIME, text_heading("kind"), text_heading("text")])?;
+    table.write_header(&[STAMP, TIME, text_heading("kind"), text_heading("text")])?;
     for row in rows {
         let time = origin.time_cell(row.stamp_ns);
-        table.row(vec![Cell::Stamp(row.stamp_ns), time, Cell::Text(row.kind), Cell::Text(row.text)])?;
+        table.write_row(vec![Cell::Stamp(row.stamp_ns), time, Cell::Text(row.kind), Cell::Text(row.text)])?;
     }
     Ok(())
 }

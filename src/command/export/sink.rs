@@ -7,9 +7,9 @@ use std::io::{self, Write};
 /// A writer of a table: the header first, then every row.
 pub(super) trait Sink {
     /// Writes the header of the table.
-    fn header(&mut self, headings: &[Heading]) -> Result<(), ExportError>;
+    fn write_header(&mut self, headings: &[Heading]) -> Result<(), ExportError>;
     /// Writes a row, with a cell for each column.
-    fn row(&mut self, cells: Vec<Cell>) -> Result<(), ExportError>;
+    fn write_row(&mut self, cells: Vec<Cell>) -> Result<(), ExportError>;
 }
 
 /// Comma-separated values.
@@ -47,11 +47,11 @@ impl<W: Write> Csv<W> {
 }
 
 impl<W: Write> Sink for Csv<W> {
-    fn header(&mut self, headings: &[Heading]) -> Result<(), ExportError> {
+    fn write_header(&mut self, headings: &[Heading]) -> Result<(), ExportError> {
         self.write_record(headings.iter().map(|heading| heading.name))
     }
 
-    fn row(&mut self, cells: Vec<Cell>) -> Result<(), ExportError> {
+    fn write_row(&mut self, cells: Vec<Cell>) -> Result<(), ExportError> {
         self.rows += 1;
         self.write_record(cells.iter().map(Cell::to_string))
     }
@@ -68,7 +68,7 @@ pub(super) struct Merged<'a> {
 }
 
 impl Sink for Merged<'_> {
-    fn header(&mut self, headings: &[Heading]) -> Result<(), ExportError> {
+    fn write_header(&mut self, headings: &[Heading]) -> Result<(), ExportError> {
         let names: Vec<&'static str> = headings.iter().map(|heading| heading.name).collect();
         match self.columns {
             Some(columns) if *columns == names => Ok(()),
@@ -79,13 +79,13 @@ impl Sink for Merged<'_> {
             None => {
                 *self.columns = Some(names);
                 let first = Heading { name: "recording", kind: Kind::Text };
-                self.table.header(&[&[first], headings].concat())
+                self.table.write_header(&[&[first], headings].concat())
             }
         }
     }
 
-    fn row(&mut self, mut cells: Vec<Cell>) -> Result<(), ExportError> {
+    fn write_row(&mut self, mut cells: Vec<Cell>) -> Result<(), ExportError> {
         cells.insert(0, Cell::Text(self.recording.to_owned()));
-        self.table.row(cells)
+        self.table.write_row(cells)
     }
 }

@@ -6,7 +6,7 @@ use super::occlusion_map::OcclusionMap;
 use super::registration::RegistrationSample;
 use super::visibility::{VisibilityMap, is_noise};
 use crate::dic::geometry::{Point, SubsetMask, Warp};
-use crate::dic::refine::{Match, Refiner};
+use crate::dic::refine::{GaussNewtonStep, Match, Refiner};
 use crate::dic::subset::ReferenceSubset;
 use crate::dic::uncertainty::NoisePool;
 use crate::numeric::Lanes;
@@ -122,7 +122,8 @@ impl OcclusionSearch {
         for round in 0..last {
             let noise = self.update_visible(body, &warp, if round < coarse { Mask::Zncc } else { Mask::Residual });
             self.restrict_to_visible(body)?;
-            let (step, zncc, zncc_gain) = self.refiner(body).step_from(body, &self.samples).map_err(status_of)?;
+            let update = self.refiner(body).step_from(body, &self.samples).map_err(status_of)?;
+            let GaussNewtonStep { step, zncc, zncc_gain } = update;
             let length = step.length(rim_px);
             if length.is_nan() || length >= rim_px {
                 return Err(PointStatus::LowCorrelation);

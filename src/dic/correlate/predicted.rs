@@ -8,7 +8,7 @@
 use super::subset_match::{SubsetMatch, SubsetMatcher};
 use crate::dic::geometry::{GridPoint, Pixel, Size, SubsetMask, Warp};
 use crate::dic::image::{InterpolatedImage, PaddedImage, PreparedFrame, ShiftedRows, sample_lanes};
-use crate::dic::refine::Match;
+use crate::dic::refine::{GaussNewtonStep, Match};
 use crate::dic::subset::{ColumnSums, Layers, Moments, ReferenceSubset, Strip};
 use crate::dic::uncertainty::{GradientGain, GreyLevelFit, Lags, NoisePool};
 use crate::numeric::{LANES, Lanes, Vector, vectorized};
@@ -102,7 +102,8 @@ impl PredictedUpdate {
         };
         self.subset.fill_from_moments(&moments, window.pixels, matcher.params.refined_shape()).ok()?;
         let matcher = SubsetMatcher { subset: &self.subset, ..*matcher };
-        let (step, zncc, zncc_gain) = matcher.refiner().solve_step(moments.target_sums(window.pixels)).ok()?;
+        let update = matcher.refiner().solve_step(moments.target_sums(window.pixels)).ok()?;
+        let GaussNewtonStep { step, zncc, zncc_gain } = update;
         let is_near = step.length(f64::from(window.half)) <= MAX_UPDATE_PX;
         let found = Match {
             warp: warp.after_inverse(&step.scaled(self.gradient_gain))?,

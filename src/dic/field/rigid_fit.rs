@@ -88,6 +88,20 @@ struct RigidTransform {
 }
 
 impl RigidTransform {
+    /// Returns the rigid motion that moves a pair of vectors, with their residual split equally; `None` if they are less
+    /// than 1 px apart.
+    fn from_pair(a: &Vector, b: &Vector) -> Option<Self> {
+        let (dx, dy) = (b.x - a.x, b.y - a.y);
+        if dx * dx + dy * dy < 1.0 {
+            return None;
+        }
+        let (ex, ey) = (dx + b.u - a.u, dy + b.v - a.v);
+        let angle = (dy * ex - dx * ey).atan2(dx * ex + dy * ey);
+        let turned = Self::new(0.0, 0.0, angle);
+        let (ra, rb) = (turned.residual(a), turned.residual(b));
+        Some(Self { u: 0.5 * (ra.0 + rb.0), v: 0.5 * (ra.1 + rb.1), ..turned })
+    }
+
     /// Creates a displacement (u, v) of the origin, px, with a rotation about it, counter-clockwise on the screen, rad.
     fn new(u: f64, v: f64, angle: f64) -> Self {
         let (sin, cos) = angle.sin_cos();
@@ -144,7 +158,7 @@ pub fn rigid_fit_near(
     }
     let predicted = near.map(|near| RigidTransform::new(near.u_px, near.v_px, near.angle_deg.to_radians()));
     let mut transform =
-        predicted.filter(|transform| is_followed(transform, &vectors)).or_else(|| guess_from_pairs(&vectors))?;
+        predicted.filter(|transform| is_followed(transform, &vectors)).or_else(|| least_median_motion(&vectors))?;
     let mut scatter = MIN_SCATTER_PX;
     for _ in 0..MAX_ROUNDS {
         scatter = robust_scatter(&transform, &vectors);
@@ -210,11 +224,11 @@ fn collect_vectors(field: &[FieldPoint], origin: Point) -> Vec<Vector> {
     field.iter().enumerate().filter_map(vector).collect()
 }
 
-/// Returns the motion of one pair of vectors: of [`TRIALS`] pairs, that with the smallest median residual of all
-/// vectors.
+/// Fits a rigid motion by least median of squares: of the motions of [`TRIALS`] pairs of vectors, returns that with the
+/// smallest median residual.
 ///
-/// The pairs are a fixed pseudo-random sequence. `None` if none is at least 1 px apart.
-fn guess_from_pairs(vectors: &[Vector]) -> Option<RigidTransform> {
+/// The pairs are a fixed pseudo-random sequence. `None` if none is at least 1 px apart. Source: see [`rigid_fit`].
+fn least_median_motion(vectors: &[Vector]) -> Option<RigidTransform> {
     let count = vectors.len();
     let mut best: Option<(f64, RigidTransform)> = None;
     let mut distances = Vec::with_capacity(count);
@@ -228,15 +242,7 @@ fn guess_from_pairs(vectors: &[Vector]) -> Option<RigidTransform> {
     };
     for _ in 0..TRIALS {
         let (a, b) = (vectors[pick()], vectors[pick()]);
-        let (dx, dy) = (b.x - a.x, b.y - a.y);
-        if dx * dx + dy * dy < 1.0 {
-            continue;
-        }
-        let (ex, ey) = (dx + b.u - a.u, dy + b.v - a.v);
-        let angle = (dy * ex - dx * ey).atan2(dx * ex + dy * ey);
-        let mut transform = RigidTransform::new(0.0, 0.0, angle);
-        let (ra, rb) = (transform.residual(&a), transform.residual(&b));
-        (transform.u, transform.v) = (0.5 * (ra.0 + rb.0), 0.5 * (ra.1 + rb.1));
+        let Some(transform) = RigidTransform::from_pair(&a, &b) else { continue };
         distances.clear();
         distances.extend(vectors.iter().map(|vector| transform.squared_distance(vector)));
         let (middle, smallest) = (count / 2, best.as_ref().map_or(f64::INFINITY, |(smallest, _)| *smallest));

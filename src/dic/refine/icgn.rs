@@ -96,6 +96,17 @@ pub(in crate::dic) struct Refiner<'a> {
     pub(in crate::dic) at: Pixel,
 }
 
+/// An update of a warp.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::dic) struct GaussNewtonStep {
+    /// The step of the reference.
+    pub(in crate::dic) step: Warp,
+    /// The ZNCC before the step.
+    pub(in crate::dic) zncc: f64,
+    /// The expected increase of the ZNCC by the step.
+    pub(in crate::dic) zncc_gain: f64,
+}
+
 impl Refiner<'_> {
     /// Finds the subset in the target by IC-GN, starting from the warp `start`.
     ///
@@ -119,7 +130,7 @@ impl Refiner<'_> {
         let mut last = Sums::default();
         let found = self.iterate(start, |warp| {
             last = self.sample_target(warp, residual)?;
-            self.solve_step(last).map(|(step, zncc, _)| (step, zncc))
+            self.solve_step(last).map(|update| (update.step, update.zncc))
         })?;
         self.subtract(self, last, residual);
         Ok(found)
@@ -139,7 +150,7 @@ impl Refiner<'_> {
         residual: &mut Vec<Lanes>,
     ) -> Result<Match, MatchError> {
         let sums = self.sample_target(&start, residual)?;
-        let (step, zncc, zncc_gain) = self.solve_step(sums)?;
+        let GaussNewtonStep { step, zncc, zncc_gain } = self.solve_step(sums)?;
         let is_near = step.length(f64::from(self.window.half)) <= NEAR_PX;
         let Some(warp) = start.after_inverse(&step.scaled(gradient_gain)).filter(|_| is_near) else {
             return self.refine_with_residual(start, residual);
@@ -201,7 +212,7 @@ impl Refiner<'_> {
             if !warp.is_within(MAX_TILED_GRADIENT) {
                 return Ok((warp, iterations));
             }
-            let (step, ..) = self.solve_step(self.sums_at(&warp, Sampling::Tiled)?)?;
+            let step = self.solve_step(self.sums_at(&warp, Sampling::Tiled)?)?.step;
             let length = step.length(half);
             if length.is_nan() || length >= half {
                 return Err(MatchError::NotConverged);
@@ -220,11 +231,10 @@ impl Refiner<'_> {
     ///
     /// [`MatchError::OutOfFrame`], or [`MatchError::NotConverged`] if the target has no contrast.
     pub(in crate::dic) fn gauss_newton_step(&self, warp: &Warp) -> Result<(Warp, f64), MatchError> {
-        self.solve_step(self.sums_at(warp, Sampling::Exact)?).map(|(step, zncc, _)| (step, zncc))
+        self.solve_step(self.sums_at(warp, Sampling::Exact)?).map(|update| (update.step, update.zncc))
     }
 
-    /// Returns the step of this part of `whole` from the [samples](Self::sample_target) of `whole`, the ZNCC, and its
-    /// expected increase by the step.
+    /// Returns the step of this part of `whole` from the [samples](Self::sample_target) of `whole`.
     ///
     /// # Errors
     ///
@@ -233,16 +243,16 @@ impl Refiner<'_> {
         &self,
         whole: &Refiner<'_>,
         samples: &[Lanes],
-    ) -> Result<(Warp, f64, f64), MatchError> {
+    ) -> Result<GaussNewtonStep, MatchError> {
         self.solve_step(stored_sums_of(self, whole.subset.mean, samples))
     }
 
-    /// Solves the normal equations of the sums. Returns the step, the ZNCC, and its expected increase by the step.
+    /// Solves the normal equations of the sums.
     ///
     /// # Errors
     ///
     /// [`MatchError::NotConverged`] if the target has no contrast.
-    pub(in crate::dic) fn solve_step(&self, sums: Sums) -> Result<(Warp, f64, f64), MatchError> {
+    pub(in crate::dic) fn solve_step(&self, sums: Sums) -> Result<GaussNewtonStep, MatchError> {
         let subset = self.subset;
         let pixels = self.window.pixels as f64;
         let mean = sums.levels / pixels;
@@ -265,7 +275,8 @@ impl Refiner<'_> {
             drop += *step * pull;
         }
         // The remaining sum of squares is 2 energy (1 - ZNCC).
-        Ok((Warp::from_step(self.shape, &step), zncc, 0.5 * drop / subset.energy))
+        let step = Warp::from_step(self.shape, &step);
+        Ok(GaussNewtonStep { step, zncc, zncc_gain: 0.5 * drop / subset.energy })
     }
 
     /// Returns the slopes of the target's illumination plane, DN/px, and the sum of squares of its levels without plane

@@ -5,4 +5,4 @@ mod residual;
 mod second_order;
 mod warped_rows;
 
-pub(in crate::dic) use icgn::{Match, MatchError, Refiner};
+pub(in crate::dic) use icgn::{GaussNewtonStep, Match, MatchError, Refiner};

@@ -27,8 +27,8 @@ pub(in crate::dic) struct Strip {
 pub(in crate::dic) struct ColumnSums {
     /// The first column of all subsets.
     left: i32,
-    /// The number of columns, a multiple of eight.
-    count: usize,
+    /// The number of columns, a multiple of eight, which is the distance between the sums of two kinds.
+    stride: usize,
     /// The first rows of the subsets, ascending.
     tops: Vec<i32>,
     /// The columns and rows of a subset.
@@ -54,7 +54,7 @@ struct NeededRows<'a> {
 vectorized! {
     /// Sums eight columns from `left` on over the rows of each needed subset.
     ///
-    /// `out` holds the sums by first row and kind, each `count` columns wide. `before` is scratch memory for the
+    /// `out` holds the sums by first row and kind, each `stride` columns wide. `before` is scratch memory for the
     /// running sums.
     fn sum_down(
         layers: Layers<'_>,
@@ -62,7 +62,7 @@ vectorized! {
         needed: &NeededRows<'_>,
         before: &mut [f32],
         out: &mut [f32],
-        count: usize,
+        stride: usize,
     ) = sum_down_with
 }
 
@@ -87,8 +87,8 @@ impl ColumnSums {
             return;
         }
         // The last block of a window is padded to eight columns.
-        self.count = ((last - first) as usize + self.size.width + LANES - 1).next_multiple_of(LANES);
-        self.needed.resize(self.count / LANES * self.tops.len(), false);
+        self.stride = ((last - first) as usize + self.size.width + LANES - 1).next_multiple_of(LANES);
+        self.needed.resize(self.stride / LANES * self.tops.len(), false);
         for Pixel { x, y } in centers {
             let (from, top) = ((x + extent.left - first) as usize, self.row_of_top(y + extent.top));
             for block in from / LANES..=(from + self.size.width - 1) / LANES {
@@ -137,19 +137,19 @@ impl ColumnSums {
             self.sum_band(layers, place..self.tops.len().min(place + BAND));
         }
         let sums =
-            &self.sums[(place - self.summed.start) * SUMS_PER_COLUMN * self.count..][..SUMS_PER_COLUMN * self.count];
-        collect_moments(&sums[(left - self.left) as usize..], self.count, window)
+            &self.sums[(place - self.summed.start) * SUMS_PER_COLUMN * self.stride..][..SUMS_PER_COLUMN * self.stride];
+        collect_moments(&sums[(left - self.left) as usize..], self.stride, window)
     }
 
     /// Sums the columns of all subsets whose first rows have the indices `band` in `tops`.
     fn sum_band(&mut self, layers: Layers<'_>, band: Range<usize>) {
-        self.sums.resize(self.sums.len().max(band.len() * SUMS_PER_COLUMN * self.count), 0.0);
+        self.sums.resize(self.sums.len().max(band.len() * SUMS_PER_COLUMN * self.stride), 0.0);
         self.before.resize(self.before.len().max(band.len() * SUMS_PER_COLUMN * LANES), 0.0);
         let (tops, rows) = (&self.tops[band.clone()], self.size.height as i32);
         for (block, is_needed) in self.needed.chunks_exact(self.tops.len()).enumerate() {
             let needed = NeededRows { tops, is_needed: &is_needed[band.clone()], rows };
             let left = self.left + (block * LANES) as i32;
-            sum_down(layers, left, &needed, &mut self.before, &mut self.sums[block * LANES..], self.count);
+            sum_down(layers, left, &needed, &mut self.before, &mut self.sums[block * LANES..], self.stride);
         }
         self.summed = band;
     }
@@ -163,7 +163,7 @@ fn sum_down_with<V: Vector>(
     needed: &NeededRows<'_>,
     before: &mut [f32],
     out: &mut [f32],
-    count: usize,
+    stride: usize,
 ) {
     const SIZE: usize = SUMS_PER_COLUMN * LANES;
     let NeededRows { tops, is_needed, rows } = *needed;
@@ -189,7 +189,7 @@ fn sum_down_with<V: Vector>(
             opens = next(opens + 1);
         } else {
             subtract_before(&sums, &before[closes * SIZE..][..SIZE], rows, |k, own| {
-                own.store(&mut out[(closes * SUMS_PER_COLUMN + k) * count..]);
+                own.store(&mut out[(closes * SUMS_PER_COLUMN + k) * stride..]);
             });
             closes = next(closes + 1);
         }

@@ -52,8 +52,8 @@ vectorized! {
 vectorized! {
     /// Sums the column sums of a window over its columns, with powers of x as weights: see [`TOTALS`].
     ///
-    /// `sums` starts at the first column, and `count` is the stride between kinds of sums.
-    fn sum_columns(sums: &[f32], count: usize, window: &SubsetMask, out: &mut [f64; TOTALS]) = sum_columns_with
+    /// `sums` starts at the first column, and `stride` is the distance between the sums of two kinds.
+    fn sum_columns(sums: &[f32], stride: usize, window: &SubsetMask, out: &mut [f64; TOTALS]) = sum_columns_with
 }
 
 impl Moments {
@@ -61,11 +61,11 @@ impl Moments {
     ///
     /// The window must lie in the planes, and their values off the mask must be finite. `sums` is scratch memory.
     pub(in crate::dic) fn sum(layers: Layers<'_>, window: &SubsetMask, at: Pixel, sums: &mut Vec<f32>) -> Self {
-        let count = window.extent.size().width.next_multiple_of(LANES) + LANES;
+        let stride = window.extent.size().width.next_multiple_of(LANES) + LANES;
         sums.clear();
-        sums.resize(SUMS_PER_COLUMN * count, 0.0);
+        sums.resize(SUMS_PER_COLUMN * stride, 0.0);
         sum_window(layers, window, at, sums);
-        collect_moments(sums, count, window)
+        collect_moments(sums, stride, window)
     }
 
     /// Returns the sums over the target's levels minus the mean of the reference.
@@ -183,7 +183,7 @@ pub(in crate::dic) fn subtract_before<V: Vector>(
 /// Implements [`sum_window`] on vectors of type `V`.
 #[inline(always)]
 fn sum_window_with<V: Vector>(layers: Layers<'_>, window: &SubsetMask, at: Pixel, out: &mut [f32]) {
-    let count = out.len() / SUMS_PER_COLUMN;
+    let stride = out.len() / SUMS_PER_COLUMN;
     for block in &window.blocks {
         let mask = &window.mask[block.start..block.start + block.rows];
         let first = layers.reference.index((at.x + block.dx) as isize, (at.y + block.dy) as isize);
@@ -194,15 +194,17 @@ fn sum_window_with<V: Vector>(layers: Layers<'_>, window: &SubsetMask, at: Pixel
         add_rows(&mut sums, layers, first, rows, mask);
         let column = (block.dx - window.blocks[0].dx) as usize;
         for (k, sum) in sums.into_iter().enumerate() {
-            sum.store(&mut out[k * count + column..]);
+            sum.store(&mut out[k * stride + column..]);
         }
     }
 }
 
-/// Converts the column sums of a window to [`Moments`]; `count` is the stride between kinds of sums.
-pub(in crate::dic) fn collect_moments(sums: &[f32], count: usize, window: &SubsetMask) -> Moments {
+/// Combines the column sums of a window to [`Moments`].
+///
+/// `sums` starts at the first column of the window. `stride` is the distance between the sums of two kinds.
+pub(in crate::dic) fn collect_moments(sums: &[f32], stride: usize, window: &SubsetMask) -> Moments {
     let mut totals = [0.0; TOTALS];
-    sum_columns(sums, count, window, &mut totals);
+    sum_columns(sums, stride, window, &mut totals);
     let (mut out, end) = (Moments::default(), f64::from(window.extent.bottom + 1));
     (out.reference, out.target) = (totals[0], totals[1]);
     out.products.copy_from_slice(&totals[2..PLAIN]);
@@ -231,7 +233,7 @@ fn add_weighted<V: Vector>(sum: V, row: &[f32], weights: &[(usize, [V; 3]); BLOC
 
 /// Implements [`sum_columns`] on vectors of type `V`.
 #[inline(always)]
-fn sum_columns_with<V: Vector>(sums: &[f32], count: usize, window: &SubsetMask, out: &mut [f64; TOTALS]) {
+fn sum_columns_with<V: Vector>(sums: &[f32], stride: usize, window: &SubsetMask, out: &mut [f64; TOTALS]) {
     let (Some(first), right) = (window.blocks.first(), V::splat(window.extent.right as f32)) else { return };
     let mut totals = [V::splat(0.0); TOTALS];
     for blocks in window.blocks.chunks(BLOCKS) {
@@ -243,7 +245,7 @@ fn sum_columns_with<V: Vector>(sums: &[f32], count: usize, window: &SubsetMask, 
             let powers = [V::splat(1.0), x, x.mul(x)].map(|power| power.and(belongs));
             *weights = ((block.dx - first.dx) as usize, powers);
         }
-        let rows = |at: usize| &sums[at * count..];
+        let rows = |at: usize| &sums[at * stride..];
         for (k, total) in totals[..PLAIN].iter_mut().enumerate() {
             *total = add_weighted(*total, rows(k), &weights, 0);
         }

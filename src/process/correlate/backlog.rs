@@ -37,7 +37,7 @@ impl Backlog {
         next.map_or(0, |next| (newest + 1).saturating_sub(next).min(self.capacity))
     }
 
-    /// Returns the news of a worker with so many waiting frames in words, when it falls far behind.
+    /// Returns a warning when a worker falls far behind; `waiting` is the number of its waiting frames.
     pub(super) fn note_waiting(&mut self, waiting: u64) -> Option<String> {
         let share = waiting as f64 / self.capacity.max(1) as f64;
         let was_behind = self.is_behind;

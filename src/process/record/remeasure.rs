@@ -12,10 +12,10 @@ use crate::process::clock::Timeout;
 use crate::process::reference_picture;
 use crate::process::shot::recording_info;
 use crate::process::stop::Stop;
-use crate::recording::Recording;
+use crate::recording::{Recording, results_path};
 use rustix::process::nice;
 use std::collections::VecDeque;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -103,7 +103,7 @@ impl Remeasurer {
 }
 
 impl Incomplete {
-    /// Measures all frames of the recording into a file of results beside it.
+    /// Measures all frames of the recording into a file of results next to it.
     fn measure(&self, stop: &Stop) -> Remeasured {
         // At its present priority it would only be slower to end.
         let _ = nice(NICENESS);
@@ -140,15 +140,7 @@ impl Incomplete {
             }
             Ok(frame?)
         });
-        let output = results_path(&self.path, view);
+        let output = results_path(&self.path, view, 1);
         Ok(measure_film(FilmToMeasure { config, format, reference }, frames, info, &output)?.path)
     }
-}
-
-/// Returns `shot.results-1.mcap` beside `shot.mcap`, where `analyze` writes its results; of a view,
-/// `shot.VIEW.results-1.mcap`.
-fn results_path(shot: &Path, view: Option<&str>) -> PathBuf {
-    let stem = shot.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
-    let view = view.map_or_else(String::new, |view| format!(".{view}"));
-    shot.with_file_name(format!("{stem}{view}.results-1.mcap"))
 }

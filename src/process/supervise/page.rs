@@ -10,8 +10,9 @@ use std::process::ExitStatus;
 /// The exit code of a process whose settings are refused, such as an address that is taken.
 const REFUSED: i32 = ExitCode::Usage as i32;
 
-/// Returns the process of the page, unless the rig file turns it off.
-pub(super) fn child(config: &Config, page: Page) -> Option<Child> {
+/// Returns the process that serves the page of the rig; `None` if the supervisor serves none or the rig file turns it
+/// off.
+pub(super) fn page_process(config: &Config, page: Page) -> Option<Child> {
     let is_wanted = page == Page::Served && config.serve.http.is_some();
     is_wanted.then(|| Child::first(Role::Serve))
 }

@@ -1,11 +1,11 @@
-//! The convergence criterion: the change between successive answers.
+//! The convergence criterion: the change between successive results.
 
 use crate::numeric::quantile;
 
 /// The displacement of every subset of every pair in a fixed order; `None` if it is not valid.
-pub(super) type Answers = Vec<Option<[f64; 2]>>;
+pub(super) type Displacements = Vec<Option<[f64; 2]>>;
 
-/// The difference between two sets of answers, over subsets valid in both.
+/// The difference between two results, over subsets valid in both.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Change {
     /// Number of subsets valid in both.
@@ -16,7 +16,7 @@ pub(super) struct Change {
     pub(super) p99_px: [f64; 2],
 }
 
-/// The error of answers against the truth.
+/// The error of displacements against the truth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Deviation {
     /// Maximum absolute mean error of one pair along one axis, px: the bias due to the fraction of the displacement.
@@ -27,8 +27,8 @@ pub(super) struct Deviation {
     pub(super) max_px: f64,
 }
 
-/// Compares two sets of answers in the same order; returns `None` if no subset is valid in both.
-pub(super) fn change(before: &Answers, after: &Answers) -> Option<Change> {
+/// Compares two results in the same order; returns `None` if no subset is valid in both.
+pub(super) fn change(before: &Displacements, after: &Displacements) -> Option<Change> {
     let both: Vec<_> = before.iter().zip(after).filter_map(|(a, b)| a.zip(*b)).collect();
     let apart = |axis: usize| both.iter().map(|(a, b)| (a[axis] - b[axis]).abs()).collect::<Vec<f64>>();
     let (mut du, mut dv) = (apart(0), apart(1));
@@ -42,7 +42,7 @@ pub(super) fn change(before: &Answers, after: &Answers) -> Option<Change> {
 /// Compares answers with the truth of their pair; returns `None` if there are no answers.
 ///
 /// All pairs have the same number of answers, stored one pair after the other. `truth_px` has one per pair.
-pub(super) fn deviation(answers: &Answers, truth_px: &[[f64; 2]]) -> Option<Deviation> {
+pub(super) fn deviation(answers: &Displacements, truth_px: &[[f64; 2]]) -> Option<Deviation> {
     let each = answers.len().checked_div(truth_px.len())?.max(1);
     let (mut bias_px, mut squares, mut max_px, mut count) = (0.0_f64, 0.0, 0.0_f64, 0_usize);
     for (answers, truth) in answers.chunks(each).zip(truth_px) {
@@ -60,7 +60,7 @@ pub(super) fn deviation(answers: &Answers, truth_px: &[[f64; 2]]) -> Option<Devi
 }
 
 /// Returns the mean of all answers; `None` if there are none.
-pub(super) fn mean_answer(answers: &Answers) -> Option<[f64; 2]> {
+pub(super) fn mean_displacement(answers: &Displacements) -> Option<[f64; 2]> {
     let found: Vec<_> = answers.iter().flatten().collect();
     let along = |axis: usize| found.iter().map(|answer| answer[axis]).sum::<f64>() / found.len() as f64;
     (!found.is_empty()).then(|| [along(0), along(1)])
@@ -144,8 +144,8 @@ mod tests {
 
     #[test]
     fn a_change_counts_subsets_with_both_answers_only() {
-        let before: Answers = (0..100).map(|k| (k != 7).then_some([1.0, 2.0])).collect();
-        let after: Answers =
+        let before: Displacements = (0..100).map(|k| (k != 7).then_some([1.0, 2.0])).collect();
+        let after: Displacements =
             (0..100).map(|k| (k != 8).then_some([1.0 + 0.001 * f64::from(k), 2.0 - 0.002 * f64::from(k)])).collect();
         let change = change(&before, &after).unwrap();
         assert_eq!(change.compared, 98);
@@ -164,6 +164,6 @@ mod tests {
         let squares: f64 = 0.02 * 0.02 + 0.04 * 0.04 + 0.03 * 0.03;
         assert!((deviation.rms_px - (squares / 6.0).sqrt()).abs() < 1e-12, "{deviation:?}");
         assert_eq!(super::deviation(&vec![None, None], &[[0.0; 2]]), None);
-        assert_eq!(mean_answer(&vec![Some([1.0, 2.0]), None, Some([3.0, 6.0])]), Some([2.0, 4.0]));
+        assert_eq!(mean_displacement(&vec![Some([1.0, 2.0]), None, Some([3.0, 6.0])]), Some([2.0, 4.0]));
     }
 }

@@ -12,7 +12,8 @@ use std::time::{Duration, Instant};
 use super::output_files;
 use crate::console::{Outcome, Overwrite, UsageError, progress};
 use crate::dic::{self, CorrelationParams, Correlator, PreparedFrame, Start};
-use criterion::{Answers, Change, Deviation, change, deviation, mean_answer};
+use crate::results::FieldPoint;
+use criterion::{Change, Deviation, Displacements, change, deviation, mean_displacement};
 use image_pairs::{Files, Subject};
 
 use crate::command::field::{Roi, Size};
@@ -216,24 +217,24 @@ fn plan(options: &ConvergenceOptions, method: Method, size: Size) -> Result<Corr
 /// Measures the subject with every method and passes one row each to `emit`.
 fn measure_methods(planned: Vec<(Method, Correlator)>, subject: &Subject, mut emit: impl FnMut(Row)) {
     let truth_px: Option<Vec<_>> = subject.pairs.iter().map(|pair| pair.truth_px).collect();
-    let (mut ic_gn, mut before): (Option<Answers>, Option<(Method, Answers)>) = (None, None);
+    let (mut ic_gn, mut before): (Option<Displacements>, Option<(Method, Displacements)>) = (None, None);
     for (method, mut correlator) in planned {
-        let (answers, time_s) = correlate(&mut correlator, subject);
+        let TimedDisplacements { displacements, time_s } = correlate_pairs(&mut correlator, subject);
         let follows = before.as_ref().filter(|(earlier, _)| differ_in_points_only(*earlier, method));
         let row = Row {
             method,
-            subsets: answers.len(),
-            valid: answers.iter().flatten().count(),
-            change: follows.and_then(|(_, earlier)| change(earlier, &answers)),
-            from_ic_gn: ic_gn.as_ref().and_then(|ic_gn| change(ic_gn, &answers)),
-            error: truth_px.as_ref().and_then(|truth_px| deviation(&answers, truth_px)),
-            mean_px: mean_answer(&answers).filter(|_| subject.pairs.len() == 1),
+            subsets: displacements.len(),
+            valid: displacements.iter().flatten().count(),
+            change: follows.and_then(|(_, earlier)| change(earlier, &displacements)),
+            from_ic_gn: ic_gn.as_ref().and_then(|ic_gn| change(ic_gn, &displacements)),
+            error: truth_px.as_ref().and_then(|truth_px| deviation(&displacements, truth_px)),
+            mean_px: mean_displacement(&displacements).filter(|_| subject.pairs.len() == 1),
             time_s,
         };
         if method == Method::IcGn {
-            ic_gn = Some(answers);
+            ic_gn = Some(displacements);
         } else {
-            before = Some((method, answers));
+            before = Some((method, displacements));
         }
         emit(row);
     }
@@ -244,10 +245,17 @@ fn differ_in_points_only(before: Method, method: Method) -> bool {
     matches!((before, method), (Method::Spline { peak: a, .. }, Method::Spline { peak: b, .. }) if a == b)
 }
 
-/// Correlates all pairs. Returns their answers in order, and the time of the correlation without preparation, s.
+/// The displacements that a method measured, and its cost.
+struct TimedDisplacements {
+    displacements: Displacements,
+    /// The time of the correlation, s, without the preparation of the frames.
+    time_s: f64,
+}
+
+/// Correlates all pairs in order.
 #[expect(clippy::disallowed_methods, reason = "a study of cost reads the clock")]
-fn correlate(correlator: &mut Correlator, subject: &Subject) -> (Answers, f64) {
-    let (mut answers, mut field) = (Answers::new(), Vec::new());
+fn correlate_pairs(correlator: &mut Correlator, subject: &Subject) -> TimedDisplacements {
+    let (mut displacements, mut field) = (Displacements::new(), Vec::new());
     let (mut reference, mut target) = (PreparedFrame::default(), PreparedFrame::default());
     let mut time_s = 0.0;
     for pair in &subject.pairs {
@@ -256,12 +264,11 @@ fn correlate(correlator: &mut Correlator, subject: &Subject) -> (Answers, f64) {
         let began = Instant::now();
         correlator.correlate(&reference, &target, &subject.points, Start::Search, &mut field);
         time_s += began.elapsed().as_secs_f64();
-        let answer = |point: &crate::results::FieldPoint| {
-            point.displacement.map(|found| [f64::from(found.u_px), f64::from(found.v_px)])
-        };
-        answers.extend(field.iter().map(answer));
+        let displacement =
+            |point: &FieldPoint| point.displacement.map(|found| [f64::from(found.u_px), f64::from(found.v_px)]);
+        displacements.extend(field.iter().map(displacement));
     }
-    (answers, time_s)
+    TimedDisplacements { displacements, time_s }
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Each process, each signal, several moments of a shot.
 
 use super::{armed, children, no_orphan_after_3_s, number, record_a_drop, running, start, trigger};
-use crate::support::{Listener, Rig, kill, process};
+use crate::support::{Listener, Rig, kill, process, send_signal};
 use std::collections::BTreeMap;
 use std::time::Duration;
 
@@ -29,9 +29,11 @@ fn one_cell(role: &str, signal: i32, delay_ms: u64) {
     let victim = u32::try_from(process(&before, name, index).unwrap()["pid"].as_u64().unwrap()).unwrap();
     kill(victim, signal);
     if signal == 11 {
-        // The first one only ends Rust's own handler, which looks for a stack overflow.
-        std::thread::sleep(Duration::from_millis(1));
-        kill(victim, signal);
+        // The first one only ends Rust's own handler, which looks for a stack overflow. Two that come before it has run are one.
+        while std::fs::read_link(format!("/proc/{victim}/exe")).is_ok() {
+            let _ = send_signal(victim, signal);
+            std::thread::sleep(Duration::from_millis(1));
+        }
     }
     if signal == 19 {
         std::thread::sleep(Duration::from_secs(5));
