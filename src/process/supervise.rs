@@ -120,9 +120,8 @@ impl<'a> Supervisor<'a> {
         let limits = limits(config, &expected_format(config)?);
         let mut groups = vec![CameraGroup::open("", config, bus)?];
         for view in &config.views {
-            let view_bus =
-                Bus::join_as_supervisor(&view.config.rig.name, Role::Supervise.as_str(), Some(&groups[0].bus))?;
-            groups.push(CameraGroup::open(&view.name, &view.config, view_bus)?);
+            let bus = Bus::join_as_supervisor(&view.config.rig.name, Role::Supervise.as_str(), Some(&groups[0].bus))?;
+            groups.push(CameraGroup::open(&view.name, &view.config, bus)?);
         }
         let bus = &groups[0].bus;
         let mut supervisor = Self {
