@@ -9,7 +9,7 @@ use multiversion::multiversion;
 
 /// The pixels next to an edge: a rectangle, and the distances of its pixels along and behind the edge.
 #[derive(Clone, Copy)]
-pub(super) struct Beside {
+pub(super) struct ClearPixels {
     /// First and one past the last.
     pub(super) columns: [usize; 2],
     pub(super) rows: [usize; 2],
@@ -50,19 +50,19 @@ struct Range {
 /// agree.
 pub(super) fn update_paint(
     image: ImageView<'_>,
-    beside: &Beside,
+    pixels: &ClearPixels,
     before: &Paint,
     tolerance: f64,
     outward: f64,
 ) -> Option<Paint> {
-    let is_inside = beside.columns[1] <= image.width() && beside.rows[1] <= image.height();
-    if !is_inside || beside.columns[0] >= beside.columns[1] {
+    let is_inside = pixels.columns[1] <= image.width() && pixels.rows[1] <= image.height();
+    if !is_inside || pixels.columns[0] >= pixels.columns[1] {
         return None;
     }
     let mut clear = Levels::default();
-    for y in beside.rows[0]..beside.rows[1] {
-        let levels = &image.row(y)[beside.columns[0]..beside.columns[1]];
-        append_row(levels, (y - beside.rows[0]) as f64, beside, &mut clear);
+    for y in pixels.rows[0]..pixels.rows[1] {
+        let levels = &image.row(y)[pixels.columns[0]..pixels.columns[1]];
+        append_row(levels, (y - pixels.rows[0]) as f64, pixels, &mut clear);
     }
     match before.is_speckled {
         true => search_level(clear.levels, before, tolerance, outward),
@@ -73,11 +73,11 @@ pub(super) fn update_paint(
 /// Appends the levels of a row with their places; those that do not count are out of any range. `down` is the number of the
 /// row in its rectangle.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
-fn append_row(levels: &[f32], down: f64, beside: &Beside, clear: &mut Levels) {
-    let [along, along_right, along_down] = beside.along;
-    let [behind, behind_right, behind_down] = beside.behind;
+fn append_row(levels: &[f32], down: f64, pixels: &ClearPixels, clear: &mut Levels) {
+    let [along, along_right, along_down] = pixels.along;
+    let [behind, behind_right, behind_down] = pixels.behind;
     let (along, behind) = (along + along_down * down, behind + behind_down * down);
-    let [from, to] = beside.range;
+    let [from, to] = pixels.range;
     let start = clear.levels.len();
     let end = start + levels.len();
     clear.along.resize(end, 0.0);

@@ -13,7 +13,7 @@ use crate::results::{PointStatus, ROD_EDGES};
 impl RodFinder {
     /// Finds the rod where it is predicted, from the fits of its sides and edges in the frame before.
     ///
-    /// Those that could not be fitted before, or that have changed, are fitted from nothing. `None` if no side was fitted
+    /// Those that could not be fitted before, or that have changed, are fitted from scratch. `None` if no side was fitted
     /// before, as under light that varies across the rod, or if the rod is not found.
     ///
     /// # Panics

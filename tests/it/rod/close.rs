@@ -1,4 +1,4 @@
-//! A rod that is followed closely, from the fits of the frame before, against the fits from nothing.
+//! A rod that is followed closely, from the fits of the frame before, against the fits from scratch.
 
 use super::{EDGES, film, params, picture};
 use ricochet::rod::{RodFinder, RodObservation};
@@ -43,9 +43,9 @@ fn a_rod_that_is_followed_closely_is_where_the_fit_from_nothing_finds_it() {
             }
         }
         let (close, full) = (rms(&errors), rms(&full_errors));
-        println!("seed {seed}: {refused} of {BLOCK} refused; {close:.4} px rms, from nothing {full:.4}");
+        println!("seed {seed}: {refused} of {BLOCK} refused; {close:.4} px rms, from scratch {full:.4}");
         assert!(refused < 7, "{refused} frames are refused");
-        assert!(close < 1.1 * full, "{close} px rms, from nothing {full}");
+        assert!(close < 1.1 * full, "{close} px rms, from scratch {full}");
     }
 }
 
