@@ -70,7 +70,6 @@ pub(super) fn fit_close_edge(image: ImageView<'_>, expected: &ExpectedEdge<'_>, 
     };
     let observed = update_paints(image, expected, &model, &before.paints)?;
     let paints = observed.corrected(expected.clean);
-    model.paints = paints;
     for (outlier_fraction, effort) in ROUNDS {
         model.paints = paints;
         model.reweigh(&mut levels, outlier_fraction).ok()?;

@@ -13,20 +13,23 @@ fn closely(scene: Scene) -> Option<Edge> {
 }
 
 #[test]
-fn a_close_fit_is_that_from_nothing() {
-    let (mut squares, mut pulls, rounds) = (0.0, 0.0, 40);
+fn a_close_fit_is_as_exact_and_as_certain_as_that_from_scratch() {
+    let (mut errors, mut pulls, rounds) = ([0.0; 2], 0.0, 40);
     for round in 0..rounds {
         let at = 20.2 + 0.005 * f64::from(round);
         let scene = Scene { at, slope: 0.01 - 0.0005 * f64::from(round), seed: 200 + round as u64, ..SCENE };
         let close = closely(scene).unwrap_or_else(|| panic!("{at} px is refused"));
         let full = fit_step_edge(picture(&scene).view(), &expected(20.0)).unwrap();
-        squares += (close.at.value - full.at.value).powi(2) / f64::from(rounds);
+        errors[0] += (close.at.value - at).powi(2) / f64::from(rounds);
+        errors[1] += (full.at.value - at).powi(2) / f64::from(rounds);
         pulls += ((close.at.value - at) / close.at.sigma).powi(2) / f64::from(rounds);
-        assert!((close.at.sigma / full.at.sigma - 1.0).abs() < 0.2, "{close:?} {full:?}");
+        // From scratch, noise may count as speckles, which are less certain.
+        let is_alike = full.is_speckled != close.is_speckled || (close.at.sigma / full.at.sigma - 1.0).abs() < 0.2;
+        assert!(is_alike, "{close:?} {full:?}");
     }
-    eprintln!("from the full fit {:.5} px rms, pulls {:.2}", squares.sqrt(), pulls.sqrt());
-    // The paint has an error of 0.1 of 160 levels in both, which moves the edge by a thousandth.
-    assert!(squares.sqrt() < 0.002 && (0.6..1.4).contains(&pulls.sqrt()), "{} px, {pulls}", squares.sqrt());
+    let [close, full] = errors.map(f64::sqrt);
+    eprintln!("{close:.5} px rms, from scratch {full:.5}, pulls {:.2}", pulls.sqrt());
+    assert!(close < 1.1 * full && (0.6..1.4).contains(&pulls.sqrt()), "{close} px, {full} from scratch, {pulls}");
 }
 
 #[test]

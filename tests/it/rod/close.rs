@@ -1,6 +1,7 @@
 //! A rod that is followed closely, from the fits of the frame before, against the fits from scratch.
 
 use super::{EDGES, film, params, picture};
+use ricochet::image::Image;
 use ricochet::rod::{RodFinder, RodObservation};
 use ricochet::synth::SimulatedFilm;
 
@@ -20,7 +21,7 @@ fn rms(values: &[f64]) -> f64 {
 }
 
 #[test]
-fn a_rod_that_is_followed_closely_is_where_the_fit_from_nothing_finds_it() {
+fn a_rod_that_is_followed_closely_is_where_the_fit_from_scratch_finds_it() {
     for seed in [3, 11, 42] {
         let world = film("rod", seed);
         let finder = RodFinder::new(&params(), 64, 160).unwrap();
@@ -50,15 +51,21 @@ fn a_rod_that_is_followed_closely_is_where_the_fit_from_nothing_finds_it() {
 }
 
 #[test]
-fn a_rod_that_is_not_where_it_is_predicted_is_not_followed_closely() {
+fn what_has_changed_since_the_frame_before_is_fitted_from_scratch() {
     let world = film("rod", 3);
     let finder = RodFinder::new(&params(), 64, 160).unwrap();
     let mut bytes = vec![0; world.frame_bytes()];
     let near = finder.find(picture(&world, 0, &mut bytes).view()).unwrap();
-    let mut image = picture(&world, 1, &mut bytes);
-    assert!(finder.follow_closely(image.view(), &near).is_some());
-    assert!(finder.follow_closely(image.view(), &near.moved(0.0, 1.5, 0.01)).is_none(), "other rows");
-    assert!(finder.follow_closely(image.view(), &near.moved(2.0, 0.0, 0.01)).is_none(), "other columns");
-    image.data_mut().iter_mut().for_each(|level| *level *= 0.7);
-    assert!(finder.follow_closely(image.view(), &near).is_none(), "darker");
+    let image = picture(&world, 1, &mut bytes);
+    let mut darker = image.clone();
+    darker.data_mut().iter_mut().for_each(|level| *level *= 0.7);
+    for (change, image, near) in [("rows", &image, near.moved(0.0, 1.2, 0.01)), ("light", &darker, near)] {
+        let close = finder.follow_closely(image.view(), &near).unwrap_or_else(|| panic!("{change}: lost"));
+        let full = finder.follow(image.view(), &near).unwrap();
+        for (edge, full) in close.rod.edges.iter().flatten().zip(full.rod.edges.iter().flatten()) {
+            let (edge, full) = (edge.y_px.unwrap().value, full.y_px.unwrap().value);
+            assert!((edge - full).abs() < 0.005, "{change}: {edge} px, from scratch {full}");
+        }
+    }
+    assert_eq!(finder.follow_closely(Image::new(64, 160).view(), &near), None, "nothing is left to be found");
 }
