@@ -1,9 +1,12 @@
 //! The level of the paint on one side of an edge, with or without speckles.
 
+use crate::numeric::quantile;
 use crate::results::PointStatus;
 use multiversion::multiversion;
 use nalgebra::{SMatrix, SVector};
 
+/// The quantile of the levels of a side at its paint; speckles lie closer to the level of the other side.
+const PAINT_QUANTILE: f64 = 0.85;
 /// The tolerance of paint levels, in standard deviations of their noise.
 pub(super) const PAINT_SIGMAS: f64 = 3.0;
 /// The range of levels around speckled and around clean paint, in standard deviations of its noise.
@@ -16,11 +19,17 @@ const MIN_NOISE: f64 = 0.02;
 /// The minimum number of levels for the paint of a side.
 pub const MIN_LEVELS: usize = 12;
 /// The number of passes, and how many of them search the densest levels.
-const PASSES: usize = 14;
+pub const PASSES: usize = 14;
 const SEARCH_PASSES: usize = 8;
+/// The number of passes from the paint of the frame before.
+const REFIT_PASSES: usize = 2;
+/// The highest order of the coefficients of clean paint.
+const MAX_ORDER: usize = 3;
+/// A level that does not count, DN.
+pub const OUT_OF_RANGE: f64 = f64::MAX;
 
 /// The grey level of one side: a parabola along the edge, a line across.
-#[derive(Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Paint {
     /// The coefficients of 1, along, along squared and behind; behind is zero at the edge.
     pub coefficients: [f64; 4],
@@ -51,10 +60,10 @@ impl Levels {
 }
 
 /// The number of levels that are summed at a time by vector instructions.
-const LANES: usize = 8;
+pub const LANES: usize = 8;
 
 /// One value of each of these levels.
-type Lane = [f64; LANES];
+pub type Lane = [f64; LANES];
 
 /// The levels that count in a pass.
 #[derive(Clone, Copy)]
@@ -87,6 +96,32 @@ impl Paint {
         let [c, b, a, _] = self.coefficients;
         c + along * (b + along * a)
     }
+
+    /// Returns the maximum distance from the paint of levels that it is fitted to, DN.
+    pub fn within_dn(&self) -> f64 {
+        self.noise * if self.is_speckled { DENSE_SIGMAS } else { CLEAN_SIGMAS }
+    }
+}
+
+/// Returns the noise of a level, DN, from the sum of squares and the number of those on the outer side of the paint.
+pub fn limit_noise(squares: f64, outer: f64, tolerance: f64) -> f64 {
+    (squares / outer.max(1.0)).sqrt().clamp(MIN_NOISE * tolerance, tolerance / PAINT_SIGMAS)
+}
+
+/// Returns the noise of a level from which its search starts, DN.
+pub fn widest_noise(tolerance: f64) -> f64 {
+    tolerance / PAINT_SIGMAS
+}
+
+/// Returns the outermost level of a side, where its paint is searched from; `outward` is 1 if that is the lightest. `None`
+/// without levels.
+pub fn outermost(levels: &mut [f64], outward: f64) -> Option<f64> {
+    quantile(levels, if outward > 0.0 { PAINT_QUANTILE } else { 1.0 - PAINT_QUANTILE })
+}
+
+/// Returns the standard deviation of the paint at the edge, DN, extrapolated from `kept` levels clear of it.
+pub fn paint_sigma(noise: f64, kept: f64) -> f64 {
+    2.0 * noise / kept.sqrt()
 }
 
 /// Fits the paint to the densest levels by a mean shift, from the level `start`, DN.
@@ -98,15 +133,15 @@ impl Paint {
 ///
 /// [`PointStatus::LowCorrelation`] if too few levels agree.
 pub fn fit_paint(levels: &Levels, start: f64, tolerance: f64, outward: f64) -> Result<Paint, PointStatus> {
-    let mut paint = Paint { coefficients: [start, 0.0, 0.0, 0.0], noise: tolerance / PAINT_SIGMAS, ..Paint::default() };
+    let mut paint = Paint { coefficients: [start, 0.0, 0.0, 0.0], noise: widest_noise(tolerance), ..Paint::default() };
     let scale = levels.along.iter().map(|along| along.abs()).fold(1.0, f64::max);
     let scaled = |values: &[f64]| values.iter().map(|value| value / scale).collect::<Vec<_>>();
     let (x, y) = (scaled(&levels.along), scaled(&levels.behind));
     let mut solved = [start, 0.0, 0.0, 0.0];
     for round in 0..PASSES {
         let is_search = round < SEARCH_PASSES;
-        let within = if is_search || paint.is_speckled { DENSE_SIGMAS } else { CLEAN_SIGMAS };
-        let range = Range { coefficients: solved, within: within * paint.noise, tolerance, outward };
+        let within = if is_search { DENSE_SIGMAS * paint.noise } else { paint.within_dn() };
+        let range = Range { coefficients: solved, within, tolerance, outward };
         let sums = sum_levels([&x, &y, &levels.levels], range);
         let kept = sums.moments[0];
         if kept < MIN_LEVELS as f64 {
@@ -114,13 +149,11 @@ pub fn fit_paint(levels: &Levels, start: f64, tolerance: f64, outward: f64) -> R
         }
         // Little bare paint gives one level, but not its variation.
         paint.is_speckled |= round > 0 && is_search && kept < BARE_FRACTION * levels.len() as f64;
-        let order = if paint.is_speckled { 0 } else { (round / 2).min(3) };
+        let order = if paint.is_speckled { 0 } else { (round / 2).min(MAX_ORDER) };
         let before = (solved, paint.noise);
         solved = sums.solve(order).ok_or(PointStatus::LowCorrelation)?;
-        paint.noise = (sums.squares / sums.outer.max(1.0)).sqrt();
-        paint.noise = paint.noise.clamp(MIN_NOISE * tolerance, tolerance / PAINT_SIGMAS);
-        // The level at the edge is extrapolated from those clear of it.
-        paint.sigma = 2.0 * paint.noise / kept.sqrt();
+        paint.noise = limit_noise(sums.squares, sums.outer, tolerance);
+        paint.sigma = paint_sigma(paint.noise, kept);
         // Order and range of the passes to come are those of this one.
         if (paint.is_speckled || !is_search) && before == (solved, paint.noise) {
             break;
@@ -128,6 +161,32 @@ pub fn fit_paint(levels: &Levels, start: f64, tolerance: f64, outward: f64) -> R
     }
     paint.coefficients = [solved[0], solved[1] / scale, solved[2] / (scale * scale), solved[3] / scale];
     Ok(paint)
+}
+
+/// Fits the clean paint of a frame to its levels from that of the frame before.
+///
+/// `None` if too few levels agree.
+pub fn refit_paint(levels: &Levels, before: &Paint, tolerance: f64, outward: f64) -> Option<Paint> {
+    let scale = levels.along.iter().map(|along| along.abs()).fold(1.0, f64::max);
+    let scaled = |values: &[f64]| values.iter().map(|value| value / scale).collect::<Vec<_>>();
+    let (x, y) = (scaled(&levels.along), scaled(&levels.behind));
+    let count = levels.levels.iter().filter(|level| **level < OUT_OF_RANGE).count();
+    let [c0, c1, c2, c3] = before.coefficients;
+    let (mut solved, mut paint, mut kept) = ([c0, c1 * scale, c2 * scale * scale, c3 * scale], *before, 0.0);
+    for _ in 0..REFIT_PASSES {
+        let range = Range { coefficients: solved, within: paint.within_dn(), tolerance, outward };
+        let sums = sum_levels([&x, &y, &levels.levels], range);
+        kept = sums.moments[0];
+        if kept < MIN_LEVELS as f64 {
+            return None;
+        }
+        solved = sums.solve(MAX_ORDER)?;
+        paint.noise = limit_noise(sums.squares, sums.outer, tolerance);
+    }
+    paint.sigma = paint_sigma(paint.noise, kept);
+    paint.coefficients = [solved[0], solved[1] / scale, solved[2] / (scale * scale), solved[3] / scale];
+    // A side with few levels at its paint has got speckles.
+    (kept >= BARE_FRACTION * count as f64).then_some(paint)
 }
 
 impl Sums {
@@ -153,7 +212,7 @@ fn sum_levels(samples: [&[f64]; 3], range: Range) -> Sums {
     let [x, y, levels] = samples.map(|values| values.as_chunks::<LANES>());
     let mut sums = sum_lanes(x.0, y.0, levels.0, range);
     // The rest, filled up with levels out of any range.
-    let (mut rest_x, mut rest_y, mut rest) = ([0.0; LANES], [0.0; LANES], [f64::MAX; LANES]);
+    let (mut rest_x, mut rest_y, mut rest) = ([0.0; LANES], [0.0; LANES], [OUT_OF_RANGE; LANES]);
     rest_x[..x.1.len()].copy_from_slice(x.1);
     rest_y[..y.1.len()].copy_from_slice(y.1);
     rest[..levels.1.len()].copy_from_slice(levels.1);

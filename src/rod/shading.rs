@@ -190,6 +190,6 @@ fn fit_axis(tapes: &[TapeSides], tilt: f64) -> Option<Axis> {
     let (middle, half) = (weighted_mean(tapes.iter().map(level)), weighted_mean(tapes.iter().map(half)));
     // Both sides are uncertain by the middle and by the width.
     let sigma = middle.sigma.max(half.sigma) * std::f64::consts::SQRT_2;
-    let side = |value: f64| Side { at: Estimate { value, sigma }, slope };
+    let side = |value: f64| Side { at: Estimate { value, sigma }, slope, fitted: None };
     Some(Axis { sides: [side(middle.value - half.value), side(middle.value + half.value)], middle: row })
 }
