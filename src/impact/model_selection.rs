@@ -164,9 +164,9 @@ pub fn select_law(guess: &InitialGuess, samples: &[Sample], errors: PositionErro
         let close = |f: &&LawFit| f.chi2 / f.freedom <= (CLOSE_SIGMAS * excess).powi(2);
         passed.extend(fits.iter().filter(|f| matches!(f.family, Family::Stiffness { .. })).filter(close));
     }
-    let min_narrowing = fits.iter().filter(|f| matches!(f.family, Family::Stiffness { .. })).map(|f| f.narrowing);
-    let min_narrowing = min_narrowing.fold(f64::INFINITY, f64::min);
-    let criterion = |f: &LawFit| f.chi2 / excess.powi(2) + parameter_cost(f, min_narrowing);
+    let stiffnesses = fits.iter().filter(|f| matches!(f.family, Family::Stiffness { .. }));
+    let min_narrowing = stiffnesses.map(|f| narrowing(f, excess)).fold(f64::INFINITY, f64::min);
+    let criterion = |f: &LawFit| f.chi2 / excess.powi(2) + parameter_cost(f, min_narrowing, excess);
     let best = passed.iter().min_by(|a, b| criterion(a).total_cmp(&criterion(b)))?;
     let weights: Vec<f64> = passed.iter().map(|f| (0.5 * (criterion(best) - criterion(f))).exp()).collect();
     let total: f64 = weights.iter().sum();
@@ -232,12 +232,18 @@ fn central_half_width(mixture: &[NormalComponent]) -> f64 {
 /// All laws are equally likely beforehand, because no real contact follows the known ones exactly, and a contact of few
 /// frames hardly tests them. Fitted exponents constrain the onset of the force no better than a fitted stiffness, which
 /// costs at least `min_narrowing`. Neither is therefore preferred for having fewer parameters.
-fn parameter_cost(f: &LawFit, min_narrowing: f64) -> f64 {
+fn parameter_cost(f: &LawFit, min_narrowing: f64, excess: f64) -> f64 {
     match f.family {
         Family::KelvinVoigt | Family::HuntCrossley => 0.0,
-        Family::Power | Family::TwoExponents if min_narrowing.is_finite() => f.narrowing.max(min_narrowing),
-        _ => f.narrowing,
+        Family::Power | Family::TwoExponents if min_narrowing.is_finite() => narrowing(f, excess).max(min_narrowing),
+        _ => narrowing(f, excess),
     }
+}
+
+/// Returns the narrowing of a law's free parameters by positions whose errors are `excess` times their sigmas.
+fn narrowing(f: &LawFit, excess: f64) -> f64 {
+    let free = f.family.parameter_count() - 4;
+    (f.narrowing - 2.0 * free as f64 * excess.ln()).max(0.0)
 }
 
 /// Whether a law explains the positions: chi2 per degree of freedom is at most `excess^2` (1 + 4 sqrt(2 / freedom)).
