@@ -409,8 +409,8 @@ mod tests {
         }
     }
 
-    #[test]
-    fn a_short_contact_that_follows_no_law_lies_within_its_uncertainties() {
+    /// Returns the worst error of start, end, depth and duration, in their uncertainties. `shift_px` moves each position.
+    fn worst_pull(shift_px: impl FnMut(f64) -> f64, sigma: f64, errors: PositionErrors) -> f64 {
         let guess = InitialGuess {
             deepest: 25.0,
             shortfall: SPEED * COMPRESSION - depth_px(),
@@ -418,24 +418,37 @@ mod tests {
             restitution: COMPRESSION / RELEASE,
             gravity: 0.0,
         };
+        let mut shift_px = shift_px;
+        let at = |frame: u32| {
+            let time_frames = f64::from(frame);
+            let value = shift_px(time_frames) - position_px(time_frames);
+            Sample { time_frames, component: 0, value, sigma, walk: 0.0 }
+        };
+        let posterior = select_law(&guess, &(5..42).map(at).collect::<Vec<_>>(), errors).unwrap();
         let truth = [START, START + COMPRESSION + RELEASE, depth_px(), COMPRESSION + RELEASE];
+        let pull = |(exact, index): (f64, usize)| (posterior.findings[index] - exact).abs() / posterior.sigmas[index];
+        truth.into_iter().zip([0, 2, 7, 9]).map(pull).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn a_short_contact_that_follows_no_law_lies_within_its_uncertainties() {
         let mut random = Xorshift::default();
         for case in 0..12 {
             let sigma = 0.03 + 0.005 * f64::from(case);
-            let mut noise = || (0..12).map(|_| random.below(1000) as f64 / 1000.0).sum::<f64>() - 6.0;
-            let at = |frame: u32| Sample {
-                time_frames: frame.into(),
-                component: 0,
-                value: sigma * noise() - position_px(frame.into()),
-                sigma,
-                walk: 0.0,
-            };
-            let errors = PositionErrors { excess: 1.0, drift_px: 0.0 };
-            let posterior = select_law(&guess, &(5..42).map(at).collect::<Vec<_>>(), errors).unwrap();
-            for (exact, index) in truth.into_iter().zip([0, 2, 7, 9]) {
-                let (value, sigma) = (posterior.findings[index], posterior.sigmas[index]);
-                assert!((value - exact).abs() < 3.0 * sigma, "{case}: quantity {index}, {value} +- {sigma}, {exact}");
-            }
+            let noise = |_| sigma * ((0..12).map(|_| random.below(1000) as f64 / 1000.0).sum::<f64>() - 6.0);
+            let worst = worst_pull(noise, sigma, PositionErrors { excess: 1.0, drift_px: 0.0 });
+            assert!(worst < 3.0, "{case}: {worst} sigmas");
+        }
+    }
+
+    #[test]
+    fn a_drift_during_a_short_contact_lies_within_its_uncertainties() {
+        // A fit that takes the positions for independent follows the drift, and is off by up to 3 sigmas.
+        for per_frame_px in [-0.06, -0.03, 0.015, 0.04, 0.06] {
+            let drift = |time: f64| per_frame_px * (time - START).clamp(0.0, COMPRESSION + RELEASE);
+            let drift_px = 1.5 * f64::abs(per_frame_px);
+            let worst = worst_pull(drift, 0.005, PositionErrors { excess: 1.0, drift_px });
+            assert!(worst < 1.5, "{per_frame_px}: {worst} sigmas");
         }
     }
 }
