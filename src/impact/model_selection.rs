@@ -387,7 +387,7 @@ mod tests {
     const SPEED: f64 = 3.2;
     const START: f64 = 22.7;
     const COMPRESSION: f64 = 2.2;
-    const RELEASE: f64 = 3.14;
+    const RELEASE: f64 = 3.1;
 
     /// Returns the maximum depth, px.
     fn depth_px() -> f64 {
