@@ -54,7 +54,7 @@ const MAX_SCATTER_PX: f64 = 0.5;
 /// The number of sectors that are left out in turn, to see how far each of them moves the circle.
 const SECTORS: usize = 6;
 /// The minimum uncertainty, px. Shading near the rim shifts all rays alike.
-const MIN_SIGMA_PX: f64 = 0.05;
+pub(super) const MIN_SIGMA_PX: f64 = 0.05;
 
 /// The change along a ray.
 #[derive(Debug, Clone, Copy)]
@@ -66,13 +66,18 @@ struct RimPoint {
 
 /// A circle, px.
 #[derive(Debug, Clone, Copy)]
-struct Disc {
-    x: f64,
-    y: f64,
-    radius: f64,
+pub(super) struct Disc {
+    pub x: f64,
+    pub y: f64,
+    pub radius: f64,
 }
 
 impl Disc {
+    /// Returns the distance of a place inside the circle, px; negative outside.
+    pub(super) fn depth(&self, x: f64, y: f64) -> f64 {
+        self.radius - (x - self.x).hypot(y - self.y)
+    }
+
     /// Returns the distance of a point outside the circle, px; negative inside.
     fn distance(&self, point: &RimPoint) -> f64 {
         (point.x - self.x).hypot(point.y - self.y) - self.radius
@@ -102,14 +107,14 @@ pub(super) struct WantedRadius {
 
 impl WantedRadius {
     /// Whether a circle has an allowed radius.
-    fn allows(&self, disc: &Disc) -> bool {
+    pub(super) fn allows(&self, disc: &Disc) -> bool {
         let is_expected = |expected: f64| (disc.radius / expected - 1.0).abs() <= MAX_RADIUS_DEVIATION;
         let range = self.range.low - 1.0..=self.range.high + 1.0;
         range.contains(&disc.radius) && self.expected.is_none_or(is_expected)
     }
 
     /// Returns the inverse variance of the radius that is known beforehand, px^-2; 0 without an expectation.
-    fn information(&self) -> f64 {
+    pub(super) fn information(&self) -> f64 {
         self.expected.map_or(0.0, |expected| (RADIUS_ERROR * expected).powi(-2))
     }
 }
@@ -216,7 +221,7 @@ fn level(image: ImageView<'_>, x: f64, y: f64) -> Option<f32> {
 }
 
 /// Returns the place of a disc of known radius at which it covers most of what has changed.
-fn most_changed(sizes: ImageView<'_>, near: Disc, noise_dn: f32) -> Disc {
+pub(super) fn most_changed(sizes: ImageView<'_>, near: Disc, noise_dn: f32) -> Disc {
     let reach = REACH[0].max(REACH[1] * near.radius);
     let mut best = (f64::NEG_INFINITY, near);
     let mut step = (near.radius / 6.0).max(1.0);
@@ -236,7 +241,7 @@ fn most_changed(sizes: ImageView<'_>, near: Disc, noise_dn: f32) -> Disc {
 }
 
 /// Returns the log-likelihood that what a disc covers has changed, relative to noise.
-fn change_gain(sizes: ImageView<'_>, disc: Disc, noise_dn: f32) -> f64 {
+pub(super) fn change_gain(sizes: ImageView<'_>, disc: Disc, noise_dn: f32) -> f64 {
     let range = |center: f64, side: usize| {
         let first = (center - disc.radius - 1.0).floor().max(0.0) as usize;
         first..((center + disc.radius + 2.0).ceil().max(0.0) as usize).min(side)

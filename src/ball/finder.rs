@@ -2,8 +2,9 @@
 
 use super::Polarity;
 use super::annulus::BAND_PX;
-use super::changed_disc::{WantedRadius, fit_disc};
-use super::foreground::Foreground;
+use super::changed_disc::{ChangedDisc, WantedRadius, fit_disc};
+use super::faint_rim::fit_faint_rim;
+use super::foreground::{ChangedPart, Foreground};
 use super::hough::{HoughPeak, HoughSearch, Marks};
 use super::paper_hough::PaperHough;
 use super::params::{BallError, BallParams, OutlineMethod};
@@ -43,7 +44,6 @@ const REACH_PX: f32 = 7.0;
 const FOLLOW_REACH_PX: f32 = 5.0;
 /// The uncertainty of the centre from which an outline was found by its texture, px. That by edges is far smaller.
 const MIN_TEXTURED_SIGMA_PX: f64 = 0.15;
-
 /// The maximum error of a prediction that needs no search, px.
 const PREDICTION_REACH_PX: f64 = 1.0;
 
@@ -191,16 +191,26 @@ impl BallFinder {
     ///
     /// If the size of `difference` differs from the planned size.
     pub fn find_changed(&mut self, difference: ImageView<'_>) -> Option<Circle> {
+        self.best_disc(difference, |sizes, part, wanted| {
+            fit_disc(sizes, part, wanted).or_else(|| fit_faint_rim(difference, sizes, part, wanted))
+        })
+    }
+
+    /// Returns the disc that changed most among those that `fit` finds in the changed parts of a difference.
+    fn best_disc<F>(&mut self, difference: ImageView<'_>, fit: F) -> Option<Circle>
+    where
+        F: Fn(ImageView<'_>, ChangedPart, WantedRadius) -> Option<ChangedDisc>,
+    {
         self.check_shape(difference);
         let (width, height) = self.shape;
         if width < 8 || height < 8 {
             return None;
         }
-        let radii = RadiusRange { low: self.params.min_radius_px, high: self.params.max_radius_px };
-        let expected = self.params.expected_radius_px.filter(|radius| (radii.low..=radii.high).contains(radius));
-        let parts = self.foreground.search(difference, self.searched_region(difference), radii);
+        let range = RadiusRange { low: self.params.min_radius_px, high: self.params.max_radius_px };
+        let expected = self.params.expected_radius_px.filter(|radius| (range.low..=range.high).contains(radius));
+        let parts = self.foreground.search(difference, self.searched_region(difference), range);
         let sizes = ImageView::new(self.foreground.sizes(), width, height).ok()?;
-        let discs = parts.into_iter().filter_map(|part| fit_disc(sizes, part, WantedRadius { range: radii, expected }));
+        let discs = parts.into_iter().filter_map(|part| fit(sizes, part, WantedRadius { range, expected }));
         discs.max_by(|a, b| a.gain.total_cmp(&b.gain)).map(|disc| disc.circle)
     }
 
@@ -213,9 +223,8 @@ impl BallFinder {
         let mut ground = std::mem::take(&mut self.ground);
         let difference = ground.subtract(image, region, self.params.max_radius_px);
         let view = ImageView::new(difference, image.width(), image.height()).ok();
-        let circle = view.and_then(|view| self.find_changed(view));
-        let (width, min_radius_px) = (image.width(), self.params.min_radius_px);
-        let circle = circle.filter(|circle| ground.is_strongest(circle, width, min_radius_px));
+        let circle = view.and_then(|view| self.best_disc(view, fit_disc));
+        let circle = circle.filter(|circle| ground.is_strongest(circle, image.width(), self.params.min_radius_px));
         self.ground = ground;
         circle
     }
@@ -227,9 +236,7 @@ impl BallFinder {
 
     /// Searches the ball by its texture, and the outline by the boundary of that texture.
     fn search_textured(&mut self, image: ImageView<'_>) -> Option<Circle> {
-        let roi = self.searched_region(image);
-        let ranges = self.radius_ranges();
-        let circle = self.textured.find(image, roi, &ranges)?;
+        let circle = self.textured.find(image, self.searched_region(image), &self.radius_ranges())?;
         self.has_allowed_radius(&circle).then_some(circle)
     }
 
@@ -359,11 +366,8 @@ impl BallFinder {
             let reach_px = (peak.spread + 3.0).max(REACH_PX);
             let params =
                 RansacParams { reach_px, tolerance_px: effort.tolerance_px, draws: effort.draws, rays: effort.rays };
-            self.candidates.extend(self.ransac.search(
-                image,
-                RoughCircle { x: peak.x, y: peak.y, radius: peak.radius },
-                params,
-            ));
+            let rough = RoughCircle { x: peak.x, y: peak.y, radius: peak.radius };
+            self.candidates.extend(self.ransac.search(image, rough, params));
         }
         self.keep_finalists();
     }
@@ -453,10 +457,8 @@ impl BallFinder {
             let (x, y) = self.hough.to_reduced(peak.band, peak.x, peak.y);
             let reach_px = (peak.spread / scale + 2.0).max(3.0);
             let params = RansacParams { reach_px, tolerance_px: 0.5, draws: 120, rays: 120 };
-            let Some(reduced) = self.ransac.search(view, RoughCircle { x, y, radius: peak.radius / scale }, params)
-            else {
-                continue;
-            };
+            let rough = RoughCircle { x, y, radius: peak.radius / scale };
+            let Some(reduced) = self.ransac.search(view, rough, params) else { continue };
             let (x, y) = self.hough.to_full(peak.band, reduced.x, reduced.y);
             let full = Candidate { x, y, radius: reduced.radius * scale, ..reduced };
             let near = RansacParams { reach_px: 2.5, tolerance_px: 0.6, draws: 120, rays: 120 };

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use super::contact_onset::{fit_onset, time_reversed};
 use super::departure::{Departure, drift, plausible_curves, residual, test_departure};
-use super::force_free::{find_forceless_stretch, find_quiet_stretch, fit_acceleration};
+use super::force_free::{EndOfForce, FreeFlight, find_force_free, fit_acceleration, test_force_free};
 use super::trajectory::{NORMAL, SurfaceNode, nodes_between, samples, turning_sigma};
 use crate::motion::Regime;
 use crate::results::{Estimate, Phase};
@@ -277,11 +277,14 @@ impl Detector {
         if let Some(b) = self.breaks.back_mut() {
             b.acceleration = contact.acceleration_max;
         }
-        let forceless =
-            || find_forceless_stretch(nodes_between(&self.nodes, contact.departed_frames, f64::INFINITY), gravity);
-        if let Some((from, rate)) =
-            find_quiet_stretch(&since, gravity, contact.acceleration_max).unwrap_or_else(forceless)
-        {
+        let flight = match test_force_free(&since, gravity, contact.acceleration_max) {
+            EndOfForce::Ended(flight) => Some(flight),
+            EndOfForce::Acting => None,
+            EndOfForce::Undecided => {
+                find_force_free(nodes_between(&self.nodes, contact.departed_frames, f64::INFINITY), gravity)
+            }
+        };
+        if let Some(FreeFlight { start_frames: from, rate }) = flight {
             if rate.value < -APPROACH_SIGMAS * rate.sigma {
                 // Free of force but still approaching: it was no collision.
                 return self.dismiss(from);

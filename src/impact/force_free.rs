@@ -1,16 +1,16 @@
-//! The end of a contact: the stretch of nodes on which no force acts.
+//! The end of a contact: the nodes on which no force acts.
 
 use super::trajectory::{NORMAL, SurfaceNode, samples};
 use crate::numeric::{Polynomial, Sample};
 use crate::results::Estimate;
 
 /// The maximum deviation of the acceleration from gravity after a contact, as a share of the peak acceleration.
-const QUIET_SHARE: f64 = 0.02;
+const MAX_RESIDUAL_FORCE_SHARE: f64 = 0.02;
 /// The maximum number of nodes that the end of a contact is tested by.
-const QUIET_NODES: usize = 40;
-/// The number of nodes after a possible contact that decide whether a force acts, where [`QUIET_SHARE`] cannot be
+const MAX_TESTED_NODES: usize = 40;
+/// The number of nodes after a possible contact that decide whether a force acts, where [`MAX_RESIDUAL_FORCE_SHARE`] cannot be
 /// resolved.
-const FORCELESS_NODES: usize = 16;
+const FORCE_FREE_NODES: usize = 16;
 /// The minimum force that counts as present, sigmas.
 const FORCE_SIGMAS: f64 = 3.0;
 
@@ -22,38 +22,58 @@ pub fn fit_acceleration(nodes: &[Sample]) -> Option<Estimate> {
     Some(Estimate { value: a.value, sigma: a.sigma * fit.excess() })
 }
 
-/// Returns the start of the force-free stretch of the newest nodes (frames) and its velocity (px/frame).
-///
-/// `Some(None)` if a force still acts, `None` where the data cannot decide. `acceleration_max` is the peak
-/// acceleration so far, px/frame^2.
-pub fn find_quiet_stretch(since: &[Sample], gravity: f64, acceleration_max: f64) -> Option<Option<(f64, Estimate)>> {
-    let mut width = 5;
-    while width <= QUIET_NODES.min(since.len()) {
-        let newest = &since[since.len() - width..];
-        let acceleration = fit_acceleration(newest).filter(|a| a.sigma <= QUIET_SHARE * acceleration_max);
-        if let Some(a) = acceleration {
-            let still = (a.value - gravity).abs() <= QUIET_SHARE * acceleration_max + 2.0 * a.sigma;
-            let middle = 0.5 * (newest[0].time_frames + newest[width - 1].time_frames);
-            let fit = Polynomial::fit(newest, middle, 1, gravity)?;
-            let rate = fit.rate(middle);
-            return Some(still.then_some((newest[0].time_frames, rate)));
-        }
-        width += 1;
-    }
-    None
+/// The flight after a contact, as far as the newest nodes show it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FreeFlight {
+    /// Its start, frames.
+    pub start_frames: f64,
+    /// Its velocity along the normal, px/frame.
+    pub rate: Estimate,
 }
 
-/// Returns the start (frames) and the velocity (px/frame) of nodes that are consistent with no force; `None` if one
-/// acts.
+/// Whether the force of a contact has ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum EndOfForce {
+    /// The nodes do not decide.
+    Undecided,
+    /// A force still acts.
+    Acting,
+    /// The newest nodes are free of force.
+    Ended(FreeFlight),
+}
+
+/// Tests whether a force acts on the newest nodes.
+///
+/// `acceleration_max` is the peak acceleration so far, px/frame^2.
+pub fn test_force_free(since: &[Sample], gravity: f64, acceleration_max: f64) -> EndOfForce {
+    for width in 5..=MAX_TESTED_NODES.min(since.len()) {
+        let newest = &since[since.len() - width..];
+        let limit = MAX_RESIDUAL_FORCE_SHARE * acceleration_max;
+        let Some(a) = fit_acceleration(newest).filter(|a| a.sigma <= limit) else { continue };
+        let Some(flight) = free_flight(newest, gravity) else { return EndOfForce::Undecided };
+        let is_free = (a.value - gravity).abs() <= limit + 2.0 * a.sigma;
+        return if is_free { EndOfForce::Ended(flight) } else { EndOfForce::Acting };
+    }
+    EndOfForce::Undecided
+}
+
+/// Returns the flight of nodes that are consistent with no force; `None` if one acts.
 ///
 /// An impact between two frames, or poses that drift, may look like the onset of a contact.
-pub fn find_forceless_stretch(since: &[SurfaceNode], gravity: f64) -> Option<(f64, Estimate)> {
-    let newest = samples(&since[since.len().saturating_sub(QUIET_NODES)..], NORMAL);
-    if newest.len() < FORCELESS_NODES {
+pub fn find_force_free(since: &[SurfaceNode], gravity: f64) -> Option<FreeFlight> {
+    let newest = samples(&since[since.len().saturating_sub(MAX_TESTED_NODES)..], NORMAL);
+    if newest.len() < FORCE_FREE_NODES {
         return None;
     }
     let acceleration = fit_acceleration(&newest)?;
-    let middle = 0.5 * (newest[0].time_frames + newest[newest.len() - 1].time_frames);
-    let rate = Polynomial::fit(&newest, middle, 1, gravity)?.rate(middle);
-    (acceleration.value - gravity <= FORCE_SIGMAS * acceleration.sigma).then_some((newest[0].time_frames, rate))
+    let flight = free_flight(&newest, gravity)?;
+    (acceleration.value - gravity <= FORCE_SIGMAS * acceleration.sigma).then_some(flight)
+}
+
+/// Fits the flight of nodes on which gravity alone acts; `None` for too few.
+fn free_flight(nodes: &[Sample], gravity: f64) -> Option<FreeFlight> {
+    let (first, last) = (nodes.first()?.time_frames, nodes.last()?.time_frames);
+    let middle = 0.5 * (first + last);
+    let rate = Polynomial::fit(nodes, middle, 1, gravity)?.rate(middle);
+    Some(FreeFlight { start_frames: first, rate })
 }

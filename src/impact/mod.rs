@@ -20,7 +20,7 @@ mod trajectory;
 pub use contact_detector::{Contact, Detector, Event};
 pub use contact_law::{Family, Findings, Parameters, Units};
 pub use law_fit::{Expected, LawFit, fit_law};
-pub use model_selection::{FirstGuess, ForceLawPosterior, select_law};
+pub use model_selection::{ForceLawPosterior, InitialGuess, PositionErrors, select_law};
 pub use out_of_plane::{DilatationRates, OutOfPlane};
 pub use solver::{ImpactContext, deepest_so_far, solve};
 pub use trajectory::{ANGLE, SurfaceNode, nodes_between};

@@ -47,9 +47,6 @@ const ANY: [Expected; 2] = [[1.25, 0.25], [0.75, 0.75]];
 /// The prior deviation of the exponents from those of the nearest simple law, where the stiffness absorbs the rest.
 const NEAR: [f64; 2] = [0.05, 0.2];
 
-/// The prior odds of a law without free exponents over any other.
-const KNOWN_ODDS: f64 = 10.0;
-
 /// The degrees of a free stiffness.
 const DEGREES: [usize; 3] = [3, 5, 7];
 
@@ -59,7 +56,7 @@ const MIN_SCATTER: f64 = 0.8;
 
 /// Start values for the fits from the two straight flights. Frames, px, inwards positive.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FirstGuess {
+pub struct InitialGuess {
     /// The deepest moment.
     pub deepest: f64,
     /// The distance by which the flight before, extrapolated, passes the deepest point.
@@ -70,6 +67,25 @@ pub struct FirstGuess {
     pub restitution: f64,
     /// Free fall into the surface, px/frame^2.
     pub gravity: f64,
+}
+
+/// The errors of the positions that their standard uncertainties do not contain.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PositionErrors {
+    /// The ratio of the flights' scatter to their sigmas.
+    pub excess: f64,
+    /// The error that neighbouring positions of the contact share, px.
+    pub drift_px: f64,
+}
+
+impl PositionErrors {
+    /// Returns the ratio of all errors to the sigmas of the positions.
+    ///
+    /// A law may follow a common error, so that this error limits how far positions tell laws apart.
+    fn ratio(&self, samples: &[Sample]) -> f64 {
+        let mean_sigma = samples.iter().map(|sample| sample.sigma).sum::<f64>() / samples.len().max(1) as f64;
+        self.excess.hypot(self.drift_px / mean_sigma.max(f64::MIN_POSITIVE))
+    }
 }
 
 /// The combined result of the laws that passed.
@@ -115,7 +131,7 @@ fn force_law(family: Family) -> ForceLaw {
     }
 }
 
-impl FirstGuess {
+impl InitialGuess {
     /// Returns start parameters of a law with exponents `n` and `m`, and their units.
     ///
     /// `ratio` is the time to the deepest point over depth / speed: 1.57 for a spring, 1.47 for n = 3/2.
@@ -135,66 +151,99 @@ impl FirstGuess {
 /// Fits every family and weights them by their evidence in Laplace's approximation (Kass & Raftery 1995,
 /// doi:10.1080/01621459.1995.10476572), which combines chi2 with the narrowing of each law's free parameters.
 ///
-/// A law passes if chi2/freedom is at most `excess^2` (1 + 4 sqrt(2/freedom)), where `excess` is the ratio of the
-/// flights' scatter to their sigmas. Among the laws that pass, the evidence decides. If none passes, the law with free
+/// A law passes if chi2/freedom is at most r^2 (1 + 4 sqrt(2/freedom)), where r is the ratio of the errors to the sigmas
+/// of the positions. Among the laws that pass, the evidence decides. If none passes, the law with free
 /// stiffness is taken if its misfit is within three sigmas; the misfit then enters the uncertainties. Otherwise the
 /// result is `None`.
-pub fn select_law(guess: &FirstGuess, samples: &[Sample], excess: f64) -> Option<ForceLawPosterior> {
+pub fn select_law(guess: &InitialGuess, samples: &[Sample], errors: PositionErrors) -> Option<ForceLawPosterior> {
     let fits = fit_all(guess, samples);
+    let excess = errors.ratio(samples);
     let mut passed: Vec<&LawFit> = fits.iter().filter(|f| is_acceptable(f, excess)).collect();
     if passed.is_empty() {
         // No law passes, but one with a free stiffness may follow the motion closely enough to yield times.
         let close = |f: &&LawFit| f.chi2 / f.freedom <= (CLOSE_SIGMAS * excess).powi(2);
         passed.extend(fits.iter().filter(|f| matches!(f.family, Family::Stiffness { .. })).filter(close));
     }
-    let min_narrowing = fits.iter().filter(|f| matches!(f.family, Family::Stiffness { .. })).map(|f| f.narrowing);
-    let min_narrowing = min_narrowing.fold(f64::INFINITY, f64::min);
-    let criterion = |f: &LawFit| f.chi2 / excess.powi(2) + parameter_cost(f, min_narrowing);
+    let stiffnesses = fits.iter().filter(|f| matches!(f.family, Family::Stiffness { .. }));
+    let min_narrowing = stiffnesses.map(|f| narrowing(f, excess)).fold(f64::INFINITY, f64::min);
+    let criterion = |f: &LawFit| f.chi2 / excess.powi(2) + parameter_cost(f, min_narrowing, excess);
     let best = passed.iter().min_by(|a, b| criterion(a).total_cmp(&criterion(b)))?;
     let weights: Vec<f64> = passed.iter().map(|f| (0.5 * (criterion(best) - criterion(f))).exp()).collect();
     let total: f64 = weights.iter().sum();
     let weighed = || passed.iter().zip(&weights).map(|(f, w)| (*f, w / total));
     let findings: Findings = std::array::from_fn(|k| weighed().map(|(f, w)| w * f.findings[k]).sum());
-    let drift_px = DRIFT * samples.iter().map(|s| s.walk).sum::<f64>() / samples.len() as f64;
+    let common = CommonErrors {
+        walk_px: DRIFT * samples.iter().map(|s| s.walk).sum::<f64>() / samples.len() as f64,
+        residual_px: RESIDUAL_PX.hypot(errors.drift_px),
+    };
     let sigmas = std::array::from_fn(|k| {
-        let laws: Vec<_> =
-            weighed().map(|(f, w)| [w, f.findings[k] - findings[k], law_variance(f, k, drift_px).sqrt()]).collect();
-        central_half_width(&laws)
+        let component = |(f, weight): (&LawFit, f64)| NormalComponent {
+            weight,
+            mean: f.findings[k] - findings[k],
+            sigma: law_variance(f, k, common).sqrt(),
+        };
+        central_half_width(&weighed().map(component).collect::<Vec<_>>())
     });
     let probabilities = weighed().map(|(f, w)| (f.family, w)).collect();
     Some(ForceLawPosterior { best: best.family, probabilities, findings, sigmas })
 }
 
+/// Errors that neighbouring positions share, px.
+#[derive(Debug, Clone, Copy)]
+struct CommonErrors {
+    /// The random walk per step.
+    walk_px: f64,
+    /// The displacement error that no residual reveals.
+    residual_px: f64,
+}
+
+/// One of the normal distributions of a mixture.
+#[derive(Debug, Clone, Copy)]
+struct NormalComponent {
+    weight: f64,
+    mean: f64,
+    sigma: f64,
+}
+
+impl NormalComponent {
+    /// Returns its part of the mass within `half` of zero.
+    fn mass_within(&self, half: f64) -> f64 {
+        let below = |x: f64| 0.5 * libm::erfc(-x / (self.sigma.max(f64::MIN_POSITIVE) * SQRT_2));
+        self.weight * (below(half - self.mean) - below(-half - self.mean))
+    }
+}
+
 /// Returns half the width of the interval about zero that holds 68.3 % of a mixture of normal distributions.
 ///
-/// Each is given by `[weight, mean, sigma]`; the weights sum to 1. A law of small weight and large uncertainty would
-/// otherwise dominate the standard deviation.
-fn central_half_width(laws: &[[f64; 3]]) -> f64 {
-    let reach = laws.iter().map(|[_, mean, sigma]| mean.abs() + 4.0 * sigma).fold(0.0, f64::max);
-    let mass_within = |half: f64| -> f64 {
-        let below = |x: f64, sigma: f64| 0.5 * libm::erfc(-x / (sigma.max(f64::MIN_POSITIVE) * SQRT_2));
-        laws.iter().map(|[w, mean, sigma]| w * (below(half - mean, *sigma) - below(-half - mean, *sigma))).sum()
-    };
+/// The weights sum to 1. A law of small weight and large uncertainty would otherwise dominate the standard deviation.
+fn central_half_width(mixture: &[NormalComponent]) -> f64 {
+    let reach = mixture.iter().map(|law| law.mean.abs() + 4.0 * law.sigma).fold(0.0, f64::max);
     let (mut low, mut high) = (0.0, reach);
     for _ in 0..40 {
         let middle = 0.5 * (low + high);
-        if mass_within(middle) < ONE_SIGMA { low = middle } else { high = middle }
+        let mass: f64 = mixture.iter().map(|law| law.mass_within(middle)).sum();
+        if mass < ONE_SIGMA { low = middle } else { high = middle }
     }
     high
 }
 
-/// Returns the cost of the free parameters of a law in units of chi2, including the prior odds of the known laws.
+/// Returns the cost of the free parameters of a law in units of chi2.
 ///
-/// Fitted exponents constrain the onset of the force no better than a fitted stiffness, which costs at least
-/// `min_narrowing`. Neither is therefore preferred for having fewer parameters.
-fn parameter_cost(f: &LawFit, min_narrowing: f64) -> f64 {
+/// All laws are equally likely beforehand, because no real contact follows the known ones exactly, and a contact of few
+/// frames hardly tests them. Fitted exponents constrain the onset of the force no better than a fitted stiffness, which
+/// costs at least `min_narrowing`. Neither is therefore preferred for having fewer parameters.
+fn parameter_cost(f: &LawFit, min_narrowing: f64, excess: f64) -> f64 {
     match f.family {
         Family::KelvinVoigt | Family::HuntCrossley => 0.0,
-        Family::Power | Family::TwoExponents if min_narrowing.is_finite() => {
-            f.narrowing.max(min_narrowing) + 2.0 * KNOWN_ODDS.ln()
-        }
-        _ => f.narrowing + 2.0 * KNOWN_ODDS.ln(),
+        Family::Power | Family::TwoExponents if min_narrowing.is_finite() => narrowing(f, excess).max(min_narrowing),
+        _ => narrowing(f, excess),
     }
+}
+
+/// Returns the narrowing of a law's free parameters by positions whose errors are `excess` times their sigmas.
+fn narrowing(f: &LawFit, excess: f64) -> f64 {
+    let free = f.family.parameter_count() - 4;
+    (f.narrowing - 2.0 * free as f64 * excess.ln()).max(0.0)
 }
 
 /// Whether a law explains the positions: chi2 per degree of freedom is at most `excess^2` (1 + 4 sqrt(2 / freedom)).
@@ -205,9 +254,9 @@ fn is_acceptable(f: &LawFit, excess: f64) -> bool {
 /// Returns the variance of quantity `k` of [`Findings`] under one law, in the square of its unit.
 ///
 /// It sums the variance of the fit, widened by the misfit, the undetected ends of the force under free exponents or
-/// stiffness, and the displacement error that no residual reveals. `drift_px` is the random walk per step that
-/// neighbouring steps share, px.
-fn law_variance(f: &LawFit, k: usize, drift_px: f64) -> f64 {
+/// stiffness, and the displacement error that no residual reveals.
+fn law_variance(f: &LawFit, k: usize, common: CommonErrors) -> f64 {
+    let CommonErrors { walk_px, residual_px } = common;
     let own = f.sigmas[k].powi(2) * (f.chi2 / f.freedom).max(MIN_SCATTER);
     // Under free exponents or stiffness, start and end depend on the first and last two per cent of the force, which
     // are not observed. A y^1.5 contact takes UNSEEN of its depth over them; the depth is counted from the start.
@@ -224,14 +273,14 @@ fn law_variance(f: &LawFit, k: usize, drift_px: f64) -> f64 {
     };
     // A wrong displacement shifts the apparent start and end in opposite senses. The stiffness compensates half of its
     // effect on the peak.
-    let (touches, leaves) = (RESIDUAL_PX / before.abs(), RESIDUAL_PX / after.abs());
+    let (touches, leaves) = (residual_px / before.abs(), residual_px / after.abs());
     let residual = match k {
         0 | 3 => touches,
         // From one end of the contact to the other.
-        1 => (RESIDUAL_PX / lasts).hypot(drift_px) / peak,
+        1 => (residual_px / lasts).hypot(walk_px) / peak,
         2 | 4 => leaves,
-        7 => RESIDUAL_PX,
-        8 => 0.5 * RESIDUAL_PX * peak / depth,
+        7 => residual_px,
+        8 => 0.5 * residual_px * peak / depth,
         9 => touches + leaves,
         _ => 0.0,
     };
@@ -252,7 +301,7 @@ fn law_variance(f: &LawFit, k: usize, drift_px: f64) -> f64 {
 }
 
 /// Fits all families, simple ones first, each starting from a simpler neighbour.
-fn fit_all(guess: &FirstGuess, samples: &[Sample]) -> Vec<LawFit> {
+fn fit_all(guess: &InitialGuess, samples: &[Sample]) -> Vec<LawFit> {
     let from_guess = |family, n, m, ratio| {
         let (start, units) = guess.start_parameters(n, m, ratio);
         fit_law(family, &start, ANY, &units, samples).map(|fit| (fit, units))
@@ -327,4 +376,79 @@ fn change_depth_unit(p: &Parameters, units: &Units, depth: f64) -> (Parameters, 
     out[2] += p[4] * ratio.ln();
     out[3] *= ratio.powf(p[5] - p[4]);
     (out, Units { depth, ..*units })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::numeric::Xorshift;
+
+    /// The contact of a ball at 3.2 px per frame: a spring that is softer by half as soon as the velocity reverses.
+    const SPEED: f64 = 3.2;
+    const START: f64 = 22.7;
+    const COMPRESSION: f64 = 2.2;
+    const RELEASE: f64 = 3.1;
+
+    /// Returns the maximum depth, px.
+    fn depth_px() -> f64 {
+        SPEED * COMPRESSION * std::f64::consts::FRAC_2_PI
+    }
+
+    /// Returns the depth of the ball, px; negative outside the surface.
+    fn position_px(time: f64) -> f64 {
+        let quarter = std::f64::consts::FRAC_PI_2;
+        let since = time - START;
+        if since < 0.0 {
+            SPEED * since
+        } else if since < COMPRESSION {
+            depth_px() * (quarter * since / COMPRESSION).sin()
+        } else if since < COMPRESSION + RELEASE {
+            depth_px() * (quarter * (since - COMPRESSION) / RELEASE).cos()
+        } else {
+            -depth_px() * quarter * (since - COMPRESSION - RELEASE) / RELEASE
+        }
+    }
+
+    /// Returns the worst error of start, end, depth and duration, in their uncertainties. `shift_px` moves each position.
+    fn worst_pull(shift_px: impl FnMut(f64) -> f64, sigma: f64, errors: PositionErrors) -> f64 {
+        let guess = InitialGuess {
+            deepest: 25.0,
+            shortfall: SPEED * COMPRESSION - depth_px(),
+            speed: SPEED,
+            restitution: COMPRESSION / RELEASE,
+            gravity: 0.0,
+        };
+        let mut shift_px = shift_px;
+        let at = |frame: u32| {
+            let time_frames = f64::from(frame);
+            let value = shift_px(time_frames) - position_px(time_frames);
+            Sample { time_frames, component: 0, value, sigma, walk: 0.0 }
+        };
+        let posterior = select_law(&guess, &(5..42).map(at).collect::<Vec<_>>(), errors).unwrap();
+        let truth = [START, START + COMPRESSION + RELEASE, depth_px(), COMPRESSION + RELEASE];
+        let pull = |(exact, index): (f64, usize)| (posterior.findings[index] - exact).abs() / posterior.sigmas[index];
+        truth.into_iter().zip([0, 2, 7, 9]).map(pull).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn a_short_contact_that_follows_no_law_lies_within_its_uncertainties() {
+        let mut random = Xorshift::default();
+        for case in 0..12 {
+            let sigma = 0.03 + 0.005 * f64::from(case);
+            let noise = |_| sigma * ((0..12).map(|_| random.below(1000) as f64 / 1000.0).sum::<f64>() - 6.0);
+            let worst = worst_pull(noise, sigma, PositionErrors { excess: 1.0, drift_px: 0.0 });
+            assert!(worst < 3.0, "{case}: {worst} sigmas");
+        }
+    }
+
+    #[test]
+    fn a_drift_during_a_short_contact_lies_within_its_uncertainties() {
+        // A fit that takes the positions for independent follows the drift, and is off by up to 3 sigmas.
+        for per_frame_px in [-0.06, -0.03, 0.015, 0.04, 0.06] {
+            let drift = |time: f64| per_frame_px * (time - START).clamp(0.0, COMPRESSION + RELEASE);
+            let drift_px = 1.5 * f64::abs(per_frame_px);
+            let worst = worst_pull(drift, 0.005, PositionErrors { excess: 1.0, drift_px });
+            assert!(worst < 1.5, "{per_frame_px}: {worst} sigmas");
+        }
+    }
 }

@@ -3,10 +3,10 @@
 use super::contact_detector::Contact;
 use super::contact_law::Family;
 use super::departure::plausible_curves;
-use super::free_fall::free_fall_acceleration;
-use super::model_selection::{FirstGuess, ForceLawPosterior, select_law};
+use super::free_fall::{free_fall_acceleration, shift_sigma};
+use super::model_selection::{ForceLawPosterior, InitialGuess, PositionErrors, select_law};
 use super::slip_end::{Sliding, find_slip_end};
-use super::trajectory::{ANGLE, NORMAL, SurfaceNode, TANGENTIAL, nodes_between, samples};
+use super::trajectory::{ANGLE, NORMAL, SurfaceNode, TANGENTIAL, has_measured_rotation, nodes_between, samples};
 use crate::motion::SpeedBias;
 use crate::numeric::{Polynomial, Sample};
 use crate::results::{Estimate, ForceLaw, Impact, PointStatus, RigidStep};
@@ -69,6 +69,8 @@ pub struct ImpactContext {
 struct Flights {
     before: [Polynomial; 3],
     after: [Polynomial; 3],
+    /// The standard uncertainty of their velocities from outlines whose error changes along the flight, px/frame.
+    shift_sigmas: [f64; 2],
 }
 
 /// The interval of contact as known so far, frames.
@@ -109,10 +111,8 @@ pub fn solve(
     let nodes = nodes_between(nodes, first, last);
     let detected = detected_interval(nodes, contact, end);
     let flights = fit_flights(nodes, &detected, context)?;
-    let posterior = first_guess(nodes, &detected, &flights, context).and_then(|guess| {
-        let excess = flights.before[NORMAL].excess().max(flights.after[NORMAL].excess());
-        select_law(&guess, &samples(nodes, NORMAL), excess)
-    });
+    let posterior = initial_guess(nodes, &detected, &flights, context)
+        .and_then(|guess| select_law(&guess, &samples(nodes, NORMAL), position_errors(&flights, &detected, context)));
     // A law that leaves the moments open says nothing.
     let posterior = posterior.filter(|v| v.sigmas[0].max(v.sigmas[2]) < v.findings[9].max(1.0));
     let interval = posterior.as_ref().map_or(detected, |posterior| law_interval(posterior, detected.deepest));
@@ -131,7 +131,7 @@ pub fn solve(
         nodes_between(nodes, f64::NEG_INFINITY, interval.before_to),
         nodes_between(nodes, interval.after_from, f64::INFINITY),
     ];
-    impact.gravity_m_s2 = free_fall_acceleration(&sides, context.gravity_px)
+    impact.gravity_m_s2 = free_fall_acceleration(&sides, context.gravity_px, context.center_sigma_px)
         .filter(|_| context.is_surface_fixed)
         .map(|a| context.acceleration(a));
     impact.status = physical_status(&impact, context);
@@ -147,6 +147,22 @@ impl ImpactContext {
     }
 }
 
+/// Returns the errors of the positions around a contact.
+///
+/// The point that is followed circles about the centre of a body that turns, so that an error of the centre drifts.
+fn position_errors(flights: &Flights, interval: &Interval, context: &ImpactContext) -> PositionErrors {
+    let spin = |flight: &[Polynomial; 3], at: Estimate| {
+        let rate = flight[ANGLE].rate(at.value);
+        if rate.sigma < MAX_SPIN_SIGMA_RAD { rate.value.abs() } else { 0.0 }
+    };
+    let mean_spin = 0.5 * (spin(&flights.before, interval.start) + spin(&flights.after, interval.end));
+    let lasts = (interval.end.value - interval.start.value).max(1.0);
+    PositionErrors {
+        excess: flights.before[NORMAL].excess().max(flights.after[NORMAL].excess()),
+        drift_px: mean_spin * context.center_sigma_px * lasts / 12.0_f64.sqrt(),
+    }
+}
+
 /// Whether outlines place the body during contact: no measured rotation links its nodes.
 fn is_placed_by_outlines(nodes: &[SurfaceNode], interval: &Interval) -> bool {
     let contact = nodes_between(nodes, interval.start.value - 1.0, interval.end.value + 1.0);
@@ -158,13 +174,6 @@ fn measured_fraction(nodes: &[SurfaceNode], interval: &Interval) -> f64 {
     let (start, end) = (interval.start.value, interval.end.value);
     let measured = nodes_between(nodes, start, end).len() as f64 + 1.0;
     (measured / (end - start).max(1.0)).min(1.0)
-}
-
-/// Whether measured rotations link some of the nodes. Steps over n frames make n interleaved components.
-fn has_measured_rotation(nodes: &[SurfaceNode]) -> bool {
-    let mut turns: Vec<u32> = nodes.iter().map(|node| node.turn).collect();
-    turns.sort_unstable();
-    turns.windows(2).any(|pair| pair[0] == pair[1])
 }
 
 /// Returns `Outlier` for a collision that contradicts physics: a fixed surface gives no energy, and bodies fall by
@@ -287,11 +296,6 @@ fn fit_flight(flight: &[Sample], gravity: f64) -> Option<Polynomial> {
     plausible_curves(flight, Some(gravity)).into_iter().next()
 }
 
-/// Returns the angle of a body whose rotation was not measured.
-fn unknown_rotation(at_frames: f64) -> Polynomial {
-    Polynomial::unknown(at_frames, RigidStep::ANY_ROTATION_DEG.to_radians())
-}
-
 /// Fits the flights on both sides of the contact: normal, tangent and angle. `None` where one is too short.
 fn fit_flights(nodes: &[SurfaceNode], interval: &Interval, context: &ImpactContext) -> Option<Flights> {
     let after = nodes_between(nodes, interval.after_from, f64::INFINITY);
@@ -302,14 +306,18 @@ fn fit_flights(nodes: &[SurfaceNode], interval: &Interval, context: &ImpactConte
         let angle = if has_measured_rotation(nodes) {
             fit(ANGLE, 0.0)
         } else {
-            nodes.first().map(|node| unknown_rotation(node.time_frames))
+            // The angle of a body whose rotation was not measured.
+            let any = RigidStep::ANY_ROTATION_DEG.to_radians();
+            nodes.first().map(|node| Polynomial::unknown(node.time_frames, any))
         };
         Some([normal?, tangential?, angle?])
     };
     // A short flight is used up to nearly the first departed node rather than not at all.
     let ends = [interval.before_to, interval.before_last - 4.0, interval.before_last];
     let before = ends.iter().find_map(|to| three(nodes_between(nodes, f64::NEG_INFINITY, *to)))?;
-    Some(Flights { before, after: three(after)? })
+    let sides = [nodes_between(nodes, f64::NEG_INFINITY, interval.before_to), after];
+    let shift_sigmas = sides.map(|side| shift_sigma(side, context.center_sigma_px));
+    Some(Flights { before, after: three(after)?, shift_sigmas })
 }
 
 /// Returns the rate of a fitted coordinate at an uncertain moment, including the scatter about the fit.
@@ -318,29 +326,30 @@ fn rate_at(flight: &Polynomial, at: Estimate) -> Estimate {
     Estimate { value: rate.value, sigma: (rate.sigma * flight.excess()).hypot(flight.curvature().value * at.sigma) }
 }
 
-/// Returns start values for the laws: the deepest node and its distance from the flight before.
+/// Returns the initial guess for the laws: the deepest node and its distance from the flight before.
 ///
 /// `None` for a body that does not approach, rebound and compress.
-fn first_guess(
+fn initial_guess(
     nodes: &[SurfaceNode],
     interval: &Interval,
     flights: &Flights,
     context: &ImpactContext,
-) -> Option<FirstGuess> {
+) -> Option<InitialGuess> {
     let speed = -rate_at(&flights.before[NORMAL], interval.start).value;
     let after = rate_at(&flights.after[NORMAL], interval.end).value;
     // A contact of one or two frames may lie between its uncertain moments.
     let (start, end) = (interval.start.value - interval.start.sigma, interval.end.value + interval.end.sigma);
     let contact = nodes_between(nodes, start, end);
     let offset = contact.first()?.value[NORMAL];
-    // Components are linked by extrapolated poses here, which is good enough for start values.
+    // Components are linked by extrapolated poses here, which is good enough for a guess.
     let deepest = contact.iter().min_by(|a, b| a.value[NORMAL].total_cmp(&b.value[NORMAL]))?;
     let first = contact.first()?.time_frames;
-    let beyond = -flights.before[NORMAL].advance(first, deepest.time_frames).value - (offset - deepest.value[NORMAL]);
-    let usable = speed > 0.0 && after > 0.0 && beyond > 0.0;
-    usable.then_some(FirstGuess {
+    let passed_px = -flights.before[NORMAL].advance(first, deepest.time_frames).value;
+    let shortfall = passed_px - (offset - deepest.value[NORMAL]);
+    let usable = speed > 0.0 && after > 0.0 && shortfall > 0.0;
+    usable.then_some(InitialGuess {
         deepest: deepest.time_frames,
-        shortfall: beyond,
+        shortfall,
         speed,
         restitution: after / speed,
         gravity: -context.gravity_px[NORMAL],
@@ -354,13 +363,13 @@ fn scaled(x: Estimate, factor: f64, relative_sigma: f64) -> Estimate {
 }
 
 /// Returns a quotient with its uncertainty; `None` if the denominator may be zero.
-fn ratio(top: Estimate, bottom: Estimate) -> Option<Estimate> {
-    // A quotient by a number that may be zero has no meaning, and neither has its sigma.
-    if bottom.value.abs() <= 3.0 * bottom.sigma {
+fn ratio(numerator: Estimate, denominator: Estimate) -> Option<Estimate> {
+    if denominator.value.abs() <= 3.0 * denominator.sigma {
         return None;
     }
-    let value = top.value / bottom.value;
-    Some(Estimate { value, sigma: (top.sigma / bottom.value).hypot(value * bottom.sigma / bottom.value) })
+    let value = numerator.value / denominator.value;
+    let sigma = (numerator.sigma / denominator.value).hypot(value * denominator.sigma / denominator.value);
+    Some(Estimate { value, sigma })
 }
 
 /// Returns a difference of two independent estimates.
@@ -385,11 +394,11 @@ fn contact_point_speeds(interval: &Interval, flights: &Flights, context: &Impact
 /// Returns the velocities along normal and tangent (px/frame) and the spin (rad/frame) of a flight at an uncertain
 /// moment.
 ///
-/// The uncertainty of the centre is included.
-fn rates_at(flight: &[Polynomial; 3], at: Estimate, context: &ImpactContext) -> [Estimate; 3] {
+/// The uncertainty of the centre is included, and that of outlines (`shift_sigma`, px/frame).
+fn rates_at(flight: &[Polynomial; 3], shift_sigma: f64, at: Estimate, context: &ImpactContext) -> [Estimate; 3] {
     let rates = [NORMAL, TANGENTIAL, ANGLE].map(|k| rate_at(&flight[k], at));
-    let rotation_sigma = rates[ANGLE].value * context.center_sigma_px;
-    let widened = |rate: Estimate| Estimate { sigma: rate.sigma.hypot(rotation_sigma), ..rate };
+    let center_sigma = shift_sigma.hypot(rates[ANGLE].value * context.center_sigma_px);
+    let widened = |rate: Estimate| Estimate { sigma: rate.sigma.hypot(center_sigma), ..rate };
     [widened(rates[NORMAL]), widened(rates[TANGENTIAL]), rates[ANGLE]]
 }
 
@@ -431,8 +440,8 @@ fn assemble_impact(
     let relative = context.metres_per_px.sigma / context.metres_per_px.value;
     let speed = |x: Estimate| scaled(x, context.metres_per_px.value / context.period_s, relative);
     let seconds = |x: Estimate| scaled(x, context.period_s, 0.0);
-    let before = rates_at(&flights.before, interval.start, context);
-    let after = rates_at(&flights.after, interval.end, context);
+    let before = rates_at(&flights.before, flights.shift_sigmas[0], interval.start, context);
+    let after = rates_at(&flights.after, flights.shift_sigmas[1], interval.end, context);
     let turn = |x: Estimate| scaled(x, 1.0 / context.period_s, 0.0);
     let is_seen = |omega: &Estimate| omega.sigma < MAX_SPIN_SIGMA_RAD;
     let spin = |omega: Estimate| Some(omega.short_by(context.light_fraction)).filter(is_seen);

@@ -76,6 +76,13 @@ pub fn turning_sigma(nodes: &[SurfaceNode]) -> f64 {
     nodes.iter().map(|node| node.turning_sigma).fold(0.0, f64::max)
 }
 
+/// Whether measured rotations link some of the nodes. Steps over n frames make n interleaved components.
+pub fn has_measured_rotation(nodes: &[SurfaceNode]) -> bool {
+    let mut turns: Vec<u32> = nodes.iter().map(|node| node.turn).collect();
+    turns.sort_unstable();
+    turns.windows(2).any(|pair| pair[0] == pair[1])
+}
+
 /// Returns one coordinate of every node, px or rad.
 pub fn samples(nodes: &[SurfaceNode], coordinate: usize) -> Vec<Sample> {
     nodes.iter().map(|n| n.sample(coordinate)).collect()
