@@ -1,11 +1,16 @@
 //! The scale, given or from the ball's own size.
 
+use std::collections::VecDeque;
+
 use super::{MetresPerPixel, Scale};
 use crate::numeric::median;
 use crate::results::{Circle, Estimate};
 
 /// The maximum number of outlines kept; every second one is then dropped.
 const MAX_OUTLINES: usize = 512;
+/// The number of radii that show how they scatter, and the minimum number.
+const SCATTERED: usize = 48;
+const MIN_SCATTERED: usize = 8;
 /// The visible fraction from which an outline counts as unoccluded.
 const UNOCCLUDED_FRACTION: f64 = 0.95;
 
@@ -14,6 +19,8 @@ const UNOCCLUDED_FRACTION: f64 = 0.95;
 pub struct RunningRadius {
     whole: RunningMedian,
     any: RunningMedian,
+    /// The latest radii with their sigmas, px, however much of the outline was seen.
+    latest: VecDeque<(f64, f64)>,
 }
 
 /// The running medians of radii and of their sigmas, over at most [`MAX_OUTLINES`] evenly spread outlines.
@@ -49,10 +56,26 @@ impl RunningMedian {
     }
 }
 
+/// Returns the scatter of radii about a line beyond their sigmas, px; 0 for fewer than [`MIN_SCATTERED`] radii.
+fn excess_scatter(radii: &VecDeque<(f64, f64)>) -> f64 {
+    let count = radii.len() as f64;
+    if radii.len() < MIN_SCATTERED {
+        return 0.0;
+    }
+    let place = |k: usize| k as f64 - 0.5 * (count - 1.0);
+    let mean = radii.iter().map(|(radius, _)| radius).sum::<f64>() / count;
+    let products = radii.iter().enumerate().map(|(k, (radius, _))| place(k) * (radius - mean));
+    let slope = products.sum::<f64>() * 12.0 / (count * (count * count - 1.0));
+    let square =
+        |(k, (radius, sigma)): (usize, &(f64, f64))| (radius - mean - slope * place(k)).powi(2) - sigma.powi(2);
+    let excess = radii.iter().enumerate().map(square).sum::<f64>() / (count - 2.0);
+    excess.max(0.0).sqrt()
+}
+
 impl RunningRadius {
     /// Creates an estimate without any outline.
     pub fn new() -> Self {
-        Self { whole: RunningMedian::new(), any: RunningMedian::new() }
+        Self { whole: RunningMedian::new(), any: RunningMedian::new(), latest: VecDeque::new() }
     }
 
     /// Adds the next outline; one without a positive radius is ignored.
@@ -62,6 +85,10 @@ impl RunningRadius {
         }
         let list = if circle.visible_fraction >= UNOCCLUDED_FRACTION { &mut self.whole } else { &mut self.any };
         list.push(circle.radius_px, circle.sigma_radius_px.abs());
+        if self.latest.len() == SCATTERED {
+            self.latest.pop_front();
+        }
+        self.latest.push_back((circle.radius_px, circle.sigma_radius_px.abs()));
     }
 
     /// Returns the radius, px; `None` before the first outline.
@@ -69,6 +96,13 @@ impl RunningRadius {
     /// Its sigma is a single outline's, because the errors of outlines of one film are mostly common.
     pub fn radius_px(&self) -> Option<Estimate> {
         self.whole.median.or(self.any.median)
+    }
+
+    /// Returns the scatter of the radius about a steady change beyond the sigmas of the outlines, px.
+    ///
+    /// Light at the rim that shifts a part of an outline changes its radius by about as much as its centre.
+    pub fn scatter_px(&self) -> f64 {
+        excess_scatter(&self.latest)
     }
 
     /// Returns the scale, m/px; `None` while it depends on a radius that is not measured yet.
