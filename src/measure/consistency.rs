@@ -251,4 +251,16 @@ mod tests {
         assert_eq!(to(18, 103.0).course_since(&to(18, 103.0)), Course::Open);
         assert!(OutlineMotion::between(&first, &first).is_none());
     }
+
+    #[test]
+    fn a_small_ball_is_not_out_of_frame() {
+        let field = PairField { frame: 0, target_frame: 1, stamp_ns: 0, body: 0, points: Vec::new() };
+        let size = ImageSize { width: 240, height: 160 };
+        let status = |x_px: f64| {
+            let Ok(Outline::Ball(circle)) = at(x_px) else { panic!("a ball") };
+            let outline = Some(circle.into());
+            failure_status(&BodyStep { outline, ..BodyStep::default() }, &field, size)
+        };
+        assert_eq!((status(100.0), status(50.0)), (PointStatus::LowContrast, PointStatus::OutOfFrame));
+    }
 }

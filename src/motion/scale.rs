@@ -11,6 +11,8 @@ const MAX_OUTLINES: usize = 512;
 /// The number of radii that show how they scatter, and the minimum number.
 const SCATTERED: usize = 48;
 const MIN_SCATTERED: usize = 8;
+/// The minimum ratio of their variance to that of noise, which they exceed by chance in places.
+const MIN_EXCESS: f64 = 2.0;
 /// The visible fraction from which an outline counts as unoccluded.
 const UNOCCLUDED_FRACTION: f64 = 0.95;
 
@@ -66,10 +68,10 @@ fn excess_scatter(radii: &VecDeque<(f64, f64)>) -> f64 {
     let mean = radii.iter().map(|(radius, _)| radius).sum::<f64>() / count;
     let products = radii.iter().enumerate().map(|(k, (radius, _))| place(k) * (radius - mean));
     let slope = products.sum::<f64>() * 12.0 / (count * (count * count - 1.0));
-    let square =
-        |(k, (radius, sigma)): (usize, &(f64, f64))| (radius - mean - slope * place(k)).powi(2) - sigma.powi(2);
-    let excess = radii.iter().enumerate().map(square).sum::<f64>() / (count - 2.0);
-    excess.max(0.0).sqrt()
+    let off = |(k, (radius, _)): (usize, &(f64, f64))| (radius - mean - slope * place(k)).powi(2);
+    let found = radii.iter().enumerate().map(off).sum::<f64>() / (count - 2.0);
+    let noise = radii.iter().map(|(_, sigma)| sigma.powi(2)).sum::<f64>() / count;
+    if found > MIN_EXCESS * noise { (found - noise).sqrt() } else { 0.0 }
 }
 
 impl RunningRadius {
@@ -152,5 +154,19 @@ mod tests {
         assert_eq!(radius.radius_px().unwrap().value.to_bits(), 58.0_f64.to_bits());
         radius.push(&circle(60.0, 1.0));
         assert_eq!(radius.radius_px().unwrap().value.to_bits(), 60.0_f64.to_bits());
+    }
+
+    #[test]
+    fn radii_that_jump_by_more_than_their_sigmas_scatter() {
+        let scatter_px = |radius_px: &dyn Fn(u32) -> f64| {
+            let mut radius = RunningRadius::new();
+            (0..40).for_each(|k| radius.push(&circle(radius_px(k), 0.4)));
+            radius.scatter_px()
+        };
+        // Light masks the rim in some frames.
+        let jumps = scatter_px(&|k| if (9..28).contains(&k) { 59.5 } else { 60.0 });
+        assert!((0.2..0.3).contains(&jumps), "{jumps}");
+        assert!(scatter_px(&|k| 60.0 + 0.1 * f64::from(k)) <= 0.0, "the ball comes nearer");
+        assert!(scatter_px(&|k| 60.0 + 0.04 * f64::from(k % 2)) <= 0.0, "noise");
     }
 }

@@ -98,7 +98,10 @@ impl BodyTracker {
             gravity_px: [gravity.normal, gravity.tangential],
             radius_px,
             mass_kg: self.params.mass_kg,
-            center_sigma_px: center.map_or(0.0, |center| center.sigma_px).hypot(self.pulled_px()),
+            center_sigma_px: center
+                .map_or(0.0, |center| center.sigma_px)
+                .hypot(self.rim_misfit_px())
+                .hypot(self.pulled_px()),
             speed_bias: self.speed_bias(),
             light_fraction,
             is_surface_fixed: self.surface.is_none(),
