@@ -7,10 +7,12 @@ use crate::results::{BodyStep, MotionMethod, PointStatus};
 
 /// The number of frames in which a body must be found before it is lost again.
 const MIN_FRAMES: u32 = 6;
+/// The number of frames without an outline that do not end a run, since frames may be missing.
+const MAX_GAP_FRAMES: u64 = 2;
 /// The maximum number of runs kept.
 const MAX_RUNS: usize = 64;
 
-/// A run of frames in which a body had an outline.
+/// A run of frames in which a body had an outline, or another object was in its place.
 #[derive(Debug, Clone, Copy)]
 struct Run {
     first: u64,
@@ -34,12 +36,12 @@ impl Sightings {
     /// Adds the next step in frame order.
     pub fn push(&mut self, step: &BodyStep) {
         let is_first = self.newest.replace(step.frame).is_none();
-        if step.outline.is_none() {
+        if step.outline.is_none() && step.status != PointStatus::Ambiguous {
             return;
         }
         let is_matched = step.motion.is_some() && step.method != MotionMethod::Outlines;
         let detected = u32::from(step.is_detected());
-        match self.runs.last_mut().filter(|run| run.last + 1 >= step.frame) {
+        match self.runs.last_mut().filter(|run| run.last + 1 + MAX_GAP_FRAMES >= step.frame) {
             Some(run) => {
                 run.last = step.frame;
                 run.detected = run.detected.saturating_add(detected);
@@ -95,6 +97,7 @@ mod tests {
     fn a_body_that_is_found_for_a_moment_is_lost() {
         assert_eq!(valid(&[7..9, 14..16, 26..31], MotionMethod::Outlines), 0);
         assert_eq!(valid(&[7..13], MotionMethod::Outlines), 6);
+        assert_eq!(valid(&[7..11, 12..16], MotionMethod::Outlines), 8, "a frame is missing");
         assert_eq!(valid(&[7..9], MotionMethod::WholeBody), 2, "its texture was matched");
         assert_eq!(valid(&[0..3], MotionMethod::Outlines), 3, "it may have been there before the film");
         assert_eq!(valid(&[38..40], MotionMethod::Outlines), 0);
