@@ -8,7 +8,7 @@ use super::rigid_match::{MAX_PREDICTION_ERROR_PX, RigidMatcher};
 use super::rotation_support::Neighbour;
 use super::surface::Surface;
 use crate::dic::CorrelationParams;
-use crate::results::RigidStep;
+use crate::results::{PointStatus, RigidStep};
 
 /// The number of frames after which a body whose results contradicted each other is searched again.
 const DOUBT_FRAMES: u64 = 4;
@@ -29,6 +29,8 @@ pub(super) struct BlockState {
     pub(super) surface: Option<Surface>,
     /// The step before the next one to be published, as it was published.
     pub(super) last_turn: Neighbour,
+    /// The status of that step; valid at first.
+    pub(super) last_status: PointStatus,
     /// Whether the motion to the next frame to be published leads to another object.
     pub(super) is_led_away: bool,
     /// Whether its outline was found in the frame before the next one to be published; `None` at the start of the block.
@@ -62,6 +64,7 @@ impl BlockState {
             center_motion: None,
             surface: None,
             last_turn: Neighbour::Absent,
+            last_status: PointStatus::Valid,
             was_found: None,
             is_led_away: false,
             rotation_checked: None,
@@ -78,8 +81,8 @@ impl BlockState {
     /// Forgets a contradiction after [`DOUBT_FRAMES`], so that the body is searched again, as in a new block.
     pub(super) fn renew_if_due(&mut self, frame: u64) {
         if self.contradicted.is_some_and(|contradicted| frame >= contradicted + DOUBT_FRAMES) {
-            let Self { last_turn, was_found, is_led_away, was_searched, .. } = *self;
-            *self = Self { last_turn, was_found, is_led_away, was_searched, ..Self::new(self.key) };
+            let Self { last_turn, last_status, was_found, is_led_away, was_searched, .. } = *self;
+            *self = Self { last_turn, last_status, was_found, is_led_away, was_searched, ..Self::new(self.key) };
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Consistency of a measured motion with the outlines of its body, and the reason for a missing motion.
 
 use super::outline::Outline;
+use super::params::ImageSize;
 use super::pending_frame::Measured;
 use crate::results::{BodyStep, Circle, Estimate, PairField, PointStatus, RigidStep};
 
@@ -128,22 +129,37 @@ pub(super) fn agrees_with_subsets(rigid: &RigidStep, field: &RigidStep, drift: O
 }
 
 /// Returns the status of a step after its subsets were matched: valid with a motion, else the reason why it has none.
-pub(super) fn matched_status(step: &BodyStep, field: &PairField) -> PointStatus {
+///
+/// `size` is that of the image.
+pub(super) fn matched_status(step: &BodyStep, field: &PairField, size: ImageSize) -> PointStatus {
     match (step.motion, step.status) {
         (Some(_), _) => PointStatus::Valid,
         // The position is no measurement either.
         (None, PointStatus::Predicted) => PointStatus::Predicted,
-        (None, _) => failure_status(field),
+        (None, _) => failure_status(step, field, size),
     }
 }
 
-/// Returns the most frequent reason why subsets of a field have no displacement; `OutOfFrame` if none is without one.
-pub(super) fn failure_status(field: &PairField) -> PointStatus {
+/// Returns the most frequent reason why subsets of a field have no displacement.
+///
+/// If no subset fits into the body at all, the body is not in the image as a whole. A ball that is may be too small for them,
+/// which is low contrast, and the tapes of a rod that is are none.
+pub(super) fn failure_status(step: &BodyStep, field: &PairField, size: ImageSize) -> PointStatus {
     let count = |status: PointStatus| field.points.iter().filter(|point| point.status == status).count();
     let invalid = PointStatus::ALL.into_iter().filter(|status| *status != PointStatus::Valid);
     let most = invalid.max_by_key(|status| count(*status)).filter(|status| count(*status) > 0);
-    // No subset fits into the body at all.
-    most.unwrap_or(PointStatus::OutOfFrame)
+    most.unwrap_or(match (is_inside(step, size), step.circle()) {
+        (false, _) => PointStatus::OutOfFrame,
+        (true, Some(_)) => PointStatus::LowContrast,
+        (true, None) => PointStatus::Lost,
+    })
+}
+
+/// Whether the outline of a step lies within an image of this size.
+fn is_inside(step: &BodyStep, size: ImageSize) -> bool {
+    let reach_px = step.circle().map_or(0.0, |circle| circle.radius_px);
+    let is_within = |at_px: f64, length: usize| at_px >= reach_px && at_px + reach_px <= length as f64 - 1.0;
+    step.center_px().is_some_and(|[x, y]| is_within(x, size.width) && is_within(y, size.height))
 }
 
 #[cfg(test)]
@@ -234,5 +250,17 @@ mod tests {
         assert_eq!(to(19, 100.1).course_since(&to(18, 100.0)), Course::Open);
         assert_eq!(to(18, 103.0).course_since(&to(18, 103.0)), Course::Open);
         assert!(OutlineMotion::between(&first, &first).is_none());
+    }
+
+    #[test]
+    fn a_small_ball_is_not_out_of_frame() {
+        let field = PairField { frame: 0, target_frame: 1, stamp_ns: 0, body: 0, points: Vec::new() };
+        let size = ImageSize { width: 240, height: 160 };
+        let status = |x_px: f64| {
+            let Ok(Outline::Ball(circle)) = at(x_px) else { panic!("a ball") };
+            let outline = Some(circle.into());
+            failure_status(&BodyStep { outline, ..BodyStep::default() }, &field, size)
+        };
+        assert_eq!((status(100.0), status(50.0)), (PointStatus::LowContrast, PointStatus::OutOfFrame));
     }
 }

@@ -412,7 +412,7 @@ impl Measurer {
             rigid.write_to(&mut step);
         }
         set_drift(&mut step, ball_motion);
-        step.status = consistency::matched_status(&step, &field);
+        step.status = consistency::matched_status(&step, &field, self.size);
         if interval_index == 0 {
             let state = self.states.state_mut(key);
             (state.motion, state.center_motion) = (step.motion, step.center_motion());

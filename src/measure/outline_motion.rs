@@ -86,7 +86,11 @@ impl Measurer {
             && has_same_radius(&from, &to)
         {
             let motion = step_between(&from, &to, frames);
-            let failure = || measured.field.as_ref().map_or(PointStatus::LowContrast, consistency::failure_status);
+            let size = self.size;
+            let failure = || {
+                let field = measured.field.as_ref();
+                field.map_or(PointStatus::LowContrast, |field| consistency::failure_status(&measured.step, field, size))
+            };
             let rotation_status = outlines_only.unwrap_or_else(failure);
             measured.step = BodyStep {
                 motion: Some(motion),

@@ -58,7 +58,7 @@ struct Pose {
     /// The standard uncertainties of x, y and the angle.
     sigma: [f64; 3],
     pixels: u32,
-    /// The rotation by which light was found to have held the match back, deg.
+    /// The rotation by which light was found to have held back all matches since the first reference, deg.
     light_deg: f64,
     /// The visible fraction of the reference; `None` for the reference itself.
     visible_fraction: Option<f64>,
@@ -302,7 +302,7 @@ impl RigidTrack {
             angle_deg: origin.angle_deg + motion.angle_deg,
             sigma: [motion.sigma_u_px, motion.sigma_v_px, motion.sigma_angle_deg],
             pixels: motion.points,
-            light_deg,
+            light_deg: origin.light_deg + light_deg,
             visible_fraction: Some(visible_fraction),
         };
         // Farther off, pixels outside the prepared box would count as occluded.
@@ -406,14 +406,8 @@ impl Pose {
     /// match. `None` for rotations up to 0.05 deg and without an effect.
     fn light_fraction(&self, later: &Self) -> Option<f64> {
         let turned_deg = (later.angle_deg - self.angle_deg).abs();
-        let light_deg = (later.light_deg - if later.is_renewed_at(self) { 0.0 } else { self.light_deg }).abs();
+        let light_deg = (later.light_deg - self.light_deg).abs();
         (light_deg > 0.0 && turned_deg > MIN_TURN_DEG).then(|| LIGHT_ERROR * light_deg / turned_deg)
-    }
-
-    /// Whether the body rotated by more than 3 deg since an earlier pose, so that the reference counts as renewed in
-    /// the frame of that pose.
-    fn is_renewed_at(&self, earlier: &Self) -> bool {
-        (earlier.angle_deg - self.angle_deg).abs() > crate::dic::STALE_DEG
     }
 
     /// Returns the step of the circle's centre to a later pose, per frame.

@@ -4,7 +4,7 @@ use super::jump::is_jump;
 use super::measurer::Measurer;
 use super::outline::Outline;
 use super::outline_motion::FoundOutline;
-use super::pending_frame::{BodyKey, PendingFrame};
+use super::pending_frame::{BodyKey, Measured, PendingFrame};
 use super::rotation_support::{Changes, Neighbour, Turn};
 use crate::results::{OutlineOrigin, PointStatus, RigidStep};
 
@@ -39,10 +39,13 @@ impl Measurer {
                 let found = next.map(|next| FoundOutline { outline: next.outlines[body], origin: next.origins[body] });
                 self.withdraw(frame, body, found);
             }
+            self.withdraw_untested(frame, body);
             let shortest = frame.done[body * intervals].as_ref();
+            let status = shortest.map_or(PointStatus::Valid, |measured| measured.step.status);
             let own = shortest.map_or(Neighbour::Absent, |measured| Neighbour::of(&measured.step));
             let state = self.states.state_mut(BodyKey { body, block: frame.block });
-            (state.last_turn, state.was_found) = (own, Some(frame.outlines[body].is_ok()));
+            (state.last_turn, state.last_status) = (own, status);
+            state.was_found = Some(frame.outlines[body].is_ok());
         }
     }
 
@@ -63,6 +66,20 @@ impl Measurer {
                 () if leads_away => measured.withdraw_motion(PointStatus::Ambiguous),
                 () => {}
             }
+        }
+    }
+
+    /// Gives the last frame of a stream the status of the one before. No motion from it was measured that could confirm or
+    /// contradict what was found.
+    fn withdraw_untested(&mut self, frame: &mut PendingFrame, body: usize) {
+        let intervals = self.params.intervals_frames.len();
+        let status = self.states.state_mut(BodyKey { body, block: frame.block }).last_status;
+        let is_open = |measured: &Measured| {
+            measured.field.is_none() && measured.step.motion.is_none() && measured.step.status == PointStatus::Valid
+        };
+        let measured = frame.done[body * intervals..(body + 1) * intervals].iter_mut().flatten();
+        if status != PointStatus::Valid {
+            measured.filter(|measured| is_open(measured)).for_each(|measured| measured.withdraw_motion(status));
         }
     }
 

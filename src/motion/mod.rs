@@ -5,6 +5,7 @@
 
 mod center_filter;
 mod form;
+mod lone_step;
 mod params;
 mod patch_repeat;
 mod pose_integration;
@@ -19,6 +20,7 @@ mod velocity_fit;
 
 pub use center_filter::{Center, CenterFilter};
 pub use form::Form;
+pub use lone_step::widened_by_neighbours;
 pub use params::{MotionParams, RingLimits, Rotation, Scale, View};
 pub use pose_integration::{Pose, PoseIntegrator};
 pub use random_walk::{KeptReference, RandomWalk, Renewal, subset_walk};

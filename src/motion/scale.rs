@@ -1,11 +1,18 @@
 //! The scale, given or from the ball's own size.
 
+use std::collections::VecDeque;
+
 use super::{MetresPerPixel, Scale};
 use crate::numeric::median;
 use crate::results::{Circle, Estimate};
 
 /// The maximum number of outlines kept; every second one is then dropped.
 const MAX_OUTLINES: usize = 512;
+/// The number of radii that show how they scatter, and the minimum number.
+const SCATTERED: usize = 48;
+const MIN_SCATTERED: usize = 8;
+/// The minimum ratio of their variance to that of noise, which they exceed by chance in places.
+const MIN_EXCESS: f64 = 2.0;
 /// The visible fraction from which an outline counts as unoccluded.
 const UNOCCLUDED_FRACTION: f64 = 0.95;
 
@@ -14,6 +21,8 @@ const UNOCCLUDED_FRACTION: f64 = 0.95;
 pub struct RunningRadius {
     whole: RunningMedian,
     any: RunningMedian,
+    /// The latest radii with their sigmas, px, however much of the outline was seen.
+    latest: VecDeque<(f64, f64)>,
 }
 
 /// The running medians of radii and of their sigmas, over at most [`MAX_OUTLINES`] evenly spread outlines.
@@ -49,10 +58,26 @@ impl RunningMedian {
     }
 }
 
+/// Returns the scatter of radii about a line beyond their sigmas, px; 0 for fewer than [`MIN_SCATTERED`] radii.
+fn excess_scatter(radii: &VecDeque<(f64, f64)>) -> f64 {
+    let count = radii.len() as f64;
+    if radii.len() < MIN_SCATTERED {
+        return 0.0;
+    }
+    let place = |k: usize| k as f64 - 0.5 * (count - 1.0);
+    let mean = radii.iter().map(|(radius, _)| radius).sum::<f64>() / count;
+    let products = radii.iter().enumerate().map(|(k, (radius, _))| place(k) * (radius - mean));
+    let slope = products.sum::<f64>() * 12.0 / (count * (count * count - 1.0));
+    let off = |(k, (radius, _)): (usize, &(f64, f64))| (radius - mean - slope * place(k)).powi(2);
+    let found = radii.iter().enumerate().map(off).sum::<f64>() / (count - 2.0);
+    let noise = radii.iter().map(|(_, sigma)| sigma.powi(2)).sum::<f64>() / count;
+    if found > MIN_EXCESS * noise { (found - noise).sqrt() } else { 0.0 }
+}
+
 impl RunningRadius {
     /// Creates an estimate without any outline.
     pub fn new() -> Self {
-        Self { whole: RunningMedian::new(), any: RunningMedian::new() }
+        Self { whole: RunningMedian::new(), any: RunningMedian::new(), latest: VecDeque::new() }
     }
 
     /// Adds the next outline; one without a positive radius is ignored.
@@ -62,6 +87,10 @@ impl RunningRadius {
         }
         let list = if circle.visible_fraction >= UNOCCLUDED_FRACTION { &mut self.whole } else { &mut self.any };
         list.push(circle.radius_px, circle.sigma_radius_px.abs());
+        if self.latest.len() == SCATTERED {
+            self.latest.pop_front();
+        }
+        self.latest.push_back((circle.radius_px, circle.sigma_radius_px.abs()));
     }
 
     /// Returns the radius, px; `None` before the first outline.
@@ -69,6 +98,13 @@ impl RunningRadius {
     /// Its sigma is a single outline's, because the errors of outlines of one film are mostly common.
     pub fn radius_px(&self) -> Option<Estimate> {
         self.whole.median.or(self.any.median)
+    }
+
+    /// Returns the scatter of the radius about a steady change beyond the sigmas of the outlines, px.
+    ///
+    /// Light at the rim that shifts a part of an outline changes its radius by about as much as its centre.
+    pub fn scatter_px(&self) -> f64 {
+        excess_scatter(&self.latest)
     }
 
     /// Returns the scale, m/px; `None` while it depends on a radius that is not measured yet.
@@ -118,5 +154,19 @@ mod tests {
         assert_eq!(radius.radius_px().unwrap().value.to_bits(), 58.0_f64.to_bits());
         radius.push(&circle(60.0, 1.0));
         assert_eq!(radius.radius_px().unwrap().value.to_bits(), 60.0_f64.to_bits());
+    }
+
+    #[test]
+    fn radii_that_jump_by_more_than_their_sigmas_scatter() {
+        let scatter_px = |radius_px: &dyn Fn(u32) -> f64| {
+            let mut radius = RunningRadius::new();
+            (0..40).for_each(|k| radius.push(&circle(radius_px(k), 0.4)));
+            radius.scatter_px()
+        };
+        // Light masks the rim in some frames.
+        let jumps = scatter_px(&|k| if (9..28).contains(&k) { 59.5 } else { 60.0 });
+        assert!((0.2..0.3).contains(&jumps), "{jumps}");
+        assert!(scatter_px(&|k| 60.0 + 0.1 * f64::from(k)) <= 0.0, "the ball comes nearer");
+        assert!(scatter_px(&|k| 60.0 + 0.04 * f64::from(k % 2)) <= 0.0, "noise");
     }
 }

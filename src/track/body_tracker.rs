@@ -7,12 +7,13 @@ use super::gating::ValidationGate;
 use super::moving_surface::MovingSurface;
 use super::pending_impact::{PendingImpact, Revision};
 use super::rows::TrackerRows;
+use super::sightings::Sightings;
 use crate::impact::{Detector, Event, SurfaceNode, deepest_so_far};
 use crate::measure::body_circle;
 use crate::motion::{
     Axes, Center, CenterFilter, DEFAULT_LAG_FRAMES, Form, KnownMotion, LocalDrift, MotionParams, OutlineDrift,
     PixelRates, Pose, PoseIntegrator, Regime, RollingShutter, RunningBias, RunningRadius, Scatter, SizeChange,
-    SpeedBias, View, ViewPosition, gravity_px, physical, smooth,
+    SpeedBias, View, ViewPosition, gravity_px, physical, smooth, widened_by_neighbours,
 };
 use crate::results::{
     Alarm, AlarmKind, BodyStep, Estimate, Impact, MotionMethod, Phase, PointStatus, TrackSample, VelocitySample,
@@ -24,6 +25,8 @@ const CONTRADICTION_SIGMAS: f64 = 8.0;
 const RADIUS_TOLERANCE: f64 = 0.01;
 /// The same that noise explains, sigmas.
 const RADIUS_SIGMAS: f64 = 1.0;
+/// The share of the rotation held back by light that appears as a motion of a lopsided pattern.
+const LIGHT_PULL: f64 = 0.3;
 /// The number of nodes kept beyond the reach of the local fits.
 const SPARE_NODES: u64 = 64;
 
@@ -48,6 +51,7 @@ pub struct BodyTracker {
     /// The method of the newest measured motion.
     method: MotionMethod,
     nodes: Vec<Pose>,
+    sightings: Sightings,
     /// The newest frame, whether the body was detected in it or not.
     newest_frame: u64,
     first_sigma_deg: Option<f64>,
@@ -83,6 +87,7 @@ impl BodyTracker {
             rod_px: None,
             method: MotionMethod::default(),
             nodes: Vec::new(),
+            sightings: Sightings::default(),
             newest_frame: 0,
             first_sigma_deg: None,
             detector,
@@ -110,6 +115,7 @@ impl BodyTracker {
     /// Returns the step after gating and correction for the rolling shutter, which [`Self::rows`] expects.
     pub fn add_step(&mut self, step: &BodyStep, origin_ns: u64, rows: &mut TrackerRows) -> BodyStep {
         let accepted = self.gate.gate(step);
+        self.sightings.push(&accepted);
         let later_frames = self.rolling.push(&accepted);
         let straight = self.rolling.as_global_shutter(&accepted);
         self.origin_ns = origin_ns;
@@ -263,7 +269,8 @@ impl BodyTracker {
         Some(Center { sigma_px: center.sigma_px.hypot(drift_px), ..center })
     }
 
-    /// Returns the difference between measured and expected radius, px; 0 if noise and the scale explain it.
+    /// Returns the difference between measured and expected radius that noise and the scale do not explain, or the scatter
+    /// of the radii that noise does not explain, px.
     ///
     /// Glancing reflections or shadow mask the rim on one side, which moves the centre by about as much.
     fn rim_misfit_px(&self) -> f64 {
@@ -272,7 +279,14 @@ impl BodyTracker {
             let allowed_px = RADIUS_TOLERANCE * expected_px + RADIUS_SIGMAS * radius.sigma;
             Some((radius.value - expected_px).abs()).filter(|misfit_px| *misfit_px > allowed_px)
         });
-        misfit_px.flatten().unwrap_or(0.0)
+        let scatter_px = if self.params.form == Form::Ball { self.radius.scatter_px() } else { 0.0 };
+        misfit_px.flatten().unwrap_or(0.0).max(scatter_px)
+    }
+
+    /// Returns the distance from the centre of the point that light holds in place while the body turns, px.
+    fn pulled_px(&self) -> f64 {
+        let radius_px = self.radius.radius_px().filter(|_| self.params.form == Form::Ball);
+        LIGHT_PULL * self.light_bias.significant() * radius_px.map_or(0.0, |radius| radius.value)
     }
 
     /// Adds the systematic uncertainty of measured motions: fixed pattern, interpolation and light.
@@ -291,6 +305,7 @@ impl BodyTracker {
 
     /// Returns the rows of a frame from everything added so far; `step` is the one that [`Self::add_step`] returned.
     pub fn rows(&self, step: &BodyStep) -> (TrackSample, VelocitySample) {
+        let step = &BodyStep { status: self.sightings.status(step), ..*step };
         let is_missing = matches!(step.status, PointStatus::Lost | PointStatus::Occluded | PointStatus::OutOfFrame)
             || (body_circle(step).is_none() && step.status == PointStatus::Ambiguous);
         let node = self.nodes.binary_search_by_key(&step.frame, |n| n.frame).ok().map(|i| self.nodes[i]);
@@ -337,7 +352,7 @@ impl BodyTracker {
             Some(self.rolling.widen_rates(self.correct_out_of_plane(rates, regime, &n, &here)))
         });
         let scale = self.radius.metres_per_px(self.params.scale);
-        let center_sigma_px = center.map_or(0.0, |center| center.sigma_px);
+        let center_sigma_px = track.sigma_center_px.unwrap_or(0.0).hypot(self.pulled_px());
         let velocity = VelocitySample {
             frame: step.frame,
             body: step.body,
@@ -349,6 +364,7 @@ impl BodyTracker {
                 .motion
                 .filter(|_| !is_missing)
                 .map(|moved| here.map_or(moved, |(_, here)| OutlineDrift::apply_to_step(moved, step.drift, &here)))
+                .map(|moved| widened_by_neighbours(known, step.frame, step.interval_frames.into(), moved))
                 .map(|moved| scatter.apply_to_step(moved).about(center_sigma_px).into()),
             velocity: rates.zip(scale).map(|(rates, scale)| {
                 physical(&self.with_systematic_errors(rates.about(center_sigma_px)), scale, &self.params)

@@ -10,6 +10,7 @@ mod ordered_tracker;
 mod pending_impact;
 mod reorder;
 mod rows;
+mod sightings;
 mod tracker;
 
 pub use ordered_tracker::{Losses, OrderedTracker};

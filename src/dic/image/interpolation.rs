@@ -121,7 +121,7 @@ fn evaluate_quadratic<V: Vector>(c: &[f32; 3], x: V) -> V {
 #[derive(Debug, Clone)]
 pub(in crate::dic) struct InterpolatedImage {
     /// The values that the kernel is applied to.
-    plane: PaddedImage,
+    pub(super) plane: PaddedImage,
     kernel: &'static Kernel,
     /// The root mean square of the levels, if known, DN.
     pub(in crate::dic) contrast: f32,

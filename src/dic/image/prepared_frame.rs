@@ -70,7 +70,7 @@ impl PreparedFrame {
     /// Prepares a part of `image`, reusing memory: x, y, width and height, px, clipped to the image.
     ///
     /// Computes levels, gradients, interpolation coefficients, offset, contrast and saturation level. A part without
-    /// pixels leaves the coefficients and the contrast as they were.
+    /// pixels has no coefficients and no contrast.
     pub(in crate::dic) fn fill_part(&mut self, image: ImageView<'_>, part: [u32; 4], interpolation: Interpolation) {
         self.size = (image.width(), image.height());
         let (left, top) = ((part[0] as usize).min(self.size.0), (part[1] as usize).min(self.size.1));
@@ -84,6 +84,8 @@ impl PreparedFrame {
             plane.reshape(width, height);
         }
         if width == 0 || height == 0 {
+            self.interpolated.plane.reshape(0, 0);
+            (self.contrast, self.interpolated.contrast) = (0.0, 0.0);
             return;
         }
         let squares: f64 = (0..height).map(|y| subtract_offset(row(y), self.offset, self.levels.row_mut(y))).sum();
@@ -224,6 +226,18 @@ mod tests {
             assert!(prepared.gradient_x.row(y).iter().all(|g| (g - 3.0).abs() < 1e-4));
             assert!(prepared.gradient_y.row(y).iter().all(|g| (g + 2.0).abs() < 1e-4));
         }
+    }
+
+    #[test]
+    fn a_part_without_pixels_keeps_nothing_of_the_frame_before() {
+        let mut image = Image::new(40, 30);
+        image.rows_mut().enumerate().for_each(|(y, row)| row.fill(5.0 * y as f32));
+        let mut prepared = PreparedFrame::default();
+        prepared.fill(image.view(), Interpolation::Optimised);
+        assert!(prepared.contrast > 0.0 && prepared.interpolated.contrast > 0.0);
+        prepared.fill_part(image.view(), [40, 0, 10, 10], Interpolation::Optimised);
+        assert_eq!((prepared.interpolated.width(), prepared.interpolated.height()), (0, 0));
+        assert!(prepared.contrast <= 0.0 && prepared.interpolated.contrast <= 0.0);
     }
 
     #[test]

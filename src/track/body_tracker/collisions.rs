@@ -8,8 +8,6 @@ use crate::track::pending_impact::{PendingImpact, REVISIONS_FRAMES, Revision, du
 
 /// The number of frames after which a collision that could not be measured is tried again.
 const RETRY_FRAMES: f64 = 3.0;
-/// The share of the rotation held back by light that appears as a motion of a lopsided pattern.
-const LIGHT_PULL: f64 = 0.3;
 /// The time after the end of contact from which the first revision is final, s.
 const FINAL_AFTER_S: f64 = 0.035;
 /// The flight before a contact in which a moving surface must not rotate, frames.
@@ -94,14 +92,16 @@ impl BodyTracker {
         let period_s = self.params.frame_period_ns * 1e-9;
         let center = self.nodes.last().and_then(|node| self.center_filter.center(node));
         let light_fraction = self.light_bias.significant();
-        let pulled_px = LIGHT_PULL * light_fraction * self.radius.radius_px().map_or(0.0, |radius| radius.value);
         Some(ImpactContext {
             metres_per_px,
             period_s,
             gravity_px: [gravity.normal, gravity.tangential],
             radius_px,
             mass_kg: self.params.mass_kg,
-            center_sigma_px: center.map_or(0.0, |center| center.sigma_px).hypot(pulled_px),
+            center_sigma_px: center
+                .map_or(0.0, |center| center.sigma_px)
+                .hypot(self.rim_misfit_px())
+                .hypot(self.pulled_px()),
             speed_bias: self.speed_bias(),
             light_fraction,
             is_surface_fixed: self.surface.is_none(),
