@@ -1,7 +1,7 @@
 //! The outline of a ball of known size whose contrast to the ground is faint, or changes its sign along the rim.
 //!
-//! Along each piece of the rim, the difference from the background rises from zero to a contrast of its own. All pieces share
-//! one circle, so that each weighs by its contrast, and one without contrast does not weigh at all.
+//! Along each piece of the rim, the difference from the background rises from zero to a contrast of its own. All pieces
+//! share one circle, so that each weighs by its contrast, and one without contrast does not weigh at all.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -23,7 +23,7 @@ const RIM_SLOPE: f64 = 2.0;
 const MAX_DIFFERENCE: f32 = 1.3;
 /// The fraction of the radius within which that median is taken.
 const CORE: f64 = 0.75;
-/// The information about a contrast, and about its change with the depth that is known beforehand, relative to a pixel.
+/// The prior information about a contrast, and about its change with the depth, relative to that of a pixel.
 const CONTRAST_INFORMATION: f64 = 0.05;
 const SLOPE_INFORMATION: f64 = 5.0;
 /// The number of Gauss-Newton steps, and their maximum length, px.

@@ -8,8 +8,8 @@ use crate::results::Estimate;
 const MAX_RESIDUAL_FORCE_SHARE: f64 = 0.02;
 /// The maximum number of nodes that the end of a contact is tested by.
 const MAX_TESTED_NODES: usize = 40;
-/// The number of nodes after a possible contact that decide whether a force acts, where [`MAX_RESIDUAL_FORCE_SHARE`] cannot be
-/// resolved.
+/// The number of nodes after a possible contact that decide whether a force acts, where
+/// [`MAX_RESIDUAL_FORCE_SHARE`] cannot be resolved.
 const FORCE_FREE_NODES: usize = 16;
 /// The minimum force that counts as present, sigmas.
 const FORCE_SIGMAS: f64 = 3.0;

@@ -81,7 +81,7 @@ pub struct PositionErrors {
 impl PositionErrors {
     /// Returns the ratio of all errors to the sigmas of the positions.
     ///
-    /// A law may follow a common error, so that this error limits how far positions tell laws apart.
+    /// A law may follow a common error, so that this error limits how well positions distinguish laws.
     fn ratio(&self, samples: &[Sample]) -> f64 {
         let mean_sigma = samples.iter().map(|sample| sample.sigma).sum::<f64>() / samples.len().max(1) as f64;
         self.excess.hypot(self.drift_px / mean_sigma.max(f64::MIN_POSITIVE))

@@ -183,7 +183,6 @@ fn assert_study(experiment: &Experiment, limits: &Limits) {
         let one = errors[k].covered(1.0);
         assert!(one <= 0.92, "{name}: the sigma of {} is too wide: {one}", NAMES[k]);
     }
-    // A contact in 50 passes for one that follows no law. Its uncertainties are larger, too.
     assert!(errors[11].worst() <= 0.6 && errors[12].worst() <= 0.6, "{name}: moments of 2 % force");
     assert!(laws.iter().filter(|l| **l == ForceLaw::None).count() <= 3, "{name}: {laws:?}");
 }
