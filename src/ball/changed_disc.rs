@@ -27,7 +27,7 @@ const CONTRAST_SAMPLES: usize = 4;
 /// The maximum distance of a supporting ray from the circle: in px, and as a fraction of the radius.
 const TOLERANCE: [f64; 2] = [0.7, 0.02];
 /// The number of circles tried through three rays.
-const DRAWS: usize = 200;
+const RANSAC_TRIALS: usize = 200;
 /// The rounds in which the rays start at the centre that was found before.
 const ROUNDS: usize = 3;
 /// The minimum fraction of rays that support a circle of unknown, and of expected radius.
@@ -134,7 +134,7 @@ pub(super) fn fit_disc(sizes: ImageView<'_>, part: ChangedPart, wanted: WantedRa
     let occupied = disc;
     for _ in 0..ROUNDS {
         rays = find_rim(sizes, disc, part.noise_dn, &mut points);
-        let first = if wanted.expected.is_some() { disc } else { draw_circle(&points, wanted)? };
+        let first = if wanted.expected.is_some() { disc } else { ransac_circle(&points, wanted)? };
         disc = refine(first, &points, wanted)?;
     }
     let apart_px = (disc.x - occupied.x).hypot(disc.y - occupied.y);
@@ -260,15 +260,18 @@ pub(super) fn change_gain(sizes: ImageView<'_>, disc: Disc, noise_dn: f32) -> f6
     gain
 }
 
-/// Returns the circle through three points that most points support.
-fn draw_circle(points: &[RimPoint], wanted: WantedRadius) -> Option<Disc> {
+/// Fits a circle to the points by RANSAC: the circle through three random points with the highest score.
+///
+/// A point scores 1 on the circle, falling to 0 at its tolerance. `None` with too few points, or if no circle has an allowed
+/// radius.
+fn ransac_circle(points: &[RimPoint], wanted: WantedRadius) -> Option<Disc> {
     if points.len() < 6 {
         return None;
     }
     // A constant seed: the same image gives the same circle.
     let mut random = Xorshift::default();
     let mut best: Option<(f64, Disc)> = None;
-    for _ in 0..DRAWS {
+    for _ in 0..RANSAC_TRIALS {
         let drawn = std::array::from_fn(|_| points[random.below(points.len())]);
         let Some(disc) = through_three(drawn).filter(|disc| wanted.allows(disc)) else { continue };
         let tolerance = disc.tolerance_px();

@@ -3,6 +3,7 @@
 use super::Polarity;
 use super::annulus::BAND_PX;
 use super::changed_disc::{ChangedDisc, WantedRadius, fit_disc};
+use super::effort::{Effort, FIRST, QUICK, THOROUGH};
 use super::faint_rim::fit_faint_rim;
 use super::foreground::{ChangedPart, Foreground};
 use super::hough::{HoughPeak, HoughSearch, Marks};
@@ -26,12 +27,12 @@ const FINALISTS: usize = 8;
 ///
 /// Speckle near the rim can make a smaller circle win.
 const ENLARGED_BY_PX: f32 = 5.0;
-/// The ratio of supports from which the first candidate leads.
-const LEAD: f32 = 1.3;
-/// The ratio of supports from which the first candidate leads clearly.
-const CLEAR_LEAD: f32 = 1.8;
+/// The minimum ratio of the support of a ball to that of any other candidate.
+const MIN_SUPPORT_RATIO: f32 = 1.3;
+/// The ratio of supports from which no other candidate can be the ball.
+const CLEAR_SUPPORT_RATIO: f32 = 1.8;
 /// The inlier fraction that makes a clear leader certain.
-const MIN_INLIERS_OF_LEADER: f64 = 0.2;
+const MIN_CLEAR_INLIERS: f64 = 0.2;
 /// The support from which a candidate is accurate to a pixel or two.
 const GOOD_SUPPORT: f32 = 0.5;
 /// The number of candidates that mostly include the ball.
@@ -57,29 +58,6 @@ pub enum Presence {
     /// The ball is known to be there, for example from a match of its pattern.
     Certain,
 }
-
-/// The number of Hough peaks that are examined, and how closely.
-#[derive(Debug, Clone, Copy)]
-struct Effort {
-    /// The number of peaks for one range of radii, and for several.
-    peaks: (usize, usize),
-    tolerance_px: f32,
-    draws: usize,
-    rays: usize,
-    /// The number of candidates around which a larger circle is searched.
-    enlarged: usize,
-    /// Whether circles are also searched in the image without small marks.
-    filtered_rims: bool,
-}
-
-/// The ball is among the first 5 peaks in 96 of 100 hard scenes, among the first 20 if the radius is unknown.
-const QUICK: Effort =
-    Effort { peaks: (8, 18), tolerance_px: 1.0, draws: 30, rays: 60, enlarged: 3, filtered_rims: false };
-/// The first pass: these peaks mostly include the ball.
-const FIRST: Effort = Effort { peaks: (3, 6), ..QUICK };
-/// The last pass, if the quick one fails.
-const THOROUGH: Effort =
-    Effort { peaks: (24, 48), tolerance_px: 0.7, draws: 60, rays: 120, enlarged: 8, filtered_rims: true };
 
 /// Finds one ball per image: its outline to a few hundredths of a pixel.
 ///
@@ -161,11 +139,11 @@ impl BallFinder {
         self.peaks.clear();
         self.hough.search(&mut self.peaks);
         // Mostly marks need not be removed, and one of the first peaks is the ball.
-        if let Some(circle) = self.leading_candidate(image) {
+        if let Some(circle) = self.find_in_first_pass(image) {
             return Some(circle);
         }
         self.rank_peaks(image, QUICK);
-        let min_inliers = if self.leads_by(CLEAR_LEAD) { MIN_INLIERS_OF_LEADER } else { CERTAIN_INLIERS };
+        let min_inliers = if self.exceeds_others_by(CLEAR_SUPPORT_RATIO) { MIN_CLEAR_INLIERS } else { CERTAIN_INLIERS };
         self.candidates.truncate(LIKELY_CANDIDATES);
         if let Some(circle) = self.first_certain(image, min_inliers) {
             return Some(circle);
@@ -357,12 +335,16 @@ impl BallFinder {
         assert_eq!((image.width(), image.height()), self.shape, "the finder was planned for another image shape");
     }
 
+    /// Returns the number of Hough peaks that a pass examines.
+    fn peak_count(&self, effort: Effort) -> usize {
+        if self.hough.band_count() > 1 { effort.peaks_of_bands } else { effort.peaks }
+    }
+
     /// Replaces the candidates by the best circles near the peaks, ranked by their rim.
     fn rank_peaks(&mut self, image: ImageView<'_>, effort: Effort) {
         self.candidates.clear();
         self.peaks.sort_by(|a, b| b.score.total_cmp(&a.score));
-        let peaks = if self.hough.band_count() > 1 { effort.peaks.1 } else { effort.peaks.0 };
-        for peak in self.peaks.iter().take(peaks) {
+        for peak in self.peaks.iter().take(self.peak_count(effort)) {
             let reach_px = (peak.spread + 3.0).max(REACH_PX);
             let params =
                 RansacParams { reach_px, tolerance_px: effort.tolerance_px, draws: effort.draws, rays: effort.rays };
@@ -373,21 +355,23 @@ impl BallFinder {
     }
 
     /// Whether the first candidate has more than `factor` times the support of any other.
-    fn leads_by(&self, factor: f32) -> bool {
+    fn exceeds_others_by(&self, factor: f32) -> bool {
         let support = |index: usize| self.candidates.get(index).map_or(0.0, |candidate| candidate.support);
         support(0) > factor * support(1).max(MIN_SUPPORT)
     }
 
-    /// Returns the ball if it leads among the first peaks and its edges make it certain.
-    fn leading_candidate(&mut self, image: ImageView<'_>) -> Option<Circle> {
+    /// Searches the ball in the first pass only.
+    ///
+    /// `None` if no candidate has far more support than the others, or too few of its edges are inliers.
+    fn find_in_first_pass(&mut self, image: ImageView<'_>) -> Option<Circle> {
         self.rank_peaks(image, FIRST);
         // Other peaks may hold another candidate, unless their scores are far lower, too.
-        let examined = if self.hough.band_count() > 1 { FIRST.peaks.1 } else { FIRST.peaks.0 };
+        let examined = self.peak_count(FIRST);
         let score = |index: usize| self.peaks.get(index).map_or(0.0, |peak| peak.score);
-        let is_alone = self.leads_by(CLEAR_LEAD) && score(0) > CLEAR_LEAD * score(examined);
-        let candidate = self.candidates.first().copied().filter(|_| self.leads_by(LEAD))?;
+        let is_alone = self.exceeds_others_by(CLEAR_SUPPORT_RATIO) && score(0) > CLEAR_SUPPORT_RATIO * score(examined);
+        let candidate = self.candidates.first().copied().filter(|_| self.exceeds_others_by(MIN_SUPPORT_RATIO))?;
         let candidate = self.examine(image, candidate);
-        self.fit_examined(image, &candidate, if is_alone { MIN_INLIERS_OF_LEADER } else { CERTAIN_INLIERS })
+        self.fit_examined(image, &candidate, if is_alone { MIN_CLEAR_INLIERS } else { CERTAIN_INLIERS })
     }
 
     /// Examines the candidates closely and returns the first certain one, which mostly is among the first.

@@ -6,6 +6,7 @@ mod changed_disc;
 mod circle_fit;
 mod edge_fit;
 mod edge_selection;
+mod effort;
 mod faint_rim;
 mod finder;
 mod first_harmonic;

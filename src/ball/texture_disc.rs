@@ -141,8 +141,8 @@ impl TextureDisc {
 
     /// Returns the disc of this radius in px with the highest contrast; its values are in cells.
     fn best(&self, radius_px: f64) -> Option<Disc> {
-        let radius = radius_px / self.cell_px as f64;
-        let (disc, ring) = (Spans::new(DISC * radius), RING.map(|limit| Spans::new(limit * radius)));
+        let radius_cells = radius_px / self.cell_px as f64;
+        let (disc, ring) = (Spans::new(DISC * radius_cells), RING.map(|limit| Spans::new(limit * radius_cells)));
         let mut best: Option<Disc> = None;
         for y in 0..self.rows {
             for x in 0..self.columns {
@@ -154,7 +154,7 @@ impl TextureDisc {
                 let contrast = (inner.texture / inner.cells - (outer.texture - hole.texture) / around)
                     / (inner.squares / inner.cells).sqrt().max(f64::MIN_POSITIVE);
                 if best.is_none_or(|best| contrast > best.contrast) {
-                    best = Some(Disc { x: x as f64, y: y as f64, radius, contrast });
+                    best = Some(Disc { x: x as f64, y: y as f64, radius: radius_cells, contrast });
                 }
             }
         }
@@ -195,13 +195,16 @@ struct DiscSum {
 struct Spans {
     /// The half width of the row at each distance from the centre, cells.
     half: Vec<usize>,
+    /// The number of cells of the disc.
     cells: f64,
 }
 
 impl Spans {
-    fn new(radius: f64) -> Self {
-        let half: Vec<usize> =
-            (0..=radius as usize).map(|dy| (radius.powi(2) - (dy * dy) as f64).max(0.0).sqrt() as usize).collect();
+    /// Tabulates the rows of a disc on the grid of cells.
+    fn new(radius_cells: f64) -> Self {
+        let half: Vec<usize> = (0..=radius_cells as usize)
+            .map(|dy| (radius_cells.powi(2) - (dy * dy) as f64).max(0.0).sqrt() as usize)
+            .collect();
         let cells = half.iter().enumerate().map(|(dy, half)| if dy == 0 { 1 } else { 2 } * (2 * half + 1));
         Self { cells: cells.sum::<usize>() as f64, half }
     }

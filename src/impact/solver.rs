@@ -7,7 +7,7 @@ use super::free_fall::{free_fall_acceleration, shift_sigma};
 use super::model_selection::{ForceLawPosterior, InitialGuess, PositionErrors, select_law};
 use super::slip_end::{Sliding, find_slip_end};
 use super::trajectory::{ANGLE, NORMAL, SurfaceNode, TANGENTIAL, has_measured_rotation, nodes_between, samples};
-use crate::motion::SpeedBias;
+use crate::motion::{PlanarRates, SpeedBias};
 use crate::numeric::{Polynomial, Sample};
 use crate::results::{Estimate, ForceLaw, Impact, PointStatus, RigidStep};
 
@@ -405,7 +405,7 @@ fn rates_at(flight: &[Polynomial; 3], shift_sigma: f64, at: Estimate, context: &
 /// Returns the share by which a flight's motion may be underestimated, and its symmetric uncertainty.
 fn speed_bias(rates: &[Estimate; 3], context: &ImpactContext) -> [f64; 2] {
     let [normal, tangential, angle] = [NORMAL, TANGENTIAL, ANGLE].map(|k| rates[k].value);
-    let rates = [tangential, normal, angle.to_degrees()];
+    let rates = PlanarRates { first_px: tangential, second_px: normal, angle_deg: angle.to_degrees() };
     [context.speed_bias.underestimate(rates), context.speed_bias.interpolation_error(rates)]
 }
 
@@ -444,7 +444,7 @@ fn assemble_impact(
     let after = rates_at(&flights.after, flights.shift_sigmas[1], interval.end, context);
     let turn = |x: Estimate| scaled(x, 1.0 / context.period_s, 0.0);
     let is_seen = |omega: &Estimate| omega.sigma < MAX_SPIN_SIGMA_RAD;
-    let spin = |omega: Estimate| Some(omega.short_by(context.light_fraction)).filter(is_seen);
+    let spin = |omega: Estimate| Some(omega.with_relative_error(context.light_fraction)).filter(is_seen);
     let found = |k: usize| posterior.map(|v| Estimate { value: v.findings[k], sigma: v.sigmas[k] });
     let duration = found(9).unwrap_or_else(|| difference(interval.end, interval.start));
     let impulse = |k: usize| {
@@ -466,11 +466,11 @@ fn assemble_impact(
     let push = found(8).map(|a| context.acceleration(Estimate { value: a.value - context.gravity_px[NORMAL], ..a }));
     let biases = [&before, &after].map(|rates| speed_bias(rates, context));
     let whole = biases.map(|[short, either]| short.hypot(either));
-    let [vn, vt] =
-        [NORMAL, TANGENTIAL].map(|k| [speed(before[k]).short_by(whole[0]), speed(after[k]).short_by(whole[1])]);
+    let [vn, vt] = [NORMAL, TANGENTIAL]
+        .map(|k| [speed(before[k]).with_relative_error(whole[0]), speed(after[k]).with_relative_error(whole[1])]);
     // The common part of both underestimates cancels in a quotient.
     let [differ, either] = [biases[1][0] - biases[0][0], biases[0][1].hypot(biases[1][1])];
-    let differing = |x: Estimate| x.short_by(differ).short_by(either);
+    let differing = |x: Estimate| x.with_relative_error(differ).with_relative_error(either);
     Impact {
         start_s: Some(seconds(interval.start)),
         deepest_s: interval.deepest.map(|at| seconds(Estimate { sigma: at.sigma.hypot(turning), ..at })),
@@ -479,14 +479,14 @@ fn assemble_impact(
         vn_after_m_s: Some(vn[1]),
         vt_before_m_s: Some(vt[0]),
         vt_after_m_s: Some(vt[1]),
-        omega_before_rad_s: spin(before[ANGLE]).map(|omega| turn(omega).short_by(whole[0])),
-        omega_after_rad_s: spin(after[ANGLE]).map(|omega| turn(omega).short_by(whole[1])),
+        omega_before_rad_s: spin(before[ANGLE]).map(|omega| turn(omega).with_relative_error(whole[0])),
+        omega_after_rad_s: spin(after[ANGLE]).map(|omega| turn(omega).with_relative_error(whole[1])),
         restitution: restitution.map(differing),
         restitution_tangential: tangential.map(differing),
         impulse_ratio: ratio(impulse(TANGENTIAL), impulse(NORMAL)).map(differing),
         contact_time_s: Some(seconds(duration)),
-        compression_max_mm: found(7).map(|depth| scaled(depth, metres * 1e3, relative).short_by(whole[0])),
-        acceleration_max_m_s2: found(8).map(|a| context.acceleration(a).short_by(whole[0])),
+        compression_max_mm: found(7).map(|depth| scaled(depth, metres * 1e3, relative).with_relative_error(whole[0])),
+        acceleration_max_m_s2: found(8).map(|a| context.acceleration(a).with_relative_error(whole[0])),
         force_start_s: moment(3),
         force_end_s: moment(4),
         force_max_n: push.zip(context.mass_kg).map(|(a, mass_kg)| scaled(a, mass_kg, whole[0])),

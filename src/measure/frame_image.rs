@@ -17,8 +17,8 @@ impl FrameImage {
         Self { image: Image::new(width_px, height_px), correction, unpacked: PixelRect::default() }
     }
 
-    /// Corrects an image that was unpacked elsewhere.
-    pub(super) fn correct(&self, image: &mut Image) {
+    /// Linearizes the grey levels of a complete image that was unpacked elsewhere, and fills in its defective pixels.
+    pub(super) fn correct_other(&self, image: &mut Image) {
         self.correction.correct(image);
     }
 

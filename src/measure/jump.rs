@@ -1,24 +1,24 @@
-//! Jumps of a ball to another object, by the motions beside them.
+//! Jumps of a ball to another object, detected from the motions in the neighbouring frames.
 
 use crate::results::{BodyStep, MotionMethod, RigidStep};
 
-/// The distance from the motions beside it that a motion of outlines may always have, px/frame.
+/// The distance from its neighbours that a motion of outlines may always have, px/frame.
 const OUTLINE_TOLERANCE_PX: f64 = 1.0;
-/// The same of a motion of a texture, in addition to the change from the one beside it to the other.
+/// The same of a motion of a texture, in addition to the change between its neighbours.
 const TEXTURE_TOLERANCE_PX: f64 = 0.3;
 /// The same of any motion, in standard uncertainties.
 const TOLERANCE_SIGMAS: f64 = 8.0;
-/// The distance from the only motion beside it, in speeds: a ball may rebound there.
+/// The distance from the only neighbour, in speeds: a ball may rebound there.
 const REBOUND_SPEEDS: f64 = 2.0;
 
-/// Whether a step has a motion that the motions `before` and `after` it do not allow.
+/// Whether the motion of a step contradicts those before and after it.
 ///
-/// Within a frame in which a ball is struck, it moves in the one way and then in the other, so its displacement lies between
-/// the two. That to another object does not, nor does a mean of two objects. A motion with none beside it is no jump.
+/// In a frame in which a ball is struck, its displacement lies between the two. A jump to another object does not, nor does
+/// a mean of two objects. Without neighbours, no motion is a jump.
 pub(super) fn is_jump(step: &BodyStep, before: Option<&RigidStep>, after: Option<&RigidStep>) -> bool {
     let Some(motion) = &step.motion else { return false };
-    let sigma_px = |beside: &RigidStep| {
-        motion.sigma_dx_px.hypot(motion.sigma_dy_px).hypot(beside.sigma_dx_px.hypot(beside.sigma_dy_px))
+    let sigma_px = |neighbour: &RigidStep| {
+        motion.sigma_dx_px.hypot(motion.sigma_dy_px).hypot(neighbour.sigma_dx_px.hypot(neighbour.sigma_dy_px))
     };
     let (here, is_outline) = (velocity_px(motion), step.method == MotionMethod::Outlines);
     match (before, after) {
@@ -29,9 +29,9 @@ pub(super) fn is_jump(step: &BodyStep, before: Option<&RigidStep>, after: Option
             let tolerance_px = if is_outline { OUTLINE_TOLERANCE_PX } else { TEXTURE_TOLERANCE_PX + change_px };
             distance_to_segment_px(here, ends) > tolerance_px + TOLERANCE_SIGMAS * sigma_px(before).max(sigma_px(after))
         }
-        (Some(beside), None) | (None, Some(beside)) => {
-            let tolerance_px = OUTLINE_TOLERANCE_PX + REBOUND_SPEEDS * distance_px(velocity_px(beside), [0.0; 2]);
-            distance_px(here, velocity_px(beside)) > tolerance_px + TOLERANCE_SIGMAS * sigma_px(beside)
+        (Some(neighbour), None) | (None, Some(neighbour)) => {
+            let tolerance_px = OUTLINE_TOLERANCE_PX + REBOUND_SPEEDS * distance_px(velocity_px(neighbour), [0.0; 2]);
+            distance_px(here, velocity_px(neighbour)) > tolerance_px + TOLERANCE_SIGMAS * sigma_px(neighbour)
         }
     }
 }
@@ -76,8 +76,8 @@ mod tests {
 
     #[test]
     fn a_mean_of_two_objects_is_no_motion_of_either() {
-        let beside = moved(0.63, -0.21);
-        let mixed = |method| is_jump(&step(1.2, -0.51, method), Some(&beside), Some(&beside));
+        let neighbour = moved(0.63, -0.21);
+        let mixed = |method| is_jump(&step(1.2, -0.51, method), Some(&neighbour), Some(&neighbour));
         assert!(mixed(MotionMethod::Subsets) && !mixed(MotionMethod::Outlines), "outlines are less certain");
     }
 

@@ -121,7 +121,7 @@ impl Measurer {
             return Err(MeasureError::Size { sequence: 0, width_px, height_px, expected_width_px, expected_height_px });
         }
         let mut corrected = image.clone();
-        self.image.correct(&mut corrected);
+        self.image.correct_other(&mut corrected);
         let mut prepared = self.spare.take();
         self.correlator.prepare_part_into(corrected.view(), [0, 0, width as u32, height as u32], &mut prepared);
         for finder in &mut self.finders {
@@ -394,7 +394,7 @@ impl Measurer {
             }
         }
         if let Outline::Patch(_) = outline {
-            // Subsets follow whatever occludes the patch. If they led astray, the patch may not have ball_motion.
+            // Subsets follow whatever occludes the patch. If they led astray, the patch itself may not have moved.
             rigid = rigid.or_else(|| self.match_whole_body(span, &outline, &RigidStep::STILL));
             step.motion = None;
         }

@@ -5,9 +5,9 @@
 
 use crate::results::{BodyStep, MotionMethod, RigidStep};
 
-/// The number of standard uncertainties by which a rotation may exceed those beside it.
+/// The number of standard uncertainties by which a rotation may exceed those of its neighbours.
 const SAME_SIGMAS: f64 = 3.0;
-/// The fraction of the only rotation beside it by which a rotation may exceed it.
+/// The fraction of its only neighbour by which a rotation may exceed it.
 const SAME_FRACTION: f64 = 0.5;
 /// The difference between two rotations that is always allowed, deg.
 const SAME_DEG: f64 = 1.5;
@@ -19,7 +19,7 @@ pub(super) struct Turn {
     sigma_deg: f64,
 }
 
-/// The step beside another.
+/// The step before or after another.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Neighbour {
     /// There is none in the block.
@@ -50,8 +50,8 @@ impl Neighbour {
 }
 
 impl Turn {
-    /// Whether a rotation lies between those beside it, or about as far as one of them. One without a neighbour stands
-    /// for itself.
+    /// Whether the rotation lies between those of the neighbouring frames, or about as far as one of them. Without
+    /// neighbours it is accepted.
     pub(super) fn is_supported(&self, neighbours: [Neighbour; 2], changes: Changes) -> bool {
         if neighbours == [Neighbour::Absent; 2] {
             return true;

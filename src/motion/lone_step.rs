@@ -1,7 +1,7 @@
 //! Steps that their neighbours contradict.
 //!
 //! The uncertainty of a match follows from its residual. A match of a few marks, of stripes or under a highlight may settle
-//! beside the right place and leave no more residual than another. The body moves smoothly, so the steps before and after
+//! next to the right place and leave no more residual than another. The body moves smoothly, so the steps before and after
 //! agree with each other, and this one differs from them.
 
 use super::Pose;
@@ -43,13 +43,13 @@ pub fn widened_by_neighbours(known: KnownMotion<'_>, frame: u64, interval: u64, 
 fn contradiction(nodes: &[Pose], frame: u64, interval: u64, axis: usize) -> f64 {
     let rate = |frame: u64| rate_from(nodes, frame, interval, axis);
     let Some(own) = rate(frame) else { return 0.0 };
-    let beside = (1..=REACH_FRAMES).flat_map(|apart| [frame.checked_sub(apart), frame.checked_add(apart)]);
-    let mut beside: Vec<Rate> = beside.flatten().filter_map(rate).take(NEIGHBOURS).collect();
-    if beside.len() < NEIGHBOURS {
+    let frames = (1..=REACH_FRAMES).flat_map(|apart| [frame.checked_sub(apart), frame.checked_add(apart)]);
+    let mut neighbours: Vec<Rate> = frames.flatten().filter_map(rate).take(NEIGHBOURS).collect();
+    if neighbours.len() < NEIGHBOURS {
         return 0.0;
     }
-    beside.sort_by(|a, b| a.value.total_cmp(&b.value));
-    let [low, high] = [beside[1], beside[2]];
+    neighbours.sort_by(|a, b| a.value.total_cmp(&b.value));
+    let [low, high] = [neighbours[1], neighbours[2]];
     let off = (own.value - 0.5 * (low.value + high.value)).abs();
     let noise = NOISE_SIGMAS * own.sigma.hypot(0.5 * low.sigma.hypot(high.sigma));
     if off > noise && off > MIN_RATIO * (high.value - low.value) { off } else { 0.0 }
@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn both_steps_of_a_pose_beside_the_path_are_as_uncertain_as_it_is_off() {
+    fn both_steps_of_a_pose_off_the_path_are_as_uncertain_as_it_is_off() {
         let mut path: Vec<f64> = (0..12).map(|k| 1.4 * f64::from(k) + 0.01 * f64::from(k * k)).collect();
         assert!((0..11).all(|frame| off_px(&path, frame) <= 0.0), "gravity is no contradiction");
         path[5] += 0.3;

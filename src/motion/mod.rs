@@ -32,7 +32,7 @@ pub use shutter::Shutter;
 pub use surface_axes::{Axes, MetresPerPixel, PixelRates, Surface, gravity_px, physical};
 pub use systematic::CumulativeSums;
 pub use systematic::RollingShutter;
-pub use systematic::{Intervals, RunningBias, SpeedBias};
+pub use systematic::{Intervals, PlanarRates, RunningBias, SpeedBias};
 pub use systematic::{LocalDrift, OutlineDrift};
 pub use systematic::{SizeChange, ViewPosition, shrink_insignificant};
 pub use velocity_fit::{DEFAULT_LAG_FRAMES, KnownMotion, Regime, smooth};

@@ -97,7 +97,7 @@ impl PixelRates {
 
     /// Widens the sigmas for true rates that may be larger by a share of themselves.
     pub fn biased_by(self, share: f64) -> Self {
-        let [x, y, theta] = [self.x, self.y, self.theta].map(|rate| rate.short_by(share));
+        let [x, y, theta] = [self.x, self.y, self.theta].map(|rate| rate.with_relative_error(share));
         Self { x, y, theta, ..self }
     }
 }

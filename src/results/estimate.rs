@@ -26,7 +26,7 @@ impl Estimate {
     /// `share` (no unit) counts as one standard uncertainty relative to the value, which stays as it is.
     #[cfg_attr(all(doc, not(internals)), doc(hidden))]
     #[must_use]
-    pub fn short_by(self, share: f64) -> Self {
+    pub fn with_relative_error(self, share: f64) -> Self {
         Self { sigma: self.sigma.hypot(share * self.value), ..self }
     }
 }

@@ -23,8 +23,8 @@ pub const PASSES: usize = 14;
 const SEARCH_PASSES: usize = 8;
 /// The number of passes from the paint of the frame before.
 const REFIT_PASSES: usize = 2;
-/// The highest order of the coefficients of clean paint.
-const MAX_ORDER: usize = 3;
+/// The number of coefficients of clean paint: of 1, x, x^2 and y.
+const COEFFICIENTS: usize = 4;
 /// A level that does not count, DN.
 pub const OUT_OF_RANGE: f64 = f64::MAX;
 
@@ -149,12 +149,12 @@ pub fn fit_paint(levels: &Levels, start: f64, tolerance: f64, outward: f64) -> R
         }
         // Little bare paint gives one level, but not its variation.
         paint.is_speckled |= round > 0 && is_search && kept < BARE_FRACTION * levels.len() as f64;
-        let order = if paint.is_speckled { 0 } else { (round / 2).min(MAX_ORDER) };
+        let free = if paint.is_speckled { 1 } else { (round / 2 + 1).min(COEFFICIENTS) };
         let before = (solved, paint.noise);
-        solved = sums.solve(order).ok_or(PointStatus::LowCorrelation)?;
+        solved = sums.solve(free).ok_or(PointStatus::LowCorrelation)?;
         paint.noise = limit_noise(sums.squares, sums.outer, tolerance);
         paint.sigma = paint_sigma(paint.noise, kept);
-        // Order and range of the passes to come are those of this one.
+        // The coefficients and the range of the passes to come are those of this one.
         if (paint.is_speckled || !is_search) && before == (solved, paint.noise) {
             break;
         }
@@ -180,7 +180,7 @@ pub fn refit_paint(levels: &Levels, before: &Paint, tolerance: f64, outward: f64
         if kept < MIN_LEVELS as f64 {
             return None;
         }
-        solved = sums.solve(MAX_ORDER)?;
+        solved = sums.solve(COEFFICIENTS)?;
         paint.noise = limit_noise(sums.squares, sums.outer, tolerance);
     }
     paint.sigma = paint_sigma(paint.noise, kept);
@@ -190,18 +190,18 @@ pub fn refit_paint(levels: &Levels, before: &Paint, tolerance: f64, outward: f64
 }
 
 impl Sums {
-    /// Solves the normal equations for the coefficients of 1, x, x^2 and y up to this order; those beyond are zero. `None`
+    /// Solves the normal equations for the first `free` of the coefficients of 1, x, x^2 and y; the others are zero. `None`
     /// if they are singular.
-    fn solve(&self, order: usize) -> Option<[f64; 4]> {
+    fn solve(&self, free: usize) -> Option<[f64; 4]> {
         let [n, x, x2, x3, x4, y, xy, x2y, y2] = self.moments;
         let mut normal =
             SMatrix::<f64, 4, 4>::from([[n, x, x2, y], [x, x2, x3, xy], [x2, x3, x4, x2y], [y, xy, x2y, y2]]);
         let mut right = SVector::from(self.right);
-        for free in order + 1..4 {
-            normal.fill_row(free, 0.0);
-            normal.fill_column(free, 0.0);
-            normal[(free, free)] = 1.0;
-            right[free] = 0.0;
+        for fixed in free..COEFFICIENTS {
+            normal.fill_row(fixed, 0.0);
+            normal.fill_column(fixed, 0.0);
+            normal[(fixed, fixed)] = 1.0;
+            right[fixed] = 0.0;
         }
         Some((normal.try_inverse()? * right).into())
     }

@@ -12,8 +12,8 @@ use crate::impact::{Detector, Event, SurfaceNode, deepest_so_far};
 use crate::measure::body_circle;
 use crate::motion::{
     Axes, Center, CenterFilter, DEFAULT_LAG_FRAMES, Form, KnownMotion, LocalDrift, MotionParams, OutlineDrift,
-    PixelRates, Pose, PoseIntegrator, Regime, RollingShutter, RunningBias, RunningRadius, Scatter, SizeChange,
-    SpeedBias, View, ViewPosition, gravity_px, physical, smooth, widened_by_neighbours,
+    PixelRates, PlanarRates, Pose, PoseIntegrator, Regime, RollingShutter, RunningBias, RunningRadius, Scatter,
+    SizeChange, SpeedBias, View, ViewPosition, gravity_px, physical, smooth, widened_by_neighbours,
 };
 use crate::results::{
     Alarm, AlarmKind, BodyStep, Estimate, Impact, MotionMethod, Phase, PointStatus, TrackSample, VelocitySample,
@@ -99,8 +99,8 @@ impl BodyTracker {
         }
     }
 
-    /// Adds a position of the body that is the surface, which impacts are measured relative to.
-    pub fn add_surface(&mut self, node: SurfaceNode) {
+    /// Adds a position of the moving surface, which is another body. Impacts of this body are measured relative to it.
+    pub fn add_surface_position(&mut self, node: SurfaceNode) {
         let kept_from = self.detector.as_ref().and_then(|detector| detector.nodes().first()).map_or(0, |n| n.frame);
         self.surface.get_or_insert_default().push(node, kept_from);
     }
@@ -291,9 +291,11 @@ impl BodyTracker {
 
     /// Adds the systematic uncertainty of measured motions: fixed pattern, interpolation and light.
     fn with_systematic_errors(&self, rates: PixelRates) -> PixelRates {
-        let (speed_bias, motion) = (self.speed_bias(), [rates.x.value, rates.y.value, rates.theta.value]);
+        let PixelRates { x, y, theta, .. } = rates;
+        let motion = PlanarRates { first_px: x.value, second_px: y.value, angle_deg: theta.value };
+        let speed_bias = self.speed_bias();
         let rates = rates.biased_by(speed_bias.underestimate(motion)).biased_by(speed_bias.interpolation_error(motion));
-        PixelRates { theta: rates.theta.short_by(self.light_bias.significant()), ..rates }
+        PixelRates { theta: rates.theta.with_relative_error(self.light_bias.significant()), ..rates }
     }
 
     /// Adds the errors that the outlines of many frames share, if these gave the motion.

@@ -97,7 +97,7 @@ impl Tracker {
             && let Some(node) = self.bodies[step.body as usize].newest()
         {
             let others = self.bodies.iter_mut().enumerate().filter(|(index, _)| *index != step.body as usize);
-            others.for_each(|(_, body)| body.add_surface(node));
+            others.for_each(|(_, body)| body.add_surface_position(node));
         }
     }
 

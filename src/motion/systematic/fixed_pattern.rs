@@ -109,6 +109,17 @@ impl Intervals {
     }
 }
 
+/// The speed of a body along two perpendicular axes, and its rotation.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct PlanarRates {
+    /// Along the first axis, px/frame.
+    pub first_px: f64,
+    /// Along the second axis, px/frame.
+    pub second_px: f64,
+    /// The rotation, deg/frame.
+    pub angle_deg: f64,
+}
+
 /// The possible relative error of speeds.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct SpeedBias {
@@ -124,12 +135,9 @@ pub struct SpeedBias {
 
 impl SpeedBias {
     /// Returns the possible underestimate of speeds, as a fraction 0 to `share`.
-    ///
-    /// `rates` are those along x and y, px/frame, and of the angle, deg/frame.
-    pub fn underestimate(&self, rates: [f64; 3]) -> f64 {
-        let turned_px = self.turned_px(rates[2]);
-        let [x_px, y_px, _] = rates;
-        let speed_px = [x_px.hypot(turned_px), y_px.hypot(turned_px)];
+    pub fn underestimate(&self, rates: PlanarRates) -> f64 {
+        let turned_px = self.turned_px(rates.angle_deg);
+        let speed_px = [rates.first_px.hypot(turned_px), rates.second_px.hypot(turned_px)];
         let remaining = if self.is_whole {
             self.spans.remaining_whole_body_bias(speed_px)
         } else {
@@ -139,13 +147,11 @@ impl SpeedBias {
     }
 
     /// Returns the interpolation error of either sign, as a fraction of the speed.
-    ///
-    /// `rates` are those along x and y, px/frame, and of the angle, deg/frame.
-    pub fn interpolation_error(&self, rates: [f64; 3]) -> f64 {
+    pub fn interpolation_error(&self, rates: PlanarRates) -> f64 {
         if self.is_whole {
             0.0
         } else {
-            self.spans.interpolation_error(rates[0].hypot(rates[1]), self.turned_px(rates[2]))
+            self.spans.interpolation_error(rates.first_px.hypot(rates.second_px), self.turned_px(rates.angle_deg))
         }
     }
 
@@ -207,7 +213,9 @@ mod tests {
             is_whole,
             radius_px: 50.0,
         };
-        let of = |intervals: &[u32], x_px: f64| speed_bias(intervals, false).underestimate([x_px, 0.0, 0.0]);
+        let of = |intervals: &[u32], x_px: f64| {
+            speed_bias(intervals, false).underestimate(PlanarRates { first_px: x_px, ..PlanarRates::default() })
+        };
         assert!((of(&[1], 0.0) - 1.0).abs() < 1e-12);
         assert!((of(&[1, 16], 0.0) - 1.0).abs() < 1e-12 && (of(&[1, 2, 4, 8], 0.0) - 1.0).abs() < 1e-12);
         assert!(of(&[1], 0.086) > 0.97 && (0.7..0.8).contains(&of(&[1, 8], 0.086)));
@@ -221,12 +229,14 @@ mod tests {
         }
         // Interpolation affects longer steps less, and rotation averages it out.
         let slow = speed_bias(&[1, 16], false);
-        assert!(slow.interpolation_error([0.0; 3]) < 4e-4);
-        let [px, turned] = [[0.0, 0.09, 0.0], [0.0, 0.09, 2.0]].map(|rates| 0.09 * slow.interpolation_error(rates));
+        assert!(slow.interpolation_error(PlanarRates::default()) < 4e-4);
+        let falling = PlanarRates { second_px: 0.09, ..PlanarRates::default() };
+        let [px, turned] =
+            [0.0, 2.0].map(|angle_deg| 0.09 * slow.interpolation_error(PlanarRates { angle_deg, ..falling }));
         assert!((4e-6..7e-6).contains(&px) && turned <= 0.0, "{px} {turned}");
-        assert!(speed_bias(&[1], true).interpolation_error([0.0, 0.09, 0.0]) <= 0.0);
+        assert!(speed_bias(&[1], true).interpolation_error(falling) <= 0.0);
         // A kept reference sees the whole displacement since it was taken, and rotation moves pixels as well.
-        assert!(speed_bias(&[1], true).underestimate([0.2, 0.0, 0.0]) < 0.04);
-        assert!(speed_bias(&[1], false).underestimate([0.0, 0.0, 3.0]) < 0.2);
+        assert!(speed_bias(&[1], true).underestimate(PlanarRates { first_px: 0.2, ..PlanarRates::default() }) < 0.04);
+        assert!(speed_bias(&[1], false).underestimate(PlanarRates { angle_deg: 3.0, ..PlanarRates::default() }) < 0.2);
     }
 }

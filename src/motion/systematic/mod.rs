@@ -9,7 +9,7 @@ mod rolling_shutter;
 mod rotation_prior;
 
 pub use cumulative::CumulativeSums;
-pub use fixed_pattern::{Intervals, RunningBias, SpeedBias};
+pub use fixed_pattern::{Intervals, PlanarRates, RunningBias, SpeedBias};
 pub use out_of_plane_rotation::{LocalDrift, OutlineDrift};
 pub use out_of_plane_translation::{SizeChange, ViewPosition, shrink_insignificant};
 pub use rolling_shutter::RollingShutter;

@@ -78,7 +78,7 @@ impl BodyTracker {
         let half = 0.5 * self.size_change.total_dilatation();
         let metres_per_px = self.radius.metres_per_px(self.params.scale)?;
         let metres_per_px = match self.params.scale {
-            Scale::BallDiameterMm(_) => metres_per_px.short_by(half),
+            Scale::BallDiameterMm(_) => metres_per_px.with_relative_error(half),
             Scale::MmPerPx(_) | Scale::Unknown => metres_per_px,
         };
         let [x, y] = gravity_px(&self.params, metres_per_px.value);
@@ -87,7 +87,7 @@ impl BodyTracker {
             _ if self.params.form != Form::Ball => None,
             Scale::Unknown => None,
             Scale::BallDiameterMm(mm) => Some(Estimate { value: mm * 5e-4 / metres_per_px.value, sigma: 0.0 }),
-            Scale::MmPerPx(_) => self.radius.radius_px().map(|radius| radius.short_by(half)),
+            Scale::MmPerPx(_) => self.radius.radius_px().map(|radius| radius.with_relative_error(half)),
         };
         let period_s = self.params.frame_period_ns * 1e-9;
         let center = self.nodes.last().and_then(|node| self.center_filter.center(node));
