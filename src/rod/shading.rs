@@ -11,8 +11,6 @@ use crate::results::{Estimate, ROD_EDGES};
 ///
 /// Above it, a line across the paint and a parabola along an edge describe the light.
 const MAX_EVENNESS: f64 = 0.8;
-/// The ratio from which it certainly is not shaded. In between, each frame is searched for itself.
-const CERTAIN_EVENNESS: f64 = 0.9;
 /// The margin of rows to the edges of a tape, and the minimum number of rows between them, px.
 const EDGE_MARGIN_PX: f64 = 3.0;
 const MIN_ROWS: usize = 5;
@@ -75,13 +73,13 @@ impl ExpectedRod<'_> {
         (0..=count).filter_map(part).collect()
     }
 
-    /// Whether the light certainly varies little across the rod, or no tape shows it.
+    /// Whether the light varies little across the rod, or no tape shows it.
     pub(super) fn is_lit_evenly(&self, image: ImageView<'_>) -> bool {
         let place = Place { sides_px: self.sides_px, at_row: self.at_row, tilt: self.tilt };
         let profiles = self.light_parts().into_iter().filter_map(|rows| self.profile(image, rows, &place));
         // Speckles look like shading, a clean tape does not.
         let evenness = profiles.map(|profile| profile.evenness(place.sides_at(profile.row)));
-        evenness.reduce(f64::max).is_none_or(|evenness| evenness >= CERTAIN_EVENNESS)
+        evenness.reduce(f64::max).is_none_or(|evenness| evenness >= MAX_EVENNESS)
     }
 
     /// Returns the profile of some rows across a rod at this place.
