@@ -14,7 +14,7 @@ impl RodFinder {
     /// Finds the rod where it is predicted, from the fits of its sides and edges in the frame before.
     ///
     /// Those that could not be fitted before, or that have changed, are fitted from scratch. `None` if no side was fitted
-    /// before, as under light that varies across the rod, or if the rod is not found.
+    /// before, if light varies across the rod in this frame, or if the rod is not found.
     ///
     /// # Panics
     ///
@@ -22,6 +22,9 @@ impl RodFinder {
     pub fn follow_closely(&self, image: ImageView<'_>, near: &RodObservation) -> Option<RodObservation> {
         self.check_shape(image);
         let prediction = self.predict(near);
+        if !self.expected_rod(&prediction).is_lit_evenly(image) {
+            return None;
+        }
         let axis = self.fit_close_axis(image, &prediction, &near.fitted)?;
         let rod = RodOnAxis { prediction: &prediction, axis: &axis, lights: &[None; ROD_EDGES] };
         let edges = self.fit_close_edges(image, &rod, &near.fitted);

@@ -288,16 +288,7 @@ impl RodFinder {
         image: ImageView<'_>,
         prediction: &mut Prediction,
     ) -> Result<(Axis, Vec<Result<Edge, PointStatus>>), PointStatus> {
-        let expected = ExpectedRod {
-            edges_px: &prediction.edges_px,
-            signs: &prediction.signs,
-            sides_px: prediction.sides_px,
-            at_row: prediction.at_row,
-            tilt: prediction.tilt,
-            width_px: self.params.width_px,
-            outward_px: prediction.outward_px,
-            region: self.region,
-        };
+        let expected = self.expected_rod(prediction);
         let Some(shaded) = ShadedRod::fit(image, &expected) else {
             let axis = self.fit_axis(image, prediction)?;
             let edges = self.fit_edges(image, &RodOnAxis { prediction, axis: &axis, lights: &[None; ROD_EDGES] });
@@ -317,6 +308,20 @@ impl RodFinder {
             }
         }
         Ok((axis, edges))
+    }
+
+    /// Returns the expected place of the rod.
+    pub(super) fn expected_rod<'a>(&self, prediction: &'a Prediction) -> ExpectedRod<'a> {
+        ExpectedRod {
+            edges_px: &prediction.edges_px,
+            signs: &prediction.signs,
+            sides_px: prediction.sides_px,
+            at_row: prediction.at_row,
+            tilt: prediction.tilt,
+            width_px: self.params.width_px,
+            outward_px: prediction.outward_px,
+            region: self.region,
+        }
     }
 
     /// Fits all edges, first separately. Speckled ones, and failed ones inside the image, are fitted again with blur

@@ -73,6 +73,15 @@ impl ExpectedRod<'_> {
         (0..=count).filter_map(part).collect()
     }
 
+    /// Whether the light varies little across the rod, or no tape shows it.
+    pub(super) fn is_lit_evenly(&self, image: ImageView<'_>) -> bool {
+        let place = Place { sides_px: self.sides_px, at_row: self.at_row, tilt: self.tilt };
+        let profiles = self.light_parts().into_iter().filter_map(|rows| self.profile(image, rows, &place));
+        // Speckles look like shading, a clean tape does not.
+        let evenness = profiles.map(|profile| profile.evenness(place.sides_at(profile.row)));
+        evenness.reduce(f64::max).is_none_or(|evenness| evenness >= MAX_EVENNESS)
+    }
+
     /// Returns the profile of some rows across a rod at this place.
     fn profile(&self, image: ImageView<'_>, rows: [usize; 2], place: &Place) -> Option<TapeProfile> {
         let [left, _, width, _] = self.region;
