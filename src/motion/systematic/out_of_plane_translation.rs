@@ -153,7 +153,7 @@ mod tests {
             assert!((rate.value - 3e-5).abs() < 2.0 * rate.sigma && rate.sigma < 2.0 * most, "{rate:?}");
         }
         assert_eq!(grown(1, &[]).rate(10.0, 14.0), None, "too few");
-        let dilatation = grown(1, &[]).rate(0.0, 59.0).map(significant).unwrap();
+        let dilatation = grown(1, &[]).rate(0.0, 59.0).map(shrink_insignificant).unwrap();
         assert!((dilatation.value - 3e-5).abs() < 2e-6, "{dilatation:?}");
     }
 

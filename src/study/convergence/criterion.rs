@@ -39,15 +39,16 @@ pub(super) fn change(before: &Displacements, after: &Displacements) -> Option<Ch
     })
 }
 
-/// Compares answers with the truth of their pair; returns `None` if there are no answers.
+/// Compares displacements with the truth of their pair; returns `None` if there are no displacements.
 ///
-/// All pairs have the same number of answers, stored one pair after the other. `truth_px` has one per pair.
-pub(super) fn deviation(answers: &Displacements, truth_px: &[[f64; 2]]) -> Option<Deviation> {
-    let each = answers.len().checked_div(truth_px.len())?.max(1);
+/// All pairs have the same number of displacements, stored one pair after the other. `truth_px` has one per pair.
+pub(super) fn deviation(displacements: &Displacements, truth_px: &[[f64; 2]]) -> Option<Deviation> {
+    let each = displacements.len().checked_div(truth_px.len())?.max(1);
     let (mut bias_px, mut squares, mut max_px, mut count) = (0.0_f64, 0.0, 0.0_f64, 0_usize);
-    for (answers, truth) in answers.chunks(each).zip(truth_px) {
+    for (displacements, truth) in displacements.chunks(each).zip(truth_px) {
         for axis in 0..2 {
-            let errors: Vec<f64> = answers.iter().flatten().map(|answer| answer[axis] - truth[axis]).collect();
+            let errors: Vec<f64> =
+                displacements.iter().flatten().map(|displacement| displacement[axis] - truth[axis]).collect();
             if !errors.is_empty() {
                 bias_px = bias_px.max((errors.iter().sum::<f64>() / errors.len() as f64).abs());
             }
@@ -59,10 +60,10 @@ pub(super) fn deviation(answers: &Displacements, truth_px: &[[f64; 2]]) -> Optio
     (count > 0).then(|| Deviation { bias_px, rms_px: (squares / count as f64).sqrt(), max_px })
 }
 
-/// Returns the mean of all answers; `None` if there are none.
-pub(super) fn mean_displacement(answers: &Displacements) -> Option<[f64; 2]> {
-    let found: Vec<_> = answers.iter().flatten().collect();
-    let along = |axis: usize| found.iter().map(|answer| answer[axis]).sum::<f64>() / found.len() as f64;
+/// Returns the mean of all displacements; `None` if there are none.
+pub(super) fn mean_displacement(displacements: &Displacements) -> Option<[f64; 2]> {
+    let found: Vec<_> = displacements.iter().flatten().collect();
+    let along = |axis: usize| found.iter().map(|displacement| displacement[axis]).sum::<f64>() / found.len() as f64;
     (!found.is_empty()).then(|| [along(0), along(1)])
 }
 
@@ -70,20 +71,20 @@ pub(super) fn mean_displacement(answers: &Displacements) -> Option<[f64; 2]> {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Stage {
     pub(super) spline_points: u32,
-    /// Number of subsets with a valid answer.
+    /// Number of subsets with a valid displacement.
     pub(super) valid: usize,
     /// Change against the previous stage.
     pub(super) change: Option<Change>,
-    /// Whether answers are multiples of 1 / (points + 1) px.
+    /// Whether displacements are multiples of 1 / (points + 1) px.
     pub(super) on_grid: bool,
 }
 
 impl Stage {
-    /// Whether 99 % of the answers agree with those of the previous stage within the tolerance, px.
+    /// Whether 99 % of the displacements agree with those of the previous stage within the tolerance, px.
     ///
-    /// At least half of the valid answers must be comparable.
+    /// At least half of the valid displacements must be comparable.
     ///
-    /// An answer on a grid is only known to half a grid step. Two grids that agree more closely than that agree as
+    /// An displacement on a grid is only known to half a grid step. Two grids that agree more closely than that agree as
     /// grids, not as measurements: a shift too small for either reads 0 on both.
     fn agrees(&self, tolerance_px: f64) -> bool {
         let resolved = !self.on_grid || 0.5 / f64::from(self.spline_points + 1) <= tolerance_px;
@@ -95,7 +96,7 @@ impl Stage {
     }
 }
 
-/// Returns the number of spline points from which on 99 % of the answers change by less than the tolerance; `None` if
+/// Returns the number of spline points from which on 99 % of the displacements change by less than the tolerance; `None` if
 /// the last stage still changes.
 pub(super) fn converged_points(stages: &[Stage], tolerance_px: f64) -> Option<u32> {
     let last = stages.iter().rposition(|stage| !stage.agrees(tolerance_px));
@@ -158,8 +159,8 @@ mod tests {
 
     #[test]
     fn opposite_errors_of_two_pairs_do_not_cancel_in_the_bias() {
-        let answers = vec![Some([1.02, 0.0]), Some([1.04, 0.0]), Some([1.97, 0.0]), None];
-        let deviation = deviation(&answers, &[[1.0, 0.0], [2.0, 0.0]]).unwrap();
+        let displacements = vec![Some([1.02, 0.0]), Some([1.04, 0.0]), Some([1.97, 0.0]), None];
+        let deviation = deviation(&displacements, &[[1.0, 0.0], [2.0, 0.0]]).unwrap();
         assert!((deviation.bias_px - 0.03).abs() < 1e-12 && (deviation.max_px - 0.04).abs() < 1e-12, "{deviation:?}");
         let squares: f64 = 0.02 * 0.02 + 0.04 * 0.04 + 0.03 * 0.03;
         assert!((deviation.rms_px - (squares / 6.0).sqrt()).abs() < 1e-12, "{deviation:?}");

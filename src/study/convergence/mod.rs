@@ -44,7 +44,7 @@ pub struct ConvergenceOptions {
     /// Search range: maximum displacement, px.
     #[arg(long = "search", value_name = "PX", default_value_t = 16)]
     pub search_px: u32,
-    /// Converged when 99 % of the answers change by less than this, px; at most 1.
+    /// Converged when 99 % of the displacements change by less than this, px; at most 1.
     #[arg(long, value_name = "PX", default_value_t = 0.001)]
     pub tolerance_px: f64,
     /// Directory for convergence.csv and convergence.svg; created if missing.
@@ -99,9 +99,9 @@ enum Method {
 /// The treatment of the highest grid point of a correlation peak.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Peak {
-    /// The maximum of a fit around it is the answer.
+    /// The maximum of a fit around it is the displacement.
     Fitted,
-    /// The grid point itself is the answer.
+    /// The grid point itself is the displacement.
     Highest,
 }
 
@@ -111,7 +111,7 @@ struct Row {
     method: Method,
     /// Number of subsets of all pairs.
     subsets: usize,
-    /// Number of subsets with a valid answer.
+    /// Number of subsets with a valid displacement.
     valid: usize,
     /// Change against the previous number of points.
     change: Option<Change>,
@@ -299,7 +299,7 @@ mod tests {
     fn without_the_peak_fit_a_small_shift_reads_zero_and_with_it_it_is_found() {
         let method = |peak: Peak| Method::Spline { spline_points: 5, peak };
         let highest = row(&options(), [0.06, -0.05], method(Peak::Highest));
-        assert_eq!(highest.mean_px, Some([0.0, 0.0]), "every answer is the grid point 0");
+        assert_eq!(highest.mean_px, Some([0.0, 0.0]), "every displacement is the grid point 0");
         let fitted = row(&options(), [0.06, -0.05], method(Peak::Fitted));
         let [u, v] = fitted.mean_px.unwrap();
         assert!((u - 0.06).abs() < 0.01 && (v + 0.05).abs() < 0.01, "{u} {v}");
@@ -307,13 +307,13 @@ mod tests {
     }
 
     #[test]
-    fn without_the_peak_fit_answers_are_multiples_of_the_grid_step() {
+    fn without_the_peak_fit_displacements_are_multiples_of_the_grid_step() {
         let (options, method) = (options(), Method::Spline { spline_points: 2, peak: Peak::Highest });
         let subject = image_pairs::render(&[[0.56, -0.89]], &options.params(method)).unwrap();
         let mut correlator = plan(&options, method, subject.size()).unwrap();
-        let (answers, _) = correlate(&mut correlator, &subject);
-        assert!(answers.iter().flatten().count() >= 10);
-        for part in answers.iter().flatten().flatten() {
+        let displacements = correlate_pairs(&mut correlator, &subject).displacements;
+        assert!(displacements.iter().flatten().count() >= 10);
+        for part in displacements.iter().flatten().flatten() {
             assert!((3.0 * part - (3.0 * part).round()).abs() < 1e-5, "{part}");
         }
     }
