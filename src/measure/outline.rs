@@ -114,7 +114,7 @@ impl Finder {
         }
     }
 
-    /// Searches a ball or a rod at its predicted position; a patch gives `None`.
+    /// Searches a ball at its predicted position; other bodies give `None`.
     pub(super) fn follow_closely(
         &mut self,
         image: ImageView<'_>,
@@ -125,7 +125,6 @@ impl Finder {
             (Self::Ball(finder), Outline::Ball(near)) => {
                 finder.follow_closely(image, near, presence).map(Outline::Ball)
             }
-            (Self::Rod(finder), Outline::Rod(near)) => finder.follow_closely(image, near).map(Outline::Rod),
             _ => None,
         }
     }

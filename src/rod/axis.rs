@@ -1,6 +1,6 @@
 //! The axis of a rod between its sides, and the composition of the measured rod.
 
-use super::edge_fit::{Edge, FittedEdge};
+use super::edge_fit::Edge;
 use crate::results::{Estimate, PointStatus, Rod, RodEdge};
 
 /// A side of a rod.
@@ -10,8 +10,6 @@ pub(super) struct Side {
     pub(super) at: Estimate,
     /// Columns per row.
     pub(super) slope: Estimate,
-    /// The fit that the next frame starts from, unless light varies across the rod.
-    pub(super) fitted: Option<FittedEdge>,
 }
 
 /// Both sides of a rod.

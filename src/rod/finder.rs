@@ -4,12 +4,11 @@ use super::axis::{Axis, Side, compose_rod};
 use super::edge_fit::{Edge, fit_step_edge};
 use super::edge_lines::select_edges;
 use super::edge_offsets::{mean_of_predictions, mean_position, offset_px};
-use super::observation::{FittedRod, INSET_PX, MARGIN_PX, RodObservation};
+use super::observation::{INSET_PX, MARGIN_PX, RodObservation};
 use super::paint_shading::clean_paint_at;
 use super::params::{RodError, RodParams};
 use super::profiles::{CleanPaint, Direction, ExpectedEdge};
 use super::projections::{BinaryImage, Line, find_extrema};
-use super::sections::{Section, speckled_section};
 use super::shading::{CLOSE_PX, ExpectedRod, ShadedRod};
 use super::tape_light::TapeLight;
 use crate::image::ImageView;
@@ -47,6 +46,10 @@ const SHADED_REACH_PX: f64 = 12.0;
 const SHADED_PASSES: usize = 2;
 /// The reach of profiles from a side, px.
 const SIDE_REACH_PX: usize = 8;
+/// The margin of rows to the edges in the search for texture, px.
+const TEXTURE_MARGIN_PX: f64 = 3.0;
+/// The minimum height of a section for a subset, px.
+const MIN_SECTION_PX: f64 = 9.0;
 
 /// Finds one upright rod per image, the edges of its tapes and its sides.
 ///
@@ -60,10 +63,10 @@ pub struct RodFinder {
 }
 
 /// The expected positions of edges and sides.
-pub(super) struct Prediction {
+struct Prediction {
     sides_px: [f64; 2],
     side_signs: [f64; 2],
-    pub(super) edges_px: Vec<f64>,
+    edges_px: Vec<f64>,
     signs: [f64; ROD_EDGES],
     /// The row to which the positions of the sides belong.
     at_row: f64,
@@ -81,11 +84,11 @@ impl Prediction {
 }
 
 /// A rod whose sides are fitted, before its edges are.
-pub(super) struct RodOnAxis<'a> {
-    pub(super) prediction: &'a Prediction,
-    pub(super) axis: &'a Axis,
+struct FittedRod<'a> {
+    prediction: &'a Prediction,
+    axis: &'a Axis,
     /// The light next to each edge, if it varies across the rod.
-    pub(super) lights: &'a [Option<TapeLight>; ROD_EDGES],
+    lights: &'a [Option<TapeLight>; ROD_EDGES],
 }
 
 impl RodFinder {
@@ -115,8 +118,7 @@ impl RodFinder {
         self.check_shape(image);
         let mut prediction = self.find_by_projections(image)?;
         let (axis, edges) = self.fit_rod(image, &mut prediction)?;
-        let section =
-            speckled_section(image, self.region, &prediction.edges_px, prediction.sides_px).ok_or(PointStatus::Lost)?;
+        let section = self.speckled_section(image, &prediction).ok_or(PointStatus::Lost)?;
         let anchors: [bool; ROD_EDGES] = std::array::from_fn(|index| match section {
             Section::Between(upper) => index == upper || index == upper + 1,
             Section::Above | Section::Below => index < edges.len(),
@@ -145,8 +147,7 @@ impl RodFinder {
         let span_px = span.map(|end| end - y.value);
         let rod = compose_rod(&axis, &edges, y);
         let (signs, side_signs) = (prediction.signs, prediction.side_signs);
-        let fitted = fitted_rod(&axis, &edges);
-        Ok(RodObservation { rod, span_px, offsets_px, anchors, signs, side_signs, fitted })
+        Ok(RodObservation { rod, span_px, offsets_px, anchors, signs, side_signs })
     }
 
     /// Finds the rod near its predicted position, within about 2 px, even if not all of its edges are visible.
@@ -160,15 +161,8 @@ impl RodFinder {
     /// If the size of `image` differs from the planned size.
     pub fn follow(&self, image: ImageView<'_>, near: &RodObservation) -> Result<RodObservation, PointStatus> {
         self.check_shape(image);
-        let mut prediction = self.predict(near);
-        let (axis, edges) = self.fit_rod(image, &mut prediction)?;
-        observe(near, &axis, &edges)
-    }
-
-    /// Returns the expected positions of edges and sides of a rod near a predicted position.
-    pub(super) fn predict(&self, near: &RodObservation) -> Prediction {
         let (x, y, half) = (near.rod.x_px.value, near.rod.y_px.value, near.rod.half_width_px.value);
-        Prediction {
+        let mut prediction = Prediction {
             sides_px: [x - half, x + half],
             side_signs: near.side_signs,
             edges_px: (0..self.params.edges as usize).map(|index| y + near.offsets_px[index].value).collect(),
@@ -176,7 +170,30 @@ impl RodFinder {
             at_row: y,
             tilt: near.rod.tilt_deg.value.to_radians().tan(),
             outward_px: CLOSE_PX,
+        };
+        let (axis, edges) = self.fit_rod(image, &mut prediction)?;
+        let places: Vec<(usize, Estimate)> =
+            edges.iter().enumerate().filter_map(|(index, edge)| Some((index, edge.ok()?.at))).collect();
+        if places.is_empty() {
+            return Err(edges.iter().find_map(|edge| edge.err()).unwrap_or(PointStatus::Lost));
         }
+        // Each edge predicts the reported point; edges that contribute to it must agree.
+        let anchored = edges.iter().zip(near.anchors).filter(|(_, counts)| *counts);
+        let anchored: Result<Vec<Estimate>, _> = anchored.map(|(edge, _)| edge.map(|edge| edge.at)).collect();
+        let mut offsets_px = near.offsets_px;
+        let y = match anchored {
+            Ok(anchored) => {
+                let y = mean_position(anchored.into_iter());
+                for (offset, place) in places.iter().map(|(index, place)| (*index, offset_px(*place, y))) {
+                    if place.sigma < offsets_px[offset].sigma {
+                        offsets_px[offset] = place;
+                    }
+                }
+                y
+            }
+            Err(_) => mean_of_predictions(&places, &near.offsets_px),
+        };
+        Ok(RodObservation { rod: compose_rod(&axis, &edges, y), offsets_px, ..*near })
     }
 
     /// Checks that an image has the planned size.
@@ -184,7 +201,7 @@ impl RodFinder {
     /// # Panics
     ///
     /// If it has another size.
-    pub(super) fn check_shape(&self, image: ImageView<'_>) {
+    fn check_shape(&self, image: ImageView<'_>) {
         assert_eq!((image.width(), image.height()), self.shape, "planned for another size");
     }
 
@@ -288,10 +305,23 @@ impl RodFinder {
         image: ImageView<'_>,
         prediction: &mut Prediction,
     ) -> Result<(Axis, Vec<Result<Edge, PointStatus>>), PointStatus> {
-        let expected = self.expected_rod(prediction);
+        let expected = ExpectedRod {
+            edges_px: &prediction.edges_px,
+            signs: &prediction.signs,
+            sides_px: prediction.sides_px,
+            at_row: prediction.at_row,
+            tilt: prediction.tilt,
+            width_px: self.params.width_px,
+            outward_px: prediction.outward_px,
+            region: self.region,
+        };
         let Some(shaded) = ShadedRod::fit(image, &expected) else {
             let axis = self.fit_axis(image, prediction)?;
-            let edges = self.fit_edges(image, &RodOnAxis { prediction, axis: &axis, lights: &[None; ROD_EDGES] });
+            let [left, right] = axis.sides.map(|side| side.at.value);
+            if right - left < self.params.width_px[0] - SIDE_TOLERANCE_PX {
+                return Err(PointStatus::Lost);
+            }
+            let edges = self.fit_edges(image, &FittedRod { prediction, axis: &axis, lights: &[None; ROD_EDGES] });
             return Ok((axis, edges));
         };
         let axis = shaded.axis;
@@ -302,7 +332,7 @@ impl RodFinder {
         let mut edges = Vec::new();
         for _ in 0..SHADED_PASSES {
             let lights = shaded.lights(image, &prediction.edges_px, &prediction.signs);
-            edges = self.fit_edges(image, &RodOnAxis { prediction, axis: &axis, lights: &lights });
+            edges = self.fit_edges(image, &FittedRod { prediction, axis: &axis, lights: &lights });
             for (place, edge) in prediction.edges_px.iter_mut().zip(&edges) {
                 *place = edge.map_or(*place, |edge| edge.at.value);
             }
@@ -310,23 +340,9 @@ impl RodFinder {
         Ok((axis, edges))
     }
 
-    /// Returns the expected place of the rod.
-    pub(super) fn expected_rod<'a>(&self, prediction: &'a Prediction) -> ExpectedRod<'a> {
-        ExpectedRod {
-            edges_px: &prediction.edges_px,
-            signs: &prediction.signs,
-            sides_px: prediction.sides_px,
-            at_row: prediction.at_row,
-            tilt: prediction.tilt,
-            width_px: self.params.width_px,
-            outward_px: prediction.outward_px,
-            region: self.region,
-        }
-    }
-
     /// Fits all edges, first separately. Speckled ones, and failed ones inside the image, are fitted again with blur
     /// and paint of the clean ones.
-    fn fit_edges(&self, image: ImageView<'_>, rod: &RodOnAxis<'_>) -> Vec<Result<Edge, PointStatus>> {
+    fn fit_edges(&self, image: ImageView<'_>, rod: &FittedRod<'_>) -> Vec<Result<Edge, PointStatus>> {
         let places = &rod.prediction.edges_px;
         let separate: Vec<Result<Edge, PointStatus>> =
             (0..places.len()).map(|index| self.fit_edge(image, rod, index, None)).collect();
@@ -344,24 +360,14 @@ impl RodFinder {
     /// # Errors
     ///
     /// The errors of [`fit_step_edge`].
-    pub(super) fn fit_edge(
+    fn fit_edge(
         &self,
         image: ImageView<'_>,
-        rod: &RodOnAxis<'_>,
+        rod: &FittedRod<'_>,
         index: usize,
         clean: Option<CleanPaint>,
     ) -> Result<Edge, PointStatus> {
-        fit_step_edge(image, &self.expected_edge(rod, index, clean)).map(|edge| Self::on_axis(rod, edge))
-    }
-
-    /// Returns the expected position of the edge with this index, with what is known of clean edges.
-    pub(super) fn expected_edge<'a>(
-        &self,
-        rod: &'a RodOnAxis<'_>,
-        index: usize,
-        clean: Option<CleanPaint>,
-    ) -> ExpectedEdge<'a> {
-        let RodOnAxis { prediction, axis, lights } = rod;
+        let FittedRod { prediction, axis, lights } = rod;
         let [_, top, _, height] = self.region;
         let [from, to] = prediction.sides_px;
         let along = [(from + INSET_PX).ceil().max(0.0) as usize, (to - INSET_PX).floor().max(0.0) as usize + 1];
@@ -371,7 +377,7 @@ impl RodFinder {
         let gaps = [gap(index.checked_sub(1).and_then(|above| places.get(above))), gap(places.get(index + 1))];
         let light = lights[index].as_ref();
         let reach_px = if light.is_some() { SHADED_REACH_PX } else { EDGE_REACH_PX };
-        ExpectedEdge {
+        let expected = ExpectedEdge {
             direction: Direction::Rows,
             along,
             middle,
@@ -382,46 +388,49 @@ impl RodFinder {
             sign: prediction.signs[index],
             clean,
             light,
-        }
+        };
+        let edge = fit_step_edge(image, &expected)?;
+        Ok(Edge { at: Estimate { value: axis.y_at_edge(&edge, middle), ..edge.at }, ..edge })
     }
 
-    /// Moves a fitted edge to where it crosses the axis.
-    pub(super) fn on_axis(rod: &RodOnAxis<'_>, edge: Edge) -> Edge {
-        let value = rod.axis.y_at_edge(&edge, rod.prediction.middle());
-        Edge { at: Estimate { value, ..edge.at }, ..edge }
+    /// Returns the section with the most texture, both along the rows and along the columns: the speckled tape. `None` if
+    /// none is high enough.
+    ///
+    /// A reflection and shading vary along the rows only.
+    fn speckled_section(&self, image: ImageView<'_>, prediction: &Prediction) -> Option<Section> {
+        let [_, top, _, height] = self.region.map(|number| number as f64);
+        let places = &prediction.edges_px;
+        let mut sections: Vec<(Section, [f64; 2])> =
+            places.windows(2).enumerate().map(|(upper, pair)| (Section::Between(upper), [pair[0], pair[1]])).collect();
+        if places.len() % 2 == 1 {
+            // One tape shows a single edge: it lies above the first or below the last.
+            sections.push((Section::Above, [top, places[0]]));
+            sections.push((Section::Below, [places[places.len() - 1], top + height - 1.0]));
+        }
+        let columns = prediction.sides_px.map(|side| side.max(0.0) as usize);
+        let columns = columns[0] + INSET_PX as usize + 1..columns[1].saturating_sub(INSET_PX as usize);
+        let texture = |[from, to]: [f64; 2]| {
+            let rows = (from + TEXTURE_MARGIN_PX).ceil() as usize..((to - TEXTURE_MARGIN_PX).floor().max(0.0)) as usize;
+            let count = (rows.len() * columns.len()).max(1) as f64;
+            let square = |low: f32, high: f32| f64::from(high - low).powi(2);
+            let squares = |y: usize| {
+                let [above, row, below] = [y - 1, y, y + 1].map(|y| image.row(y));
+                let across = columns.clone().map(|x| square(row[x - 1], row[x + 1])).sum::<f64>();
+                [across, columns.clone().map(|x| square(above[x], below[x])).sum::<f64>()]
+            };
+            let sums = rows.map(squares).fold([0.0; 2], |sums, [across, along]| [sums[0] + across, sums[1] + along]);
+            sums[0].min(sums[1]) / count
+        };
+        let candidates = sections.into_iter().filter(|(_, [from, to])| to - from >= MIN_SECTION_PX);
+        candidates.map(|(section, rows)| (section, texture(rows))).max_by(|a, b| a.1.total_cmp(&b.1)).map(|best| best.0)
     }
 
     /// Fits both sides over the rows with tapes. For an odd number of edges these are all rows of the region.
     ///
     /// # Errors
     ///
-    /// The error of a side that cannot be fitted, [`PointStatus::Lost`] if they are too close to each other.
+    /// The error of a side that cannot be fitted.
     fn fit_axis(&self, image: ImageView<'_>, prediction: &Prediction) -> Result<Axis, PointStatus> {
-        let expected = self.expected_sides(prediction);
-        let [left, right] = &expected;
-        self.axis_between([fit_step_edge(image, left)?, fit_step_edge(image, right)?], left.middle)
-    }
-
-    /// Returns the axis between two sides, whose positions belong to the row `middle`.
-    ///
-    /// # Errors
-    ///
-    /// [`PointStatus::Lost`] if they are too close to each other.
-    pub(super) fn axis_between(&self, sides: [Edge; 2], middle: f64) -> Result<Axis, PointStatus> {
-        if sides[1].at.value - sides[0].at.value < self.params.width_px[0] - SIDE_TOLERANCE_PX {
-            return Err(PointStatus::Lost);
-        }
-        // The background is less uniform than the paint of the rod, and common to all rows.
-        let with_side_sigma = |side: Edge| Side {
-            at: Estimate { sigma: side.at.sigma.hypot(SIDE_SIGMA_PX), ..side.at },
-            slope: side.slope,
-            fitted: side.fitted,
-        };
-        Ok(Axis { sides: sides.map(with_side_sigma), middle })
-    }
-
-    /// Returns the expected positions of both sides.
-    pub(super) fn expected_sides(&self, prediction: &Prediction) -> [ExpectedEdge<'static>; 2] {
         let [left, top, width, height] = self.region;
         let places = &prediction.edges_px;
         let (first, last) = match places.len() % 2 {
@@ -431,59 +440,39 @@ impl RodFinder {
         };
         let rows = [first, last].map(|row| (row.max(top as f64) as usize).min(top + height));
         let middle = 0.5 * (rows[0] + rows[1]) as f64;
-        [0, 1].map(|index| ExpectedEdge {
-            direction: Direction::Columns,
-            along: rows,
-            middle,
-            near: prediction.sides_px[index] + prediction.tilt * (middle - prediction.at_row),
-            slope: prediction.tilt,
-            depth: [SIDE_REACH_PX, SIDE_REACH_PX],
-            room: [left, left + width - 1],
-            sign: prediction.side_signs[index],
-            clean: None,
-            light: None,
-        })
+        let side = |index: usize| {
+            let expected = ExpectedEdge {
+                direction: Direction::Columns,
+                along: rows,
+                middle,
+                near: prediction.sides_px[index] + prediction.tilt * (middle - prediction.at_row),
+                slope: prediction.tilt,
+                depth: [SIDE_REACH_PX, SIDE_REACH_PX],
+                room: [left, left + width - 1],
+                sign: prediction.side_signs[index],
+                clean: None,
+                light: None,
+            };
+            fit_step_edge(image, &expected)
+        };
+        // The background is less uniform than the paint of the rod, and common to all rows.
+        let with_side_sigma = |side: Edge| Side {
+            at: Estimate { sigma: side.at.sigma.hypot(SIDE_SIGMA_PX), ..side.at },
+            slope: side.slope,
+        };
+        Ok(Axis { sides: [with_side_sigma(side(0)?), with_side_sigma(side(1)?)], middle })
     }
 }
 
-/// Composes the observation of a rod near its predicted position from its sides and edges.
-///
-/// # Errors
-///
-/// The status of the edges if none is found.
-pub(super) fn observe(
-    near: &RodObservation,
-    axis: &Axis,
-    edges: &[Result<Edge, PointStatus>],
-) -> Result<RodObservation, PointStatus> {
-    let places: Vec<(usize, Estimate)> =
-        edges.iter().enumerate().filter_map(|(index, edge)| Some((index, edge.ok()?.at))).collect();
-    if places.is_empty() {
-        return Err(edges.iter().find_map(|edge| edge.err()).unwrap_or(PointStatus::Lost));
-    }
-    // Each edge predicts the reported point; edges that contribute to it must agree.
-    let anchored = edges.iter().zip(near.anchors).filter(|(_, counts)| *counts);
-    let anchored: Result<Vec<Estimate>, _> = anchored.map(|(edge, _)| edge.map(|edge| edge.at)).collect();
-    let mut offsets_px = near.offsets_px;
-    let y = match anchored {
-        Ok(anchored) => {
-            let y = mean_position(anchored.into_iter());
-            for (offset, place) in places.iter().map(|(index, place)| (*index, offset_px(*place, y))) {
-                if place.sigma < offsets_px[offset].sigma {
-                    offsets_px[offset] = place;
-                }
-            }
-            y
-        }
-        Err(_) => mean_of_predictions(&places, &near.offsets_px),
-    };
-    Ok(RodObservation { rod: compose_rod(axis, edges, y), offsets_px, fitted: fitted_rod(axis, edges), ..*near })
-}
-
-/// Returns the fits from which the next frame starts.
-fn fitted_rod(axis: &Axis, edges: &[Result<Edge, PointStatus>]) -> FittedRod {
-    let fitted = |index: usize| edges.get(index)?.ok()?.fitted;
-    FittedRod { sides: axis.sides.map(|side| side.fitted), edges: std::array::from_fn(fitted) }
+/// The position of the speckled tape.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Section {
+    /// Between this edge and the next.
+    Between(usize),
+    /// Above the first edge.
+    Above,
+    /// Below the last.
+    Below,
 }
 
 /// Estimates the noise of single pixels in a region (x, y, width, height), DN, from the median difference of

@@ -5,13 +5,9 @@
 //! step to the grey levels, which gives the edges to some thousandths of a pixel.
 
 mod axis;
-mod clear_levels;
-mod close_fit;
-mod close_follow;
 mod cylinder;
 mod edge_fit;
 mod edge_lines;
-mod edge_model;
 mod edge_offsets;
 mod finder;
 mod observation;
@@ -20,7 +16,6 @@ mod paint_shading;
 mod params;
 mod profiles;
 pub mod projections;
-mod sections;
 mod shading;
 mod tape_light;
 

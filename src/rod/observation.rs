@@ -1,6 +1,5 @@
 //! A detected rod, with the data to follow it.
 
-use super::edge_fit::FittedEdge;
 use crate::results::{Estimate, PointStatus, ROD_EDGES, Rod, RodEdge};
 
 /// The margin of columns to the sides, px.
@@ -23,15 +22,6 @@ pub struct RodObservation {
     pub(super) signs: [f64; ROD_EDGES],
     /// The same of the left and of the right side, to the right.
     pub(super) side_signs: [f64; 2],
-    /// The last fits of the sides and of the edges; `None` for those that could not be fitted in this frame.
-    pub(super) fitted: FittedRod,
-}
-
-/// The fits of the sides and edges of a rod, from which the next frame starts.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct FittedRod {
-    pub(super) sides: [Option<FittedEdge>; 2],
-    pub(super) edges: [Option<FittedEdge>; ROD_EDGES],
 }
 
 impl RodObservation {

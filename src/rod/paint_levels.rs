@@ -1,12 +1,9 @@
 //! The level of the paint on one side of an edge, with or without speckles.
 
-use crate::numeric::quantile;
 use crate::results::PointStatus;
 use multiversion::multiversion;
 use nalgebra::{SMatrix, SVector};
 
-/// The quantile of the levels of a side at its paint; speckles lie closer to the level of the other side.
-const PAINT_QUANTILE: f64 = 0.85;
 /// The tolerance of paint levels, in standard deviations of their noise.
 pub(super) const PAINT_SIGMAS: f64 = 3.0;
 /// The range of levels around speckled and around clean paint, in standard deviations of its noise.
@@ -19,17 +16,11 @@ const MIN_NOISE: f64 = 0.02;
 /// The minimum number of levels for the paint of a side.
 pub const MIN_LEVELS: usize = 12;
 /// The number of passes, and how many of them search the densest levels.
-pub const PASSES: usize = 14;
+const PASSES: usize = 14;
 const SEARCH_PASSES: usize = 8;
-/// The number of passes from the paint of the frame before.
-const REFIT_PASSES: usize = 2;
-/// The number of coefficients of clean paint: of 1, x, x^2 and y.
-const COEFFICIENTS: usize = 4;
-/// A level that does not count, DN.
-pub const OUT_OF_RANGE: f64 = f64::MAX;
 
 /// The grey level of one side: a parabola along the edge, a line across.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Clone, Copy, Default)]
 pub struct Paint {
     /// The coefficients of 1, along, along squared and behind; behind is zero at the edge.
     pub coefficients: [f64; 4],
@@ -60,10 +51,10 @@ impl Levels {
 }
 
 /// The number of levels that are summed at a time by vector instructions.
-pub const LANES: usize = 8;
+const LANES: usize = 8;
 
 /// One value of each of these levels.
-pub type Lane = [f64; LANES];
+type Lane = [f64; LANES];
 
 /// The levels that count in a pass.
 #[derive(Clone, Copy)]
@@ -96,32 +87,6 @@ impl Paint {
         let [c, b, a, _] = self.coefficients;
         c + along * (b + along * a)
     }
-
-    /// Returns the maximum distance from the paint of levels that it is fitted to, DN.
-    pub fn within_dn(&self) -> f64 {
-        self.noise * if self.is_speckled { DENSE_SIGMAS } else { CLEAN_SIGMAS }
-    }
-}
-
-/// Returns the noise of a level, DN, from the sum of squares and the number of those on the outer side of the paint.
-pub fn limit_noise(squares: f64, outer: f64, tolerance: f64) -> f64 {
-    (squares / outer.max(1.0)).sqrt().clamp(MIN_NOISE * tolerance, tolerance / PAINT_SIGMAS)
-}
-
-/// Returns the noise of a level from which its search starts, DN.
-pub fn widest_noise(tolerance: f64) -> f64 {
-    tolerance / PAINT_SIGMAS
-}
-
-/// Returns the outermost level of a side, where its paint is searched from; `outward` is 1 if that is the lightest. `None`
-/// without levels.
-pub fn outermost(levels: &mut [f64], outward: f64) -> Option<f64> {
-    quantile(levels, if outward > 0.0 { PAINT_QUANTILE } else { 1.0 - PAINT_QUANTILE })
-}
-
-/// Returns the standard deviation of the paint at the edge, DN, extrapolated from `kept` levels clear of it.
-pub fn paint_sigma(noise: f64, kept: f64) -> f64 {
-    2.0 * noise / kept.sqrt()
 }
 
 /// Fits the paint to the densest levels by a mean shift, from the level `start`, DN.
@@ -133,15 +98,15 @@ pub fn paint_sigma(noise: f64, kept: f64) -> f64 {
 ///
 /// [`PointStatus::LowCorrelation`] if too few levels agree.
 pub fn fit_paint(levels: &Levels, start: f64, tolerance: f64, outward: f64) -> Result<Paint, PointStatus> {
-    let mut paint = Paint { coefficients: [start, 0.0, 0.0, 0.0], noise: widest_noise(tolerance), ..Paint::default() };
+    let mut paint = Paint { coefficients: [start, 0.0, 0.0, 0.0], noise: tolerance / PAINT_SIGMAS, ..Paint::default() };
     let scale = levels.along.iter().map(|along| along.abs()).fold(1.0, f64::max);
     let scaled = |values: &[f64]| values.iter().map(|value| value / scale).collect::<Vec<_>>();
     let (x, y) = (scaled(&levels.along), scaled(&levels.behind));
     let mut solved = [start, 0.0, 0.0, 0.0];
     for round in 0..PASSES {
         let is_search = round < SEARCH_PASSES;
-        let within = if is_search { DENSE_SIGMAS * paint.noise } else { paint.within_dn() };
-        let range = Range { coefficients: solved, within, tolerance, outward };
+        let within = if is_search || paint.is_speckled { DENSE_SIGMAS } else { CLEAN_SIGMAS };
+        let range = Range { coefficients: solved, within: within * paint.noise, tolerance, outward };
         let sums = sum_levels([&x, &y, &levels.levels], range);
         let kept = sums.moments[0];
         if kept < MIN_LEVELS as f64 {
@@ -149,44 +114,20 @@ pub fn fit_paint(levels: &Levels, start: f64, tolerance: f64, outward: f64) -> R
         }
         // Little bare paint gives one level, but not its variation.
         paint.is_speckled |= round > 0 && is_search && kept < BARE_FRACTION * levels.len() as f64;
-        let free = if paint.is_speckled { 1 } else { (round / 2 + 1).min(COEFFICIENTS) };
+        let free = if paint.is_speckled { 1 } else { (round / 2 + 1).min(4) };
         let before = (solved, paint.noise);
         solved = sums.solve(free).ok_or(PointStatus::LowCorrelation)?;
-        paint.noise = limit_noise(sums.squares, sums.outer, tolerance);
-        paint.sigma = paint_sigma(paint.noise, kept);
-        // The coefficients and the range of the passes to come are those of this one.
+        paint.noise = (sums.squares / sums.outer.max(1.0)).sqrt();
+        paint.noise = paint.noise.clamp(MIN_NOISE * tolerance, tolerance / PAINT_SIGMAS);
+        // The level at the edge is extrapolated from those clear of it.
+        paint.sigma = 2.0 * paint.noise / kept.sqrt();
+        // Order and range of the passes to come are those of this one.
         if (paint.is_speckled || !is_search) && before == (solved, paint.noise) {
             break;
         }
     }
     paint.coefficients = [solved[0], solved[1] / scale, solved[2] / (scale * scale), solved[3] / scale];
     Ok(paint)
-}
-
-/// Fits the clean paint of a frame to its levels from that of the frame before.
-///
-/// `None` if too few levels agree.
-pub fn refit_paint(levels: &Levels, before: &Paint, tolerance: f64, outward: f64) -> Option<Paint> {
-    let scale = levels.along.iter().map(|along| along.abs()).fold(1.0, f64::max);
-    let scaled = |values: &[f64]| values.iter().map(|value| value / scale).collect::<Vec<_>>();
-    let (x, y) = (scaled(&levels.along), scaled(&levels.behind));
-    let count = levels.levels.iter().filter(|level| **level < OUT_OF_RANGE).count();
-    let [c0, c1, c2, c3] = before.coefficients;
-    let (mut solved, mut paint, mut kept) = ([c0, c1 * scale, c2 * scale * scale, c3 * scale], *before, 0.0);
-    for _ in 0..REFIT_PASSES {
-        let range = Range { coefficients: solved, within: paint.within_dn(), tolerance, outward };
-        let sums = sum_levels([&x, &y, &levels.levels], range);
-        kept = sums.moments[0];
-        if kept < MIN_LEVELS as f64 {
-            return None;
-        }
-        solved = sums.solve(COEFFICIENTS)?;
-        paint.noise = limit_noise(sums.squares, sums.outer, tolerance);
-    }
-    paint.sigma = paint_sigma(paint.noise, kept);
-    paint.coefficients = [solved[0], solved[1] / scale, solved[2] / (scale * scale), solved[3] / scale];
-    // A side with few levels at its paint has got speckles.
-    (kept >= BARE_FRACTION * count as f64).then_some(paint)
 }
 
 impl Sums {
@@ -197,7 +138,7 @@ impl Sums {
         let mut normal =
             SMatrix::<f64, 4, 4>::from([[n, x, x2, y], [x, x2, x3, xy], [x2, x3, x4, x2y], [y, xy, x2y, y2]]);
         let mut right = SVector::from(self.right);
-        for fixed in free..COEFFICIENTS {
+        for fixed in free..4 {
             normal.fill_row(fixed, 0.0);
             normal.fill_column(fixed, 0.0);
             normal[(fixed, fixed)] = 1.0;
@@ -212,7 +153,7 @@ fn sum_levels(samples: [&[f64]; 3], range: Range) -> Sums {
     let [x, y, levels] = samples.map(|values| values.as_chunks::<LANES>());
     let mut sums = sum_lanes(x.0, y.0, levels.0, range);
     // The rest, filled up with levels out of any range.
-    let (mut rest_x, mut rest_y, mut rest) = ([0.0; LANES], [0.0; LANES], [OUT_OF_RANGE; LANES]);
+    let (mut rest_x, mut rest_y, mut rest) = ([0.0; LANES], [0.0; LANES], [f64::MAX; LANES]);
     rest_x[..x.1.len()].copy_from_slice(x.1);
     rest_y[..y.1.len()].copy_from_slice(y.1);
     rest[..levels.1.len()].copy_from_slice(levels.1);

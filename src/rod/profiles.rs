@@ -8,7 +8,7 @@ use crate::results::{Estimate, PointStatus};
 /// The minimum number of profiles of an edge.
 pub(super) const MIN_PROFILES: usize = 5;
 /// The minimum reach of profiles to either side, px.
-pub(super) const MIN_DEPTH_PX: f64 = 5.0;
+const MIN_DEPTH_PX: f64 = 5.0;
 /// The margin to the edge of the levels that show its darker side, px, and their quantile at its paint.
 const DARK_MARGIN_PX: f64 = 3.5;
 const DARK_QUANTILE: f64 = 0.4;

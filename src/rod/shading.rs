@@ -73,15 +73,6 @@ impl ExpectedRod<'_> {
         (0..=count).filter_map(part).collect()
     }
 
-    /// Whether the light varies little across the rod, or no tape shows it.
-    pub(super) fn is_lit_evenly(&self, image: ImageView<'_>) -> bool {
-        let place = Place { sides_px: self.sides_px, at_row: self.at_row, tilt: self.tilt };
-        let profiles = self.light_parts().into_iter().filter_map(|rows| self.profile(image, rows, &place));
-        // Speckles look like shading, a clean tape does not.
-        let evenness = profiles.map(|profile| profile.evenness(place.sides_at(profile.row)));
-        evenness.reduce(f64::max).is_none_or(|evenness| evenness >= MAX_EVENNESS)
-    }
-
     /// Returns the profile of some rows across a rod at this place.
     fn profile(&self, image: ImageView<'_>, rows: [usize; 2], place: &Place) -> Option<TapeProfile> {
         let [left, _, width, _] = self.region;
@@ -199,6 +190,6 @@ fn fit_axis(tapes: &[TapeSides], tilt: f64) -> Option<Axis> {
     let (middle, half) = (weighted_mean(tapes.iter().map(level)), weighted_mean(tapes.iter().map(half)));
     // Both sides are uncertain by the middle and by the width.
     let sigma = middle.sigma.max(half.sigma) * std::f64::consts::SQRT_2;
-    let side = |value: f64| Side { at: Estimate { value, sigma }, slope, fitted: None };
+    let side = |value: f64| Side { at: Estimate { value, sigma }, slope };
     Some(Axis { sides: [side(middle.value - half.value), side(middle.value + half.value)], middle: row })
 }

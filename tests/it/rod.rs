@@ -7,7 +7,6 @@ use ricochet::rod::{RodFinder, RodParams, projections};
 use ricochet::synth::{MotionSetup, Scenario, SimulatedFilm, physics::NormalLaw};
 use ricochet::track::TrackerRows;
 
-mod close;
 mod scene;
 
 use scene::{SCENE, Scene};

@@ -16,21 +16,20 @@ impl Noise {
 }
 
 #[derive(Clone, Copy)]
-pub(in crate::rod) struct Scene {
-    pub(in crate::rod) at: f64,
-    pub(in crate::rod) slope: f64,
-    pub(in crate::rod) blur: f64,
-    pub(in crate::rod) dark: f64,
-    pub(in crate::rod) light: f64,
-    pub(in crate::rod) noise: f64,
-    pub(in crate::rod) seed: u64,
+struct Scene {
+    at: f64,
+    slope: f64,
+    blur: f64,
+    dark: f64,
+    light: f64,
+    noise: f64,
+    seed: u64,
 }
 
-pub(in crate::rod) const SCENE: Scene =
-    Scene { at: 20.3, slope: 0.0, blur: 0.76, dark: 20.0, light: 180.0, noise: 2.0, seed: 5 };
+const SCENE: Scene = Scene { at: 20.3, slope: 0.0, blur: 0.76, dark: 20.0, light: 180.0, noise: 2.0, seed: 5 };
 
 /// Draws 40 x 40 px with an edge along the rows whose position belongs to column 20.
-pub(in crate::rod) fn picture(scene: &Scene) -> Image {
+fn picture(scene: &Scene) -> Image {
     let (mut image, mut noise) = (Image::new(40, 40), Noise(scene.seed));
     for y in 0..40 {
         for x in 0..40 {
@@ -42,7 +41,7 @@ pub(in crate::rod) fn picture(scene: &Scene) -> Image {
     image
 }
 
-pub(in crate::rod) fn expected(near: f64) -> ExpectedEdge<'static> {
+fn expected(near: f64) -> ExpectedEdge<'static> {
     ExpectedEdge {
         direction: Direction::Rows,
         along: [6, 34],
