@@ -8,9 +8,9 @@ use nalgebra::{Matrix3, Vector3};
 use super::annulus::maximum;
 use super::pyramid::GreyImage;
 use super::ransac::{Ray, RoughCircle, can_interpolate, sample_line};
-use super::texture_disc::{RadiusRange, Region, log_levels};
+use super::texture_disc::{MIN_SIDE_PX, RadiusRange, log_levels};
 use super::visible_fraction::{RimBin, fraction_in_image, unoccluded_fraction};
-use crate::image::{ImageView, is_saturated};
+use crate::image::{ImageView, PixelRect, is_saturated};
 use crate::numeric::{Xorshift, nth_smallest};
 use crate::results::Circle;
 
@@ -121,7 +121,7 @@ impl Boundary {
         if clipped_fraction(&self.scratch[0].data) > MAX_CLIPPED {
             return None;
         }
-        let at = [x - region[0] as f64, y - region[1] as f64];
+        let at = [x - f64::from(region.left), y - f64::from(region.top)];
         self.find_steps(at, (radii.low - reach_px).max(2.0), outer);
         let texture = self.texture()?;
         let (best, height) = self.best_circle(texture, radii, reach_px)?;
@@ -418,10 +418,9 @@ fn clipped_fraction(levels: &[f32]) -> f64 {
 }
 
 /// Returns the part of an image within `reach` of a point; `None` if it is too small.
-fn region(at: [f64; 2], reach: f64, size: [usize; 2]) -> Option<Region> {
-    let [left, top] = at.map(|at| (at - reach).floor().max(0.0) as usize);
-    let end = |at: f64, size: usize| ((at + reach).ceil().max(0.0) as usize + 1).min(size);
-    let [right, bottom] = [end(at[0], size[0]), end(at[1], size[1])];
-    let [width, height] = [right.saturating_sub(left), bottom.saturating_sub(top)];
-    (width >= 16 && height >= 16).then_some([left, top, width, height])
+fn region(at: [f64; 2], reach: f64, size: [usize; 2]) -> Option<PixelRect> {
+    let [left, top] = at.map(|at| (at - reach).floor().max(0.0) as u32);
+    let end = |at: f64, size: usize| ((at + reach).ceil().max(0.0) as u32 + 1).min(size as u32);
+    let region = PixelRect { left, top, right: end(at[0], size[0]), bottom: end(at[1], size[1]) };
+    (region.columns().len() >= MIN_SIDE_PX && region.rows().len() >= MIN_SIDE_PX).then_some(region)
 }

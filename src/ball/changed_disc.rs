@@ -352,7 +352,7 @@ fn uncertainty(disc: Disc, points: &[RimPoint], rays: usize, wanted: WantedRadiu
 mod tests {
     use super::*;
     use crate::ball::foreground::Foreground;
-    use crate::image::Image;
+    use crate::image::{Image, PixelRect};
 
     /// The difference of a shaded disc from its background: bright on one side, dark on the other, with noise.
     fn difference(truth: Disc, noise_dn: f32, seed: usize) -> Image {
@@ -382,7 +382,7 @@ mod tests {
             let image = difference(truth, 2.0, case as usize);
             let radii = RadiusRange { low: 5.0, high: 20.0 };
             let mut foreground = Foreground::default();
-            let parts = foreground.search(image.view(), [0, 0, 96, 80], radii);
+            let parts = foreground.search(image.view(), PixelRect::whole(96, 80), radii);
             let sizes = ImageView::new(foreground.sizes(), 96, 80).unwrap();
             let wanted = WantedRadius { range: radii, expected: (case % 2 == 0).then_some(1.02 * truth.radius) };
             let found = fit_disc(sizes, parts[0], wanted).unwrap().circle;
@@ -402,7 +402,7 @@ mod tests {
         }
         let radii = RadiusRange { low: 6.0, high: 16.0 };
         let mut foreground = Foreground::default();
-        let parts = foreground.search(image.view(), [0, 0, 96, 80], radii);
+        let parts = foreground.search(image.view(), PixelRect::whole(96, 80), radii);
         assert_eq!(parts.len(), 1);
         let sizes = ImageView::new(foreground.sizes(), 96, 80).unwrap();
         for expected in [None, Some(8.0), Some(12.0)] {

@@ -309,7 +309,7 @@ mod tests {
     use super::*;
     use crate::ball::foreground::Foreground;
     use crate::ball::texture_disc::RadiusRange;
-    use crate::image::Image;
+    use crate::image::{Image, PixelRect};
     use crate::numeric::Xorshift;
 
     /// The difference of a ball that is brighter than the ground on top and darker below, with a highlight and noise.
@@ -341,7 +341,7 @@ mod tests {
             let image = difference(truth, 20.0, case as usize);
             let radii = RadiusRange { low: 5.0, high: 20.0 };
             let mut foreground = Foreground::default();
-            let parts = foreground.search(image.view(), [0, 0, 96, 80], radii);
+            let parts = foreground.search(image.view(), PixelRect::whole(96, 80), radii);
             let sizes = ImageView::new(foreground.sizes(), 96, 80).unwrap();
             let wanted = WantedRadius { range: radii, expected: Some(1.01 * truth.radius) };
             let Some(part) = parts.first() else { continue };
@@ -365,7 +365,7 @@ mod tests {
         }
         let radii = RadiusRange { low: 5.0, high: 20.0 };
         let mut foreground = Foreground::default();
-        let parts = foreground.search(image.view(), [0, 0, 96, 80], radii);
+        let parts = foreground.search(image.view(), PixelRect::whole(96, 80), radii);
         let sizes = ImageView::new(foreground.sizes(), 96, 80).unwrap();
         assert_eq!(parts.len(), 1);
         for expected in [6.0, 8.0, 10.0, 12.0] {

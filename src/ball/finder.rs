@@ -14,7 +14,7 @@ use super::ransac::{Candidate, Ransac, RansacParams, RoughCircle, rim_polarity};
 use super::subpixel_fit::{CERTAIN_INLIERS, MAX_SHIFT_PX, Measured, SubpixelFit};
 use super::texture_disc::RadiusRange;
 use super::textured::TexturedSearch;
-use crate::image::ImageView;
+use crate::image::{ImageView, PixelRect};
 use crate::results::Circle;
 
 /// The minimum support of a circle that is measured.
@@ -207,9 +207,9 @@ impl BallFinder {
         circle
     }
 
-    /// Returns the region in which the ball is searched: left, top, width and height, px.
-    fn searched_region(&self, image: ImageView<'_>) -> [usize; 4] {
-        self.params.roi_px.map_or([0, 0, image.width(), image.height()], |roi| roi.map(|v| v as usize))
+    /// Returns the region in which the ball is searched.
+    fn searched_region(&self, image: ImageView<'_>) -> PixelRect {
+        self.params.region(image.width(), image.height())
     }
 
     /// Searches the ball by its texture, and the outline by the boundary of that texture.

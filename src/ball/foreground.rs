@@ -4,8 +4,8 @@
 //! is zero outside the ball, whatever the background looks like.
 
 use super::ransac::RoughCircle;
-use super::texture_disc::{RadiusRange, Region};
-use crate::image::ImageView;
+use super::texture_disc::RadiusRange;
+use crate::image::{ImageView, PixelRect};
 use crate::numeric::nth_smallest;
 
 /// The mean square of nine pixels from which they have changed, relative to the variance of the noise. Gaussian noise
@@ -85,7 +85,12 @@ impl Foreground {
     /// Searches changed parts of about the area of a ball in a region, the largest first.
     ///
     /// `difference` is the image minus its background, DN.
-    pub(super) fn search(&mut self, difference: ImageView<'_>, region: Region, radii: RadiusRange) -> Vec<ChangedPart> {
+    pub(super) fn search(
+        &mut self,
+        difference: ImageView<'_>,
+        region: PixelRect,
+        radii: RadiusRange,
+    ) -> Vec<ChangedPart> {
         let (width, height) = (difference.width(), difference.height());
         self.sizes.clear();
         self.sizes.extend(difference.data().iter().map(|value| value.abs()));
@@ -110,7 +115,7 @@ impl Foreground {
     }
 
     /// Marks the pixels in a region whose neighbourhood of nine differs by more than noise.
-    fn mark_changed(&mut self, width: usize, height: usize, [left, top, w, h]: Region, radii: RadiusRange) {
+    fn mark_changed(&mut self, width: usize, height: usize, region: PixelRect, radii: RadiusRange) {
         self.changed.clear();
         self.changed.resize(width * height, 0);
         self.rows.resize(width * height, 0.0);
@@ -120,17 +125,12 @@ impl Foreground {
             }
         }
         let side = ((TILE_RADII * radii.high) as usize).max(MIN_TILE_PX);
-        let (right, bottom) = ((left + w).min(width - 1), (top + h).min(height - 1));
-        self.tiles = Tiles {
-            left: left.max(1),
-            top: top.max(1),
-            side,
-            columns: right.saturating_sub(left.max(1)).div_ceil(side),
-            noise_dn: Vec::new(),
-        };
-        for (y0, x0) in
-            (top.max(1)..bottom).step_by(side).flat_map(|y| (left.max(1)..right).step_by(side).map(move |x| (y, x)))
-        {
+        // Neighbourhoods lie within the image.
+        let (left, right) = (region.columns().start.max(1), region.columns().end.min(width - 1));
+        let (top, bottom) = (region.rows().start.max(1), region.rows().end.min(height - 1));
+        self.tiles =
+            Tiles { left, top, side, columns: right.saturating_sub(left).div_ceil(side), noise_dn: Vec::new() };
+        for (y0, x0) in (top..bottom).step_by(side).flat_map(|y| (left..right).step_by(side).map(move |x| (y, x))) {
             let (y1, x1) = ((y0 + side).min(bottom), (x0 + side).min(right));
             self.tile.clear();
             (y0..y1).for_each(|y| self.tile.extend_from_slice(&self.sizes[y * width + x0..y * width + x1]));

@@ -4,7 +4,7 @@ use super::annulus::maximum;
 use super::params::BallParams;
 use super::pyramid::{GreyImage, blur, remove_bright_marks, remove_dark_marks};
 use super::texture_disc::RadiusRange;
-use crate::image::ImageView;
+use crate::image::{ImageView, PixelRect};
 
 /// A peak of the Hough transform: centre and radius in pixels of the full image.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -69,7 +69,7 @@ struct Votes {
 #[derive(Debug, Default)]
 pub(super) struct HoughSearch {
     bands: Vec<Band>,
-    roi: [usize; 4],
+    region: PixelRect,
     levels: Vec<GreyImage>,
     /// The image without small marks, for every range of radii.
     filtered: Vec<GreyImage>,
@@ -93,11 +93,10 @@ pub(super) struct HoughSearch {
 impl HoughSearch {
     /// Plans the search in images of `width` x `height` pixels.
     pub fn new(params: &BallParams, width: usize, height: usize) -> Self {
-        let roi = params.roi_px.map_or([0, 0, width, height], |r| r.map(|v| v as usize));
         let bands = split_radii(params.min_radius_px as f32, params.max_radius_px as f32);
         let deepest = bands.iter().map(|b| b.level).max().unwrap_or(0);
         Self {
-            roi,
+            region: params.region(width, height),
             levels: vec![GreyImage::default(); deepest + 1],
             filtered: vec![GreyImage::default(); bands.len()],
             bands,
@@ -120,14 +119,16 @@ impl HoughSearch {
     pub fn reduce(&mut self, image: ImageView<'_>) {
         let needs_full = self.bands.iter().any(|b| b.level == 0);
         if needs_full || self.levels.len() == 1 {
-            self.levels[0].copy_region(image, self.roi);
+            self.levels[0].copy_region(image, self.region);
         }
         for level in 1..self.levels.len() {
             let (fine, coarse) = self.levels.split_at_mut(level);
             let fine = &fine[level - 1];
             match fine.view() {
-                Some(view) if level > 1 => coarse[0].copy_halved(view, [0, 0, fine.width, fine.height]),
-                _ => coarse[0].copy_halved(image, self.roi),
+                Some(view) if level > 1 => {
+                    coarse[0].copy_halved(view, PixelRect::whole(fine.width as u32, fine.height as u32))
+                }
+                _ => coarse[0].copy_halved(image, self.region),
             }
         }
     }
@@ -162,15 +163,15 @@ impl HoughSearch {
     /// Converts a point of a range's reduced image to pixels of the full image.
     pub fn to_full(&self, band: usize, x: f32, y: f32) -> (f32, f32) {
         let scale = (1 << self.bands[band].level) as f32;
-        let full = |v: f32, origin: usize| origin as f32 + (v + 0.5) * scale - 0.5;
-        (full(x, self.roi[0]), full(y, self.roi[1]))
+        let full = |v: f32, origin: u32| origin as f32 + (v + 0.5) * scale - 0.5;
+        (full(x, self.region.left), full(y, self.region.top))
     }
 
     /// Converts a point of the full image to pixels of a range's reduced image.
     pub fn to_reduced(&self, band: usize, x: f32, y: f32) -> (f32, f32) {
         let scale = (1 << self.bands[band].level) as f32;
-        let reduced = |v: f32, origin: usize| (v - origin as f32 + 0.5) / scale - 0.5;
-        (reduced(x, self.roi[0]), reduced(y, self.roi[1]))
+        let reduced = |v: f32, origin: u32| (v - origin as f32 + 0.5) / scale - 0.5;
+        (reduced(x, self.region.left), reduced(y, self.region.top))
     }
 
     /// Appends the peaks of one radius range in the smoothed image.

@@ -1,6 +1,7 @@
 //! Parameters of a ball finder.
 
 use crate::failure::{ExitCode, Fatal};
+use crate::image::PixelRect;
 
 /// The minimum radius for the edge fit, px.
 pub(super) const MIN_RADIUS_PX: f64 = 6.0;
@@ -36,6 +37,11 @@ impl BallParams {
     /// Creates parameters for balls of `min_radius_px` to `max_radius_px` anywhere in the image.
     pub fn new(min_radius_px: f64, max_radius_px: f64) -> Self {
         Self { min_radius_px, max_radius_px, expected_radius_px: None, roi_px: None, outline: OutlineMethod::default() }
+    }
+
+    /// Returns the searched region of an image of this size.
+    pub(super) fn region(&self, width_px: usize, height_px: usize) -> PixelRect {
+        self.roi_px.map_or(PixelRect::whole(width_px as u32, height_px as u32), PixelRect::from)
     }
 
     /// Checks the parameters for images of this size.

@@ -3,10 +3,10 @@
 //! Marks that reach the rim of a ball, or a side without light, break its edge. What differs from the ground is the ball
 //! nevertheless, without another frame to compare with.
 
-use super::texture_disc::Region;
-use crate::image::ImageView;
+use crate::image::{ImageView, PixelRect};
 use crate::numeric::nth_smallest;
 use crate::results::Circle;
+use std::ops::Range;
 
 /// The side of the tiles whose medians are the brightness of the ground, in largest radii. A ball covers at most 35 % of one.
 const TILE_RADII: f64 = 3.0;
@@ -40,13 +40,13 @@ struct Tiling {
 
 impl Tiling {
     /// Divides a length into tiles of about this side, all of one size, px.
-    fn new(start: usize, length: usize, side: usize) -> Self {
-        let count = (length / side).max(1);
-        Self { start, side: length as f64 / count as f64, count }
+    fn new(pixels: Range<usize>, side: usize) -> Self {
+        let count = (pixels.len() / side).max(1);
+        Self { start: pixels.start, side: pixels.len() as f64 / count as f64, count }
     }
 
     /// Returns the pixels of a tile.
-    fn range(&self, tile: usize) -> std::ops::Range<usize> {
+    fn range(&self, tile: usize) -> Range<usize> {
         let edge = |tile: usize| self.start + (tile as f64 * self.side).round() as usize;
         edge(tile)..edge(tile + 1)
     }
@@ -62,10 +62,9 @@ impl Tiling {
 
 impl PlainGround {
     /// Returns an image minus its ground in a region, DN; 0 outside of it. `max_radius_px` is that of the largest ball.
-    pub(super) fn subtract(&mut self, image: ImageView<'_>, region: Region, max_radius_px: f64) -> &[f32] {
-        let [left, top, width, height] = region;
+    pub(super) fn subtract(&mut self, image: ImageView<'_>, region: PixelRect, max_radius_px: f64) -> &[f32] {
         let side = ((TILE_RADII * max_radius_px) as usize).max(MIN_TILE_PX);
-        let (columns, rows) = (Tiling::new(left, width, side), Tiling::new(top, height, side));
+        let (columns, rows) = (Tiling::new(region.columns(), side), Tiling::new(region.rows(), side));
         self.medians.clear();
         for (row, column) in (0..rows.count).flat_map(|row| (0..columns.count).map(move |column| (row, column))) {
             self.tile.clear();
@@ -76,9 +75,9 @@ impl PlainGround {
         }
         self.difference.clear();
         self.difference.resize(image.width() * image.height(), 0.0);
-        for y in top..top + height {
+        for y in region.rows() {
             let ([above, below], down) = rows.neighbours(y);
-            for x in left..left + width {
+            for x in region.columns() {
                 let ([before, after], right) = columns.neighbours(x);
                 let across = |row: usize| {
                     let at = |column: usize| self.medians[row * columns.count + column];
@@ -142,7 +141,7 @@ mod tests {
         let data: Vec<f32> = (0..width * height).map(|at| level(at % width, at / width)).collect();
         let image = ImageView::new(&data, width, height).unwrap();
         let mut ground = PlainGround::default();
-        let difference = ground.subtract(image, [8, 4, 144, 112], 14.0);
+        let difference = ground.subtract(image, PixelRect::from([8, 4, 144, 112]), 14.0);
         for (at, difference) in difference.iter().enumerate() {
             let (x, y) = (at % width, at / width);
             if (8..152).contains(&x) && (4..116).contains(&y) {
@@ -165,7 +164,11 @@ mod tests {
         };
         let data: Vec<f32> = (0..width * height).map(|at| level(at % width, at / width)).collect();
         let mut ground = PlainGround::default();
-        ground.subtract(ImageView::new(&data, width, height).unwrap(), [0, 0, width, height], 14.0);
+        ground.subtract(
+            ImageView::new(&data, width, height).unwrap(),
+            PixelRect::whole(width as u32, height as u32),
+            14.0,
+        );
         let circle = |x_px: f64, y_px: f64| Circle {
             x_px,
             y_px,

@@ -1,6 +1,6 @@
 //! The image pyramid: reduced, smoothed and filtered copies of an image for the coarse search.
 
-use crate::image::ImageView;
+use crate::image::{ImageView, PixelRect};
 
 /// A grey image that reuses its memory.
 #[derive(Debug, Clone, Default)]
@@ -22,22 +22,23 @@ impl GreyImage {
         ImageView::new(&self.data, self.width, self.height).ok()
     }
 
-    /// Copies a region of `image`: x, y, width, height.
-    pub fn copy_region(&mut self, image: ImageView<'_>, region: [usize; 4]) {
-        let [x0, y0, width, height] = region;
-        self.reshape(width, height);
-        for (y, row) in self.data.chunks_exact_mut(width.max(1)).enumerate() {
-            row.copy_from_slice(&image.row(y0 + y)[x0..x0 + width]);
+    /// Copies a region of `image`.
+    pub fn copy_region(&mut self, image: ImageView<'_>, region: PixelRect) {
+        let (columns, rows) = (region.columns(), region.rows());
+        self.reshape(columns.len(), rows.len());
+        for (row, y) in self.data.chunks_exact_mut(columns.len().max(1)).zip(rows) {
+            row.copy_from_slice(&image.row(y)[columns.clone()]);
         }
     }
 
     /// Copies a region of `image` at half its size; each pixel is the mean of four.
-    pub fn copy_halved(&mut self, image: ImageView<'_>, region: [usize; 4]) {
-        let [x0, y0, width, height] = region;
-        self.reshape(width / 2, height / 2);
-        for (y, row) in self.data.chunks_exact_mut((width / 2).max(1)).enumerate() {
-            let upper = &image.row(y0 + 2 * y)[x0..x0 + width];
-            let lower = &image.row(y0 + 2 * y + 1)[x0..x0 + width];
+    pub fn copy_halved(&mut self, image: ImageView<'_>, region: PixelRect) {
+        let (columns, rows) = (region.columns(), region.rows());
+        let width = columns.len() / 2;
+        self.reshape(width, rows.len() / 2);
+        for (row, y) in self.data.chunks_exact_mut(width.max(1)).zip(rows.step_by(2)) {
+            let upper = &image.row(y)[columns.clone()];
+            let lower = &image.row(y + 1)[columns.clone()];
             for ((pixel, a), b) in row.iter_mut().zip(upper.chunks_exact(2)).zip(lower.chunks_exact(2)) {
                 *pixel = 0.25 * (a[0] + a[1] + b[0] + b[1]);
             }

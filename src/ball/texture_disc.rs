@@ -5,7 +5,7 @@
 use super::annulus::maximum;
 use super::pyramid::{GreyImage, blur};
 use super::ransac::RoughCircle;
-use crate::image::ImageView;
+use crate::image::{ImageView, PixelRect};
 
 /// The level below which differences do not count as texture, as a fraction of the highest level of the image.
 const FLOOR_FRACTION: f32 = 0.03;
@@ -41,13 +41,13 @@ impl RadiusRange {
     }
 }
 
-/// The rectangle of an image that is searched: x, y, width, height, px.
-pub(super) type Region = [usize; 4];
+/// The minimum side of a region that is searched by its texture, px.
+pub(super) const MIN_SIDE_PX: usize = 16;
 
 /// Computes the logarithm of the smoothed grey levels of a region.
 ///
 /// Steps of reflectance are then equally high in light and in shadow.
-pub(super) fn log_levels(image: ImageView<'_>, region: Region, scratch: &mut [GreyImage; 2], out: &mut GreyImage) {
+pub(super) fn log_levels(image: ImageView<'_>, region: PixelRect, scratch: &mut [GreyImage; 2], out: &mut GreyImage) {
     let [raw, rows] = scratch;
     raw.copy_region(image, region);
     blur(raw, rows, out);

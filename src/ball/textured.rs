@@ -3,8 +3,8 @@
 use super::boundary::{Boundary, Found};
 use super::pyramid::GreyImage;
 use super::ransac::RoughCircle;
-use super::texture_disc::{RadiusRange, Region, TextureDisc, log_levels};
-use crate::image::ImageView;
+use super::texture_disc::{MIN_SIDE_PX, RadiusRange, TextureDisc, log_levels};
+use crate::image::{ImageView, PixelRect};
 use crate::results::Circle;
 
 /// The maximum error of the centre of a textured disc, in radii.
@@ -26,8 +26,6 @@ const MIN_RADIUS_PX: f64 = 20.0;
 const MIN_KNOWN_RADIUS_PX: f64 = 9.0;
 /// The maximum ratio of the largest to the smallest radius of a ball whose radius is known.
 const KNOWN_RATIO: f64 = 1.4;
-/// The minimum side of a searched region, px.
-const MIN_SIDE_PX: usize = 16;
 
 /// The search with its scratch memory.
 #[derive(Debug, Default)]
@@ -40,9 +38,9 @@ pub(super) struct TexturedSearch {
 
 impl TexturedSearch {
     /// Finds the ball in a region: the most certain one of the first range of radii that has any.
-    pub fn find(&mut self, image: ImageView<'_>, region: Region, ranges: &[RadiusRange]) -> Option<Circle> {
+    pub fn find(&mut self, image: ImageView<'_>, region: PixelRect, ranges: &[RadiusRange]) -> Option<Circle> {
         let mut ranges = ranges.iter().filter(|radii| is_large_enough(radii)).peekable();
-        if region[2].min(region[3]) < MIN_SIDE_PX || ranges.peek().is_none() {
+        if region.columns().len().min(region.rows().len()) < MIN_SIDE_PX || ranges.peek().is_none() {
             return None;
         }
         log_levels(image, region, &mut self.scratch, &mut self.levels);
@@ -68,11 +66,11 @@ impl TexturedSearch {
         certain(best(&found)?, &found)
     }
 
-    fn find_sized(&mut self, image: ImageView<'_>, region: Region, radii: RadiusRange) -> Option<Circle> {
+    fn find_sized(&mut self, image: ImageView<'_>, region: PixelRect, radii: RadiusRange) -> Option<Circle> {
         let reach_px = (REACH_OF_DISC * radii.high).max(REACH_PX);
         let mut found: Vec<Found> = Vec::new();
         for disc in self.disc.search(&self.levels, radii) {
-            let near = RoughCircle { x: disc.x + region[0] as f32, y: disc.y + region[1] as f32, ..disc };
+            let near = RoughCircle { x: disc.x + region.left as f32, y: disc.y + region.top as f32, ..disc };
             found.extend(self.boundary.find(image, near, radii, reach_px));
         }
         let first = best(&found)?;

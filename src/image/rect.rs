@@ -1,5 +1,7 @@
 //! Rectangles of whole pixels.
 
+use std::ops::Range;
+
 /// A rectangle of pixels; `right` and `bottom` lie outside.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct PixelRect {
@@ -17,6 +19,16 @@ impl PixelRect {
     /// Returns the rectangle of a complete image, px.
     pub fn whole(width: u32, height: u32) -> Self {
         Self { left: 0, top: 0, right: width, bottom: height }
+    }
+
+    /// Returns its columns.
+    pub fn columns(self) -> Range<usize> {
+        self.left as usize..self.right as usize
+    }
+
+    /// Returns its rows.
+    pub fn rows(self) -> Range<usize> {
+        self.top as usize..self.bottom as usize
     }
 
     /// Whether the rectangle has no pixel.

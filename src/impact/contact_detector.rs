@@ -7,6 +7,7 @@ use super::departure::{Departure, drift, plausible_curves, residual, test_depart
 use super::force_free::{EndOfForce, FreeFlight, find_force_free, fit_acceleration, test_force_free};
 use super::trajectory::{NORMAL, SurfaceNode, nodes_between, samples, turning_sigma};
 use crate::motion::Regime;
+use crate::numeric::Sample;
 use crate::results::{Estimate, Phase};
 
 /// The minimum distance from the flight's curve that counts as a departure, sigmas.
@@ -27,6 +28,8 @@ const FLIGHT_MIN_NODES: usize = 6;
 const GUARD_NODES: usize = 4;
 /// Frames between the first departed node and the end of what is certainly flight.
 const CERTAIN_FRAMES: f64 = 9.0;
+/// The length of the flight before the first departed node that the onset is fitted to, frames.
+const ONSET_FRAMES: f64 = 15.0;
 /// The number of nodes in the running fit of the acceleration.
 const ACCELERATION_NODES: usize = 7;
 /// The maximum lead of the force-free stretch over the end of the force, frames.
@@ -90,6 +93,16 @@ impl Break {
     }
 }
 
+/// Consecutive nodes on one side of the flight's curve.
+#[derive(Debug, Clone, Copy)]
+struct Departing {
+    /// The time of the first of them.
+    from_frames: f64,
+    /// -1 or 1.
+    side: f64,
+    nodes: u32,
+}
+
 /// A contact detector for the normal coordinate of one body.
 ///
 /// In flight, each new position is compared with the parabola through the flight so far (gravity known). Three
@@ -101,8 +114,8 @@ pub struct Detector {
     /// The lag of published rows.
     lag_frames: u64,
     flight_from: f64,
-    /// The undecided departure: the time of its first node (frames), its side (-1 or 1) and its number of nodes.
-    off: Option<(f64, f64, u32)>,
+    /// The undecided departure from the flight.
+    departing: Option<Departing>,
     contact: Option<Contact>,
     /// The start of the force-free stretch after a contact, and the frames since then.
     quiet: Option<(f64, u32)>,
@@ -116,7 +129,7 @@ impl Detector {
             nodes: Vec::new(),
             lag_frames,
             flight_from: f64::NEG_INFINITY,
-            off: None,
+            departing: None,
             contact: None,
             quiet: None,
             breaks: VecDeque::new(),
@@ -142,7 +155,7 @@ impl Detector {
 
     /// Whether a contact, or an undecided departure, may be acting on the body.
     pub fn may_be_in_contact(&self) -> bool {
-        self.off.is_some() || self.contact.is_some_and(|c| c.end_frames.is_none())
+        self.departing.is_some() || self.contact.is_some_and(|c| c.end_frames.is_none())
     }
 
     /// Adds the next node and returns its effect. `gravity` is along the normal, px/frame^2; `None` without a scale.
@@ -174,59 +187,75 @@ impl Detector {
     /// A departure inwards, of a body that does not approach, or like a jump restarts the flight.
     fn check_for_contact(&mut self, gravity: Option<f64>) -> Event {
         let first = self.nodes.partition_point(|n| n.time_frames < self.flight_from);
-        let end = match self.off {
-            Some((from, ..)) => self.nodes.partition_point(|n| n.time_frames < from),
+        let end = match self.departing {
+            Some(departing) => self.nodes.partition_point(|n| n.time_frames < departing.from_frames),
             None => self.nodes.len() - 1,
         };
         let end = end.saturating_sub(GUARD_NODES).max(first);
-        let compared = &self.nodes[first.max(end.saturating_sub(FLIGHT_NODES))..];
-        let turning_sigma = turning_sigma(compared);
-        let flight = samples(&self.nodes[first.max(end.saturating_sub(FLIGHT_NODES))..end], NORMAL);
-        let since = samples(&self.nodes[end..], NORMAL);
-        let tested = if flight.len() < FLIGHT_MIN_NODES {
-            None
-        } else {
-            test_departure(&flight, &since, gravity, turning_sigma)
-        };
-        let time = self.nodes[self.nodes.len() - 1].time_frames;
-        let Some(Departure { sigmas, certain_sigmas, rate }) = tested else { return Event::None };
-        if sigmas.abs() <= OFF_SIGMAS {
-            self.off = None;
+        let from = first.max(end.saturating_sub(FLIGHT_NODES));
+        let flight = samples(&self.nodes[from..end], NORMAL);
+        if flight.len() < FLIGHT_MIN_NODES {
             return Event::None;
         }
-        let (from, side, count) = match self.off {
-            Some((from, side, count)) if side * sigmas > 0.0 => (from, side, count + 1),
-            _ => (time, sigmas.signum(), 1),
-        };
-        self.off = Some((from, side, count));
-        if count < OFF_FRAMES {
+        let since = samples(&self.nodes[end..], NORMAL);
+        let tested = test_departure(&flight, &since, gravity, turning_sigma(&self.nodes[from..]));
+        let Some(Departure { sigmas, certain_sigmas, rate }) = tested else { return Event::None };
+        if sigmas.abs() <= OFF_SIGMAS {
+            self.departing = None;
+            return Event::None;
+        }
+        let departing = self.departing_to(sigmas.signum());
+        if departing.nodes < OFF_FRAMES {
             return Event::None;
         }
         if certain_sigmas.abs() <= OFF_SIGMAS {
             // The centre of a turning body may drift so far. A contact departs ever faster.
-            if count >= DRIFT_FRAMES {
-                self.restart_flight(from);
+            if departing.nodes >= DRIFT_FRAMES {
+                self.restart_flight(departing.from_frames);
             }
             return Event::None;
         }
-        let approaching = rate.value < -APPROACH_SIGMAS * rate.sigma;
-        if side < 0.0 || !approaching {
-            self.restart_flight(from);
+        let is_approaching = rate.value < -APPROACH_SIGMAS * rate.sigma;
+        if departing.side < 0.0 || !is_approaching {
+            self.restart_flight(departing.from_frames);
             return Event::None;
         }
-        let back = self.nodes.partition_point(|n| n.time_frames < from - 15.0).max(first);
+        self.decide_departure(departing, &flight, rate, gravity)
+    }
+
+    /// Adds the newest node to the departure, or begins another one to this `side`.
+    fn departing_to(&mut self, side: f64) -> Departing {
+        let departing = match self.departing {
+            Some(before) if before.side * side > 0.0 => Departing { nodes: before.nodes + 1, ..before },
+            _ => Departing { from_frames: self.nodes[self.nodes.len() - 1].time_frames, side, nodes: 1 },
+        };
+        self.departing = Some(departing);
+        departing
+    }
+
+    /// Begins a contact if an approaching body departs gradually, as a force moves it. A jump restarts the flight.
+    fn decide_departure(
+        &mut self,
+        departing: Departing,
+        flight: &[Sample],
+        rate: Estimate,
+        gravity: Option<f64>,
+    ) -> Event {
+        let Departing { from_frames, nodes, .. } = departing;
+        let first = self.nodes.partition_point(|n| n.time_frames < self.flight_from);
+        let back = self.nodes.partition_point(|n| n.time_frames < from_frames - ONSET_FRAMES).max(first);
         let recent = samples(&self.nodes[back..], NORMAL);
-        let onset = plausible_curves(&flight, gravity).first().and_then(|curve| fit_onset(curve, &recent, from));
-        match onset {
-            Some(o) if !o.gradual && count < JUMP_FRAMES => Event::None,
-            Some(o) if !o.gradual => {
-                self.restart_flight(from);
+        let curve = plausible_curves(flight, gravity).into_iter().next();
+        match curve.and_then(|curve| fit_onset(&curve, &recent, from_frames)) {
+            Some(onset) if !onset.gradual && nodes < JUMP_FRAMES => Event::None,
+            Some(onset) if !onset.gradual => {
+                self.restart_flight(from_frames);
                 Event::None
             }
             onset => {
                 // Without a common offset (lost frames), the onset lies anywhere between the last node and this one.
-                let between = 0.5 * (flight[flight.len() - 1].time_frames + from);
-                self.begin_contact(onset.map_or(between, |o| o.start_frames), from, rate);
+                let between = 0.5 * (flight[flight.len() - 1].time_frames + from_frames);
+                self.begin_contact(onset.map_or(between, |onset| onset.start_frames), from_frames, rate);
                 Event::Began
             }
         }
@@ -235,14 +264,14 @@ impl Detector {
     /// Restarts the flight at `from_frames`, after a release or a wrong step.
     fn restart_flight(&mut self, from_frames: f64) {
         self.flight_from = from_frames;
-        self.off = None;
+        self.departing = None;
         let from = self.frame_at(from_frames);
         self.store_break(Break { from, to: Some(from), published_after: None, speed: 0.0, acceleration: 0.0 });
     }
 
     /// Begins a contact. `approach` is the normal velocity before it, px/frame.
     fn begin_contact(&mut self, start_frames: f64, departed_frames: f64, approach: Estimate) {
-        (self.off, self.quiet) = (None, None);
+        (self.departing, self.quiet) = (None, None);
         let first = self.nodes.partition_point(|n| n.time_frames < self.flight_from);
         let flight_from_frames = self.nodes[first].time_frames;
         self.contact = Some(Contact {
@@ -320,7 +349,7 @@ impl Detector {
     fn refine_end(&mut self, gravity: Option<f64>) {
         let Some((from, count)) = self.quiet else { return };
         let count = count + 1;
-        self.quiet = (count < END_AGAIN_FRAMES[3] && self.off.is_none()).then_some((from, count));
+        self.quiet = (count < END_AGAIN_FRAMES[3] && self.departing.is_none()).then_some((from, count));
         let Some(contact) = self.contact.filter(|_| END_AGAIN_FRAMES.contains(&count)) else { return };
         let flight = nodes_between(&self.nodes, from + QUIET_EARLY_FRAMES, f64::INFINITY);
         let (after, turning_sigma) = (samples(flight, NORMAL), turning_sigma(flight));

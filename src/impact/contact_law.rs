@@ -3,6 +3,7 @@
 use multiversion::multiversion;
 
 use crate::numeric::{exp, ln};
+use crate::results::Estimate;
 
 /// A family of contact laws, from stiff to free.
 ///
@@ -76,6 +77,51 @@ pub struct Units {
 ///
 /// The duration is separate because the errors of start and end are not independent.
 pub type Findings = [f64; 10];
+
+/// The quantities of a contact: times in frames, lengths in px.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ContactEstimates {
+    /// The first contact.
+    pub start: Estimate,
+    /// The deepest moment.
+    pub deepest: Estimate,
+    /// The end of the contact.
+    pub end: Estimate,
+    /// The moment from which the force exceeds 2 % of its maximum.
+    pub force_start: Estimate,
+    /// The moment up to which it does.
+    pub force_end: Estimate,
+    /// The maximum depth, px.
+    pub depth_max: Estimate,
+    /// The maximum acceleration away from the surface, px/frame^2.
+    pub acceleration_max: Estimate,
+    /// The duration. The errors of start and end are not independent.
+    pub duration: Estimate,
+}
+
+impl ContactEstimates {
+    pub(super) fn new(findings: &Findings, sigmas: &Findings) -> Self {
+        let both = std::array::from_fn(|k| Estimate { value: findings[k], sigma: sigmas[k] });
+        let [start, deepest, end, force_start, force_end, _, _, depth_max, acceleration_max, duration]: [Estimate; 10] =
+            both;
+        Self { start, deepest, end, force_start, force_end, depth_max, acceleration_max, duration }
+    }
+
+    /// Returns the quantities with standard uncertainties multiplied by `factor`.
+    pub(super) fn widened(self, factor: f64) -> Self {
+        let wide = |x: Estimate| Estimate { sigma: factor * x.sigma, ..x };
+        Self {
+            start: wide(self.start),
+            deepest: wide(self.deepest),
+            end: wide(self.end),
+            force_start: wide(self.force_start),
+            force_end: wide(self.force_end),
+            depth_max: wide(self.depth_max),
+            acceleration_max: wide(self.acceleration_max),
+            duration: wide(self.duration),
+        }
+    }
+}
 
 /// The number of parameter sets integrated in parallel: as many as the numbers of the longest vector.
 pub(super) const SETS: usize = 8;

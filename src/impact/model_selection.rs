@@ -2,7 +2,7 @@
 
 use std::f64::consts::SQRT_2;
 
-use super::contact_law::{Family, Findings, Parameters, Units};
+use super::contact_law::{ContactEstimates, Family, Findings, Parameters, Units};
 use super::law_fit::{Expected, LawFit, fit_law};
 use crate::numeric::Sample;
 use crate::results::ForceLaw;
@@ -95,18 +95,16 @@ pub struct ForceLawPosterior {
     pub best: Family,
     /// The probability of each law that passed; the sum is 1.
     pub probabilities: Vec<(Family, f64)>,
-    /// The means over the laws, weighted by probability.
-    pub findings: Findings,
-    /// Their standard uncertainties: the laws' own, the spread between the laws, the misfit, and, under free exponents
-    /// or stiffness, the uncertainty of start and end.
-    pub sigmas: Findings,
+    /// The means over the laws, weighted by probability. Their standard uncertainties include the laws' own, the spread
+    /// between the laws, the misfit, and, under free exponents or stiffness, the uncertainty of start and end.
+    pub contact: ContactEstimates,
 }
 
 impl ForceLawPosterior {
     /// Returns the result with standard uncertainties multiplied by `factor`.
     #[must_use]
     pub fn widened(self, factor: f64) -> Self {
-        Self { sigmas: self.sigmas.map(|sigma| factor * sigma), ..self }
+        Self { contact: self.contact.widened(factor), ..self }
     }
 
     /// Returns the name of the most probable law in the results.
@@ -176,7 +174,7 @@ pub fn select_law(guess: &InitialGuess, samples: &[Sample], errors: PositionErro
         walk_px: DRIFT * samples.iter().map(|s| s.walk).sum::<f64>() / samples.len() as f64,
         residual_px: RESIDUAL_PX.hypot(errors.drift_px),
     };
-    let sigmas = std::array::from_fn(|k| {
+    let sigmas: Findings = std::array::from_fn(|k| {
         let component = |(f, weight): (&LawFit, f64)| NormalComponent {
             weight,
             mean: f.findings[k] - findings[k],
@@ -185,7 +183,7 @@ pub fn select_law(guess: &InitialGuess, samples: &[Sample], errors: PositionErro
         central_half_width(&weighed().map(component).collect::<Vec<_>>())
     });
     let probabilities = weighed().map(|(f, w)| (f.family, w)).collect();
-    Some(ForceLawPosterior { best: best.family, probabilities, findings, sigmas })
+    Some(ForceLawPosterior { best: best.family, probabilities, contact: ContactEstimates::new(&findings, &sigmas) })
 }
 
 /// Errors that neighbouring positions share, px.
@@ -382,6 +380,7 @@ fn change_depth_unit(p: &Parameters, units: &Units, depth: f64) -> (Parameters, 
 mod tests {
     use super::*;
     use crate::numeric::Xorshift;
+    use crate::results::Estimate;
 
     /// The contact of a ball at 3.2 px per frame: a spring that is softer by half as soon as the velocity reverses.
     const SPEED: f64 = 3.2;
@@ -425,9 +424,15 @@ mod tests {
             Sample { time_frames, component: 0, value, sigma, walk: 0.0 }
         };
         let posterior = select_law(&guess, &(5..42).map(at).collect::<Vec<_>>(), errors).unwrap();
-        let truth = [START, START + COMPRESSION + RELEASE, depth_px(), COMPRESSION + RELEASE];
-        let pull = |(exact, index): (f64, usize)| (posterior.findings[index] - exact).abs() / posterior.sigmas[index];
-        truth.into_iter().zip([0, 2, 7, 9]).map(pull).fold(0.0, f64::max)
+        let ContactEstimates { start, end, depth_max, duration, .. } = posterior.contact;
+        let pull = |(found, exact): (Estimate, f64)| (found.value - exact).abs() / found.sigma;
+        let pairs = [
+            (start, START),
+            (end, START + COMPRESSION + RELEASE),
+            (depth_max, depth_px()),
+            (duration, COMPRESSION + RELEASE),
+        ];
+        pairs.into_iter().map(pull).fold(0.0, f64::max)
     }
 
     #[test]

@@ -6,7 +6,8 @@
 //! force acts.
 
 use super::contact_detector::Contact;
-use super::solver::{FLIGHT_FRAMES, ImpactContext};
+use super::interval::ImpactContext;
+use super::solver::FLIGHT_FRAMES;
 use super::trajectory::{ANGLE, NORMAL, SurfaceNode, TANGENTIAL, nodes_between};
 use crate::motion::{Axes, OutlineDrift, SizeChange, shrink_insignificant};
 use crate::results::{Estimate, Impact};

@@ -1,15 +1,15 @@
 //! The quantities of a collision from the nodes around its contact.
 
 use super::contact_detector::Contact;
-use super::contact_law::Family;
+use super::contact_law::{ContactEstimates, Family};
 use super::departure::plausible_curves;
 use super::free_fall::{free_fall_acceleration, shift_sigma};
+use super::interval::{Flights, ImpactContext, Interval, MAX_SPIN_SIGMA_RAD, scaled};
 use super::model_selection::{ForceLawPosterior, InitialGuess, PositionErrors, select_law};
-use super::slip_end::{Sliding, find_slip_end};
+use super::quantities::{assemble_impact, rate_at, slip_end};
 use super::trajectory::{ANGLE, NORMAL, SurfaceNode, TANGENTIAL, has_measured_rotation, nodes_between, samples};
-use crate::motion::{PlanarRates, SpeedBias};
 use crate::numeric::{Polynomial, Sample};
-use crate::results::{Estimate, ForceLaw, Impact, PointStatus, RigidStep};
+use crate::results::{Estimate, Impact, PointStatus, RigidStep};
 
 /// The maximum length of a flight on either side, frames.
 pub(super) const FLIGHT_FRAMES: f64 = 128.0;
@@ -37,62 +37,8 @@ const OUTLINE_ERROR: f64 = 6.0;
 const CONTRADICTION_SIGMAS: f64 = 5.0;
 /// The difference between measured and known gravity that is always allowed, as a fraction: the scale may be off.
 const GRAVITY_TOLERANCE: f64 = 0.5;
-/// The uncertainty of the rotation per frame from which it is not known at all, rad.
-const MAX_SPIN_SIGMA_RAD: f64 = 1.5;
 /// The uncertainty of start and end where only the later flight is known, frames.
 const DETECTED_SIGMA_FRAMES: f64 = 1.0;
-
-/// The conversion from frames and px to physical quantities.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ImpactContext {
-    /// The scale, metres per px.
-    pub metres_per_px: Estimate,
-    /// Nominal frame period, s.
-    pub period_s: f64,
-    /// Gravity along normal and tangent, px/frame^2.
-    pub gravity_px: [f64; 2],
-    /// Radius of a ball, px.
-    pub radius_px: Option<Estimate>,
-    /// Mass of the body, kg, where it is known.
-    pub mass_kg: Option<f64>,
-    /// The standard uncertainty of the centre, px. For a rotating body it moves the point whose speed is reported.
-    pub center_sigma_px: f64,
-    /// The possible underestimate of the motion, as a share.
-    pub speed_bias: SpeedBias,
-    /// The share by which light may have held back the spin.
-    pub light_fraction: f64,
-    /// Whether the surface is fixed. Bodies do not fall by gravity alone relative to one that moves.
-    pub is_surface_fixed: bool,
-}
-
-/// Flights on both sides of the contact interval.
-struct Flights {
-    before: [Polynomial; 3],
-    after: [Polynomial; 3],
-    /// The standard uncertainty of their velocities from outlines whose error changes along the flight, px/frame.
-    shift_sigmas: [f64; 2],
-}
-
-/// The interval of contact as known so far, frames.
-#[derive(Clone, Copy)]
-struct Interval {
-    start: Estimate,
-    deepest: Option<Estimate>,
-    end: Estimate,
-    /// The latest moment of certain flight before.
-    before_to: f64,
-    /// The latest moment of flight, however short it is.
-    before_last: f64,
-    after_from: f64,
-}
-
-impl Interval {
-    /// Returns the interval with larger standard uncertainties of its moments.
-    fn widened(self, factor: f64) -> Self {
-        let wide = |at: Estimate| Estimate { sigma: factor * at.sigma, ..at };
-        Self { start: wide(self.start), deepest: self.deepest.map(wide), end: wide(self.end), ..self }
-    }
-}
 
 /// Measures a contact that has ended, from the nodes up to `known_to_frames`.
 ///
@@ -114,7 +60,10 @@ pub fn solve(
     let posterior = initial_guess(nodes, &detected, &flights, context)
         .and_then(|guess| select_law(&guess, &samples(nodes, NORMAL), position_errors(&flights, &detected, context)));
     // A law that leaves the moments open says nothing.
-    let posterior = posterior.filter(|v| v.sigmas[0].max(v.sigmas[2]) < v.findings[9].max(1.0));
+    let posterior = posterior.filter(|posterior| {
+        let contact = &posterior.contact;
+        contact.start.sigma.max(contact.end.sigma) < contact.duration.value.max(1.0)
+    });
     let interval = posterior.as_ref().map_or(detected, |posterior| law_interval(posterior, detected.deepest));
     let flights = match &posterior {
         // A law may put the end so late that no flight after it exists yet.
@@ -137,14 +86,6 @@ pub fn solve(
     impact.status = physical_status(&impact, context);
     impact.slip_end_s = slip_end(nodes, &interval, &flights, context).map(|t| scaled(t, context.period_s, 0.0));
     Some(impact)
-}
-
-impl ImpactContext {
-    /// Converts an acceleration from px/frame^2 to m/s^2.
-    fn acceleration(&self, a: Estimate) -> Estimate {
-        let relative = self.metres_per_px.sigma / self.metres_per_px.value;
-        scaled(a, self.metres_per_px.value / self.period_s.powi(2), relative)
-    }
 }
 
 /// Returns the errors of the positions around a contact.
@@ -190,20 +131,6 @@ fn physical_status(impact: &Impact, context: &ImpactContext) -> PointStatus {
         exceeds(Estimate { value: difference, sigma: g.sigma.max(known.sigma) })
     });
     if is_driven || contradicts_gravity { PointStatus::Outlier } else { PointStatus::Valid }
-}
-
-/// Returns the loss of kinetic energy of the centre, J, from the speeds of each component before and after, m/s.
-///
-/// Their sigmas contain that of the scale, of relative size `relative`.
-fn energy_lost(mass_kg: f64, components: &[[Estimate; 2]; 2], relative: f64) -> Estimate {
-    let (mut value, mut variance) = (0.0, 0.0);
-    for [before, after] in components {
-        value += 0.5 * mass_kg * (before.value.powi(2) - after.value.powi(2));
-        // All speeds share one scale: its uncertainty enters once, for the difference.
-        let own = |v: &Estimate| (v.sigma.powi(2) - (v.value * relative).powi(2)).max(0.0);
-        variance += mass_kg.powi(2) * (before.value.powi(2) * own(before) + after.value.powi(2) * own(after));
-    }
-    Estimate { value, sigma: variance.sqrt().hypot(2.0 * value * relative) }
 }
 
 /// Returns the interval of contact as the detector found it, ended at `end` (frames), before any law is fitted.
@@ -265,13 +192,13 @@ fn beyond_chance(difference: f64, sigma: f64) -> f64 {
 }
 
 /// Returns the interval of contact by the contact laws. `turned` is the turning point found without a law.
-fn law_interval(v: &ForceLawPosterior, turned: Option<Estimate>) -> Interval {
-    let [start, mut deepest, end] = [0, 1, 2].map(|k| Estimate { value: v.findings[k], sigma: v.sigmas[k] });
-    if matches!(v.best, Family::Stiffness { .. }) {
+fn law_interval(posterior: &ForceLawPosterior, turned: Option<Estimate>) -> Interval {
+    let ContactEstimates { start, mut deepest, end, duration, .. } = posterior.contact;
+    if matches!(posterior.best, Family::Stiffness { .. }) {
         // No law passes: the positions around the turn may constrain it better than a stiffness that follows all of
         // them.
         deepest = turned.filter(|turned| turned.sigma < deepest.sigma).unwrap_or(deepest);
-        deepest.sigma = deepest.sigma.hypot(FREE_TURN * v.findings[9]);
+        deepest.sigma = deepest.sigma.hypot(FREE_TURN * duration.value);
     }
     if let Some(turned) = turned {
         deepest.sigma = deepest.sigma.hypot(beyond_chance(deepest.value - turned.value, turned.sigma));
@@ -320,12 +247,6 @@ fn fit_flights(nodes: &[SurfaceNode], interval: &Interval, context: &ImpactConte
     Some(Flights { before, after: three(after)?, shift_sigmas })
 }
 
-/// Returns the rate of a fitted coordinate at an uncertain moment, including the scatter about the fit.
-fn rate_at(flight: &Polynomial, at: Estimate) -> Estimate {
-    let rate = flight.rate(at.value);
-    Estimate { value: rate.value, sigma: (rate.sigma * flight.excess()).hypot(flight.curvature().value * at.sigma) }
-}
-
 /// Returns the initial guess for the laws: the deepest node and its distance from the flight before.
 ///
 /// `None` for a body that does not approach, rebound and compress.
@@ -354,146 +275,4 @@ fn initial_guess(
         restitution: after / speed,
         gravity: -context.gravity_px[NORMAL],
     })
-}
-
-/// Returns a product with a factor that has its own relative uncertainty.
-fn scaled(x: Estimate, factor: f64, relative_sigma: f64) -> Estimate {
-    let value = x.value * factor;
-    Estimate { value, sigma: (x.sigma * factor.abs()).hypot(value * relative_sigma) }
-}
-
-/// Returns a quotient with its uncertainty; `None` if the denominator may be zero.
-fn ratio(numerator: Estimate, denominator: Estimate) -> Option<Estimate> {
-    if denominator.value.abs() <= 3.0 * denominator.sigma {
-        return None;
-    }
-    let value = numerator.value / denominator.value;
-    let sigma = (numerator.sigma / denominator.value).hypot(value * denominator.sigma / denominator.value);
-    Some(Estimate { value, sigma })
-}
-
-/// Returns a difference of two independent estimates.
-fn difference(a: Estimate, b: Estimate) -> Estimate {
-    Estimate { value: a.value - b.value, sigma: a.sigma.hypot(b.sigma) }
-}
-
-/// Returns the speed of the contact point before and after, px/frame; `None` for a body without a radius.
-///
-/// The point is c - R n of a body that rotates counter-clockwise by omega, so its tangential speed is vt + omega R.
-/// It is zero for a ball that rolls along the tangent, which rotates it clockwise.
-fn contact_point_speeds(interval: &Interval, flights: &Flights, context: &ImpactContext) -> Option<[Estimate; 2]> {
-    let radius = context.radius_px?;
-    let speed = |flight: &[Polynomial; 3], at: Estimate| {
-        let (v, omega) = (rate_at(&flight[TANGENTIAL], at), rate_at(&flight[ANGLE], at));
-        let turn = (omega.sigma * radius.value).hypot(omega.value * radius.sigma.hypot(context.center_sigma_px));
-        Estimate { value: v.value + omega.value * radius.value, sigma: v.sigma.hypot(turn) }
-    };
-    Some([speed(&flights.before, interval.start), speed(&flights.after, interval.end)])
-}
-
-/// Returns the velocities along normal and tangent (px/frame) and the spin (rad/frame) of a flight at an uncertain
-/// moment.
-///
-/// The uncertainty of the centre is included, and that of outlines (`shift_sigma`, px/frame).
-fn rates_at(flight: &[Polynomial; 3], shift_sigma: f64, at: Estimate, context: &ImpactContext) -> [Estimate; 3] {
-    let rates = [NORMAL, TANGENTIAL, ANGLE].map(|k| rate_at(&flight[k], at));
-    let center_sigma = shift_sigma.hypot(rates[ANGLE].value * context.center_sigma_px);
-    let widened = |rate: Estimate| Estimate { sigma: rate.sigma.hypot(center_sigma), ..rate };
-    [widened(rates[NORMAL]), widened(rates[TANGENTIAL]), rates[ANGLE]]
-}
-
-/// Returns the share by which a flight's motion may be underestimated, and its symmetric uncertainty.
-fn speed_bias(rates: &[Estimate; 3], context: &ImpactContext) -> [f64; 2] {
-    let [normal, tangential, angle] = [NORMAL, TANGENTIAL, ANGLE].map(|k| rates[k].value);
-    let rates = PlanarRates { first_px: tangential, second_px: normal, angle_deg: angle.to_degrees() };
-    [context.speed_bias.underestimate(rates), context.speed_bias.interpolation_error(rates)]
-}
-
-/// Returns the moment within the contact at which the contact point stops, frames; see [`find_slip_end`].
-fn slip_end(
-    nodes: &[SurfaceNode],
-    interval: &Interval,
-    flights: &Flights,
-    context: &ImpactContext,
-) -> Option<Estimate> {
-    let [before, after] = contact_point_speeds(interval, flights, context)?;
-    let radius = context.radius_px?.value;
-    let (start, end) = (interval.start.value, interval.end.value);
-    let origin = nodes_between(nodes, start, end).first()?;
-    let pushed = |n: &SurfaceNode| {
-        let free = flights.before[NORMAL].advance(origin.time_frames, n.time_frames).value;
-        n.value[NORMAL] - origin.value[NORMAL] - free
-    };
-    let found = find_slip_end(nodes, &Sliding { start, end, before, after, radius }, pushed)?;
-    // A stop outside the contact is none.
-    (found.value >= start && found.value <= end).then_some(found)
-}
-
-/// Converts the interval, the flights and the laws to the quantities of a collision, without slip, gravity and
-/// status.
-fn assemble_impact(
-    interval: &Interval,
-    flights: &Flights,
-    posterior: Option<&ForceLawPosterior>,
-    context: &ImpactContext,
-) -> Impact {
-    let relative = context.metres_per_px.sigma / context.metres_per_px.value;
-    let speed = |x: Estimate| scaled(x, context.metres_per_px.value / context.period_s, relative);
-    let seconds = |x: Estimate| scaled(x, context.period_s, 0.0);
-    let before = rates_at(&flights.before, flights.shift_sigmas[0], interval.start, context);
-    let after = rates_at(&flights.after, flights.shift_sigmas[1], interval.end, context);
-    let turn = |x: Estimate| scaled(x, 1.0 / context.period_s, 0.0);
-    let is_seen = |omega: &Estimate| omega.sigma < MAX_SPIN_SIGMA_RAD;
-    let spin = |omega: Estimate| Some(omega.with_relative_error(context.light_fraction)).filter(is_seen);
-    let found = |k: usize| posterior.map(|v| Estimate { value: v.findings[k], sigma: v.sigmas[k] });
-    let duration = found(9).unwrap_or_else(|| difference(interval.end, interval.start));
-    let impulse = |k: usize| {
-        let fall =
-            Estimate { value: context.gravity_px[k] * duration.value, sigma: context.gravity_px[k] * duration.sigma };
-        difference(difference(after[k], before[k]), fall)
-    };
-    let restitution = ratio(after[NORMAL], before[NORMAL]).map(|e| Estimate { value: -e.value, ..e });
-    let tangential = contact_point_speeds(interval, flights, context)
-        .and_then(|[first, last]| ratio(last, first))
-        .map(|e| Estimate { value: -e.value, ..e });
-    let metres = context.metres_per_px.value;
-    let moment = |k: usize| found(k).map(seconds);
-    // A point off the centre of a rotating body moves up and down with it.
-    let mean_spin = 0.5 * (before[ANGLE].value + after[ANGLE].value);
-    let brake = found(8).map_or((after[NORMAL].value - before[NORMAL].value) / duration.value, |a| a.value);
-    let turning = mean_spin * context.center_sigma_px / brake;
-    // The surface carries the weight as well.
-    let push = found(8).map(|a| context.acceleration(Estimate { value: a.value - context.gravity_px[NORMAL], ..a }));
-    let biases = [&before, &after].map(|rates| speed_bias(rates, context));
-    let whole = biases.map(|[short, either]| short.hypot(either));
-    let [vn, vt] = [NORMAL, TANGENTIAL]
-        .map(|k| [speed(before[k]).with_relative_error(whole[0]), speed(after[k]).with_relative_error(whole[1])]);
-    // The common part of both underestimates cancels in a quotient.
-    let [differ, either] = [biases[1][0] - biases[0][0], biases[0][1].hypot(biases[1][1])];
-    let differing = |x: Estimate| x.with_relative_error(differ).with_relative_error(either);
-    Impact {
-        start_s: Some(seconds(interval.start)),
-        deepest_s: interval.deepest.map(|at| seconds(Estimate { sigma: at.sigma.hypot(turning), ..at })),
-        end_s: Some(seconds(interval.end)),
-        vn_before_m_s: Some(vn[0]),
-        vn_after_m_s: Some(vn[1]),
-        vt_before_m_s: Some(vt[0]),
-        vt_after_m_s: Some(vt[1]),
-        omega_before_rad_s: spin(before[ANGLE]).map(|omega| turn(omega).with_relative_error(whole[0])),
-        omega_after_rad_s: spin(after[ANGLE]).map(|omega| turn(omega).with_relative_error(whole[1])),
-        restitution: restitution.map(differing),
-        restitution_tangential: tangential.map(differing),
-        impulse_ratio: ratio(impulse(TANGENTIAL), impulse(NORMAL)).map(differing),
-        contact_time_s: Some(seconds(duration)),
-        compression_max_mm: found(7).map(|depth| scaled(depth, metres * 1e3, relative).with_relative_error(whole[0])),
-        acceleration_max_m_s2: found(8).map(|a| context.acceleration(a).with_relative_error(whole[0])),
-        force_start_s: moment(3),
-        force_end_s: moment(4),
-        force_max_n: push.zip(context.mass_kg).map(|(a, mass_kg)| scaled(a, mass_kg, whole[0])),
-        energy_lost_j: context.mass_kg.map(|mass_kg| energy_lost(mass_kg, &[vn, vt], relative)),
-        force_law: posterior.map_or(ForceLaw::None, ForceLawPosterior::law),
-        force_law_probability: posterior.map(ForceLawPosterior::probability),
-        status: PointStatus::Valid,
-        ..Impact::unknown(0, 0, 0)
-    }
 }

@@ -4,8 +4,7 @@ use super::bounding_box::BoundingBox;
 use super::consistency::{self, OutlinePair};
 use super::measurer::Measurer;
 use super::outline::{Finder, Outline};
-use super::outline_motion::FoundOutline;
-use super::pending_frame::{BodyKey, Measured, PendingFrame, Target};
+use super::pending_frame::{BodyKey, FoundOutline, Measured, PendingFrame, Target};
 use super::surface::Surface;
 use crate::image::Frame;
 use crate::numeric::median;
@@ -98,16 +97,8 @@ fn distance_px(a: &Circle, b: &Circle) -> f64 {
 
 impl Measurer {
     /// Keeps a frame in which a ball was not detected, until the background of its block is known.
-    pub(super) fn keep_if_lost(
-        &mut self,
-        frame: &Frame<'_>,
-        outlines: &[Result<Outline, PointStatus>],
-        origins: &[OutlineOrigin],
-    ) {
-        let is_lost = |body: usize| {
-            matches!(self.finders[body], Finder::Ball(_))
-                && (outlines[body] == Err(PointStatus::Lost) || origins[body] == OutlineOrigin::Coasted)
-        };
+    pub(super) fn keep_if_lost(&mut self, frame: &Frame<'_>, outlines: &[FoundOutline]) {
+        let is_lost = |body: usize| matches!(self.finders[body], Finder::Ball(_)) && outlines[body].is_missing();
         if (0..outlines.len()).any(is_lost) {
             self.background.keep(frame);
         }
@@ -184,8 +175,8 @@ impl Measurer {
         let mut pending = std::mem::take(&mut self.pending);
         for ball in found {
             let Some(frame) = pending.iter_mut().find(|frame| frame.meta.sequence == ball.sequence) else { continue };
-            if frame.outlines[body].is_err() || frame.origins[body] == OutlineOrigin::Coasted {
-                (frame.outlines[body], frame.origins[body]) = (Ok(Outline::Ball(ball.circle)), OutlineOrigin::Detected);
+            if frame.outlines[body].outline.is_err() || frame.outlines[body].origin == OutlineOrigin::Coasted {
+                frame.outlines[body] = FoundOutline::detected(Outline::Ball(ball.circle));
                 self.prepare_again(frame);
                 self.note_detection(body, frame, ball.circle);
             }
@@ -229,7 +220,7 @@ impl Measurer {
     fn prepare_again(&mut self, frame: &mut PendingFrame) {
         let correlation = &self.params.correlation;
         let mut needed = BoundingBox::default();
-        for outline in frame.outlines.iter().flatten() {
+        for outline in frame.outlines.iter().filter_map(|found| found.outline.ok()) {
             let range_px = f64::from(correlation.search_px);
             needed.include_search(&outline.enclosing_circle(correlation.subset_size_px), range_px);
         }
@@ -257,7 +248,7 @@ impl Measurer {
         let intervals = self.params.intervals_frames.len();
         let (body, interval) = (slot / intervals, u64::from(self.params.intervals_frames[slot % intervals]));
         let is_missing = reference.done[slot].as_ref().is_some_and(|measured| measured.step.motion.is_none());
-        if !is_missing || reference.outlines[body].is_err() {
+        if !is_missing || reference.outlines[body].outline.is_err() {
             return;
         }
         let due = reference.meta.sequence + interval;
@@ -273,8 +264,7 @@ impl Measurer {
         if slot.is_multiple_of(intervals)
             && reference.done[slot].as_ref().is_some_and(|done| done.step.motion.is_none())
         {
-            let found = FoundOutline { outline: target.outlines[body], origin: target.origins[body] };
-            self.move_by_outlines(reference, body, found);
+            self.move_by_outlines(reference, body, target.outlines[body]);
         }
     }
 
@@ -282,8 +272,8 @@ impl Measurer {
     fn check_motion(&mut self, reference: &mut PendingFrame, slot: usize, target: &PendingFrame) {
         let body = slot / self.params.intervals_frames.len();
         let outlines = OutlinePair {
-            reference: &reference.outlines[body],
-            target: &target.outlines[body],
+            reference: &reference.outlines[body].outline,
+            target: &target.outlines[body].outline,
             are_detected: reference.is_comparable(target, body),
         };
         if let Some(measured) = &mut reference.done[slot]

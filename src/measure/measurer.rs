@@ -2,41 +2,21 @@
 
 use super::background::Background;
 use super::block_state::BlockStates;
-use super::body_motion::{
-    fit_center_step, fit_rigid_step, predicted_start, search_motion, set_drift, write_dilatation,
-};
 use super::bounding_box::BoundingBox;
-use super::consistency;
 use super::error::MeasureError;
 use super::fixed_pattern::FixedPatterns;
 use super::frame_image::FrameImage;
 use super::outline::{Finder, Outline};
 use super::params::{ImageSize, MeasureParams, Share};
-use super::patch_finder::FrameKey;
-use super::pending_frame::{BodyKey, FramePair, Interval, Measured, PendingFrame, Target};
-use super::rigid_match::{RigidMatch, RigidMatcher, is_occluded};
+use super::pending_frame::{BodyKey, FoundOutline, Measured, PendingFrame, Span, Target};
+use super::rigid_match::{RigidMatcher, is_occluded};
 use super::ring_rotation::RingCorrelator;
 use super::spare_frames::SpareFrames;
 use super::surface::Surface;
-use crate::dic::{Correlator, PreparedFrame, Start};
+use crate::dic::{Correlator, PreparedFrame};
 use crate::image::{Frame, FrameMeta, Image};
 use crate::motion::Rotation;
-use crate::results::{BodyStep, Estimate, PairField, RigidStep};
 use std::collections::VecDeque;
-
-/// One body from a reference to its target.
-#[derive(Clone, Copy)]
-struct Span<'a> {
-    body: usize,
-    reference: &'a PendingFrame,
-    target: Target<'a>,
-}
-
-impl Span<'_> {
-    fn key(&self) -> BodyKey {
-        BodyKey { body: self.body, block: self.reference.block }
-    }
-}
 
 /// Measures blocks of frames.
 ///
@@ -248,12 +228,14 @@ impl Measurer {
     /// Finds the bodies in the current frame, perhaps prepared as `own`, and keeps it until its targets have come.
     fn add_pending(&mut self, frame: &Frame<'_>, block: u64, own: Option<(PreparedFrame, BoundingBox)>) {
         let meta = frame.meta;
-        let (outlines, origins): (Vec<_>, Vec<_>) =
-            (0..self.finders.len()).map(|body| self.find_outline(body, frame, block)).unzip();
-        self.keep_if_lost(frame, &outlines, &origins);
+        let outlines: Vec<FoundOutline> =
+            (0..self.finders.len()).map(|body| self.find_outline(body, frame, block)).collect();
+        self.keep_if_lost(frame, &outlines);
         let mut needed = BoundingBox::default();
         let subset_px = self.params.correlation.subset_size_px;
-        outlines.iter().flatten().for_each(|outline| needed.include_search(&outline.enclosing_circle(subset_px), 0.0));
+        for outline in outlines.iter().filter_map(|found| found.outline.ok()) {
+            needed.include_search(&outline.enclosing_circle(subset_px), 0.0);
+        }
         let (mut prepared, bounds) = own.unwrap_or_else(|| (self.spare.take(), BoundingBox::default()));
         if bounds.is_empty() || !bounds.contains(&needed) {
             self.prepare(frame, needed, &mut prepared);
@@ -263,9 +245,9 @@ impl Measurer {
         self.rigid_matcher.forget_before(oldest);
         self.fixed_patterns.forget_before(oldest);
         self.finders.iter_mut().for_each(|finder| finder.forget_before(oldest));
-        for (body, outline) in outlines.iter().enumerate() {
+        for (body, found) in outlines.iter().enumerate() {
             // The match of the whole ball detects what occludes its subsets, whatever gives its motion.
-            let Ok(Outline::Ball(circle)) = outline else { continue };
+            let Ok(Outline::Ball(circle)) = &found.outline else { continue };
             let state = self.states.state_mut(BodyKey { body, block });
             // A turning ball may show its marks only later.
             if Surface::is_open(state.surface) {
@@ -279,7 +261,7 @@ impl Measurer {
         }
         let slots = self.finders.len() * self.params.intervals_frames.len();
         let (done, before) = (vec![None; slots], vec![None; slots]);
-        self.pending.push_back(PendingFrame { meta, block, prepared, outlines, origins, done, before });
+        self.pending.push_back(PendingFrame { meta, block, prepared, outlines, done, before });
     }
 
     /// Ends the stream: appends the results of the frames without a target.
@@ -356,128 +338,22 @@ impl Measurer {
         let intervals = self.params.intervals_frames.len();
         let (body, interval_index) = (slot / intervals, slot % intervals);
         let key = BodyKey { body, block: reference.block };
-        let outline = reference.outlines[body];
-        let mut step = reference.outline_step(body, self.params.intervals_frames[interval_index]);
-        let Ok(outline) = outline else { return Some(Measured { step, field: None, is_matched: false }) };
-        let Some(target) = target.filter(|_| self.outlines_only(key).is_none()) else {
+        let step = reference.outline_step(body, self.params.intervals_frames[interval_index]);
+        let target = target.filter(|_| self.outlines_only(key).is_none());
+        let (Ok(outline), Some(target)) = (reference.outlines[body].outline, target) else {
             return Some(Measured { step, field: None, is_matched: false });
         };
-        let Target { sequence: target_frame, prepared, is_narrow } = target;
-        let mut field =
-            PairField { frame: step.frame, target_frame, stamp_ns: step.stamp_ns, body: step.body, points: Vec::new() };
-        let frames = f64::from(step.interval_frames);
         // Longer intervals start from the frame's own shortest step, whatever was measured since.
         let own = reference.done[slot - interval_index].as_ref().and_then(|shortest| shortest.step.motion);
         let known = if interval_index == 0 { self.states.state_mut(key).motion } else { own };
-        if is_narrow && known.is_none() {
-            return None;
-        }
-        let span = Span { body, reference, target };
-        let points = self.finders[body].grid_points(&outline, &self.params.correlation, self.size);
-        self.correlator.set_region(self.finders[body].correlated_region(&outline, &self.params.correlation));
-        let mut rigid = known
-            .or_else(|| search_motion(&mut self.correlator, &self.params, reference, &target, &outline, &points))
-            .and_then(|rate| self.match_whole_body(span, &outline, &rate));
-        let known = rigid.map(|rigid| rigid.step).or(known);
-        let start = known.map_or(Start::Search, |step| predicted_start(&step, &outline, frames));
-        self.correlator.correlate(&reference.prepared, prepared, &points, start, &mut field.points);
-        if is_narrow && (rigid.is_none() || self.correlator.has_searched()) {
-            return None;
-        }
-        self.mask_occluded(span, &mut field);
-        let mut ball_motion = self.fit_subsets(span, &outline, &mut field, &mut step, start);
-        if let (None, Some(rate)) = (rigid, step.motion) {
-            rigid = self.match_whole_body(span, &outline, &rate);
-            // The match shows what occludes the body.
-            if self.mask_occluded(span, &mut field) {
-                ball_motion = self.fit_subsets(span, &outline, &mut field, &mut step, start);
-            }
-        }
-        if let Outline::Patch(_) = outline {
-            // Subsets follow whatever occludes the patch. If they led astray, the patch itself may not have moved.
-            rigid = rigid.or_else(|| self.match_whole_body(span, &outline, &RigidStep::STILL));
-            step.motion = None;
-        }
-        let rigid = rigid.filter(|rigid| {
-            let agrees =
-                step.motion.is_none_or(|field| consistency::agrees_with_subsets(&rigid.step, &field, step.drift));
-            // A pattern that moves over the body soon differs from that of its reference.
-            if !agrees || step.drifts() {
-                self.rigid_matcher.forget(key);
-            }
-            agrees
-        });
-        let is_reported = self.params.rotation == Rotation::Rigid || matches!(outline, Outline::Patch(_));
-        if let Some(rigid) = rigid.as_ref().filter(|_| is_reported && !step.drifts()) {
-            rigid.write_to(&mut step);
-        }
-        set_drift(&mut step, ball_motion);
-        step.status = consistency::matched_status(&step, &field, self.size);
+        let mut measured = self.match_textures(Span { body, reference, target }, &outline, step, known)?;
         if interval_index == 0 {
+            let step = &mut measured.step;
             let state = self.states.state_mut(key);
             (state.motion, state.center_motion) = (step.motion, step.center_motion());
             step.fixed_fraction =
                 step.motion.and_then(|_| self.fixed_patterns.bias_fraction(body, reference, &outline));
         }
-        Some(Measured { step, field: Some(field), is_matched: rigid.is_some() })
-    }
-
-    /// Marks the subsets that show an occluder, according to the match of the whole body; returns whether any does.
-    fn mask_occluded(&self, span: Span<'_>, field: &mut PairField) -> bool {
-        let subset_px = self.params.correlation.subset_size_px;
-        let frames = Interval { from: span.reference.meta.sequence, to: span.target.sequence };
-        self.rigid_matcher.mask_occluded(span.key(), frames, &mut field.points, subset_px)
-    }
-
-    /// Fits the step to the subsets and writes its dilatation and drift.
-    ///
-    /// Returns the motion of the centre, px, and the rotation, deg, per frame, of a ball that rotates about any axis.
-    fn fit_subsets(
-        &mut self,
-        span: Span<'_>,
-        outline: &Outline,
-        field: &mut PairField,
-        step: &mut BodyStep,
-        start: Start,
-    ) -> Option<[Estimate; 3]> {
-        let (frames, correlation) = (f64::from(step.interval_frames), &self.params.correlation);
-        step.motion = fit_rigid_step(field, outline, frames, correlation.subset_size_px, start);
-        let ball_motion = write_dilatation(field, step, outline, correlation.subset_size_px);
-        let circle = step.circle();
-        if let (Rotation::Center, Some(_)) = (self.params.rotation, &circle) {
-            step.motion = step.motion.and_then(|_| fit_center_step(field, outline, frames, correlation));
-        }
-        if let (Rotation::Ring(limits), Some(found), Some(circle)) = (self.params.rotation, &mut step.motion, &circle) {
-            let pair = FramePair { reference: &span.reference.prepared, target: span.target.prepared };
-            self.ring_rotation.replace_rotation(found, circle, pair, limits, frames);
-        }
-        set_drift(step, ball_motion);
-        ball_motion
-    }
-
-    /// Matches the whole body near a motion per frame; `None` if it has no reference or does not match.
-    fn match_whole_body(&mut self, span: Span<'_>, outline: &Outline, rate: &RigidStep) -> Option<RigidMatch> {
-        let Span { body, reference, target } = span;
-        let frames = (target.sequence - reference.meta.sequence) as f64;
-        match (outline, &mut self.finders[body]) {
-            (Outline::Ball(circle), _) => {
-                let (sequence, prepared) = (reference.meta.sequence, &reference.prepared);
-                let from = Target { sequence, prepared, is_narrow: false };
-                self.rigid_matcher.measure_step(span.key(), from, target, circle, rate)
-            }
-            (Outline::Patch(pose), Finder::Patch(finder)) => {
-                let near = pose.predicted(rate, frames);
-                let found = finder
-                    .follow(FrameKey { block: reference.block, frame: target.sequence }, target.prepared, &near)
-                    .ok()?;
-                Some(RigidMatch {
-                    step: pose.step_to(&found, frames),
-                    visible_fraction: None,
-                    lever: None,
-                    light_fraction: None,
-                })
-            }
-            _ => None,
-        }
+        Some(measured)
     }
 }

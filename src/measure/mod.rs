@@ -26,6 +26,7 @@ mod ring_rotation;
 mod rotation_support;
 mod spare_frames;
 mod surface;
+mod texture_match;
 mod withdrawal;
 
 pub use error::MeasureError;

@@ -223,11 +223,11 @@ impl Outline {
             Self::Ball(circle) => *circle,
             Self::Patch(pose) => pose.enclosing_circle(),
             Self::Rod(observation) => {
-                let [left, top, right, bottom] = observation.tape_px();
+                let tape = observation.tape_bounds();
                 let half = 0.5 * f64::from(subset_px);
                 // A subset wider than the tape reaches over it.
                 let reach = |from: f64, to: f64| from.abs().max(to.abs()).max(0.5 * (from + to).abs() + half);
-                let radius_px = reach(left, right).hypot(reach(top, bottom));
+                let radius_px = reach(tape.left_px, tape.right_px).hypot(reach(tape.top_px, tape.bottom_px));
                 Circle { radius_px, ..rod_circle(&observation.rod) }
             }
         }
@@ -249,10 +249,9 @@ impl Outline {
                 rows.map(row).collect()
             }
             Self::Rod(observation) => {
-                let [left, top, right, bottom] = observation.tape_px();
-                let (x, y) = (observation.rod.x_px.value, observation.rod.y_px.value);
+                let tape = observation.tape_bounds().upright(&observation.rod);
                 let [left, top, right, bottom] =
-                    [x + left, y + top, x + right, y + bottom].map(|at| at.max(0.0) as u32);
+                    [tape.left_px, tape.top_px, tape.right_px, tape.bottom_px].map(|at| at.max(0.0) as u32);
                 vec![[left, top, right.saturating_sub(left), bottom.saturating_sub(top)]]
             }
             Self::Patch(_) => Vec::new(),
@@ -277,7 +276,8 @@ impl Outline {
         match self {
             // The correlation-peak methods support whole subsets only.
             Self::Rod(observation) if params.method == Method::IcGn => {
-                Some(Region::Polygon { outline_px: tape_corners(observation).to_vec(), holes_px: Vec::new() })
+                let outline_px = observation.tape_bounds().corners_px(&observation.rod).to_vec();
+                Some(Region::Polygon { outline_px, holes_px: Vec::new() })
             }
             Self::Ball(_) | Self::Rod(_) | Self::Patch(_) => None,
         }
@@ -294,22 +294,12 @@ impl Outline {
     }
 }
 
-/// Returns the corners of the correlated tape in the image, px, clockwise on the screen for an upright rod.
-fn tape_corners(observation: &RodObservation) -> [[f64; 2]; 4] {
-    let [left, top, right, bottom] = observation.tape_px();
-    let (x, y) = (observation.rod.x_px.value, observation.rod.y_px.value);
-    let (sin, cos) = observation.rod.tilt_deg.value.to_radians().sin_cos();
-    [[left, top], [right, top], [right, bottom], [left, bottom]]
-        .map(|[dx, dy]| [x + dx * cos + dy * sin, y - dx * sin + dy * cos])
-}
-
 /// Returns the subset centres on the tape: whole subsets if it has room for them, otherwise along its middle.
 ///
 /// If there are too few at the step of the grid, the rows are closer.
 fn rod_points(observation: &RodObservation, params: &CorrelationParams, size: ImageSize) -> Vec<GridPoint> {
     let half = f64::from(params.subset_size_px / 2);
-    let [left, top, right, bottom] = observation.tape_px();
-    let (x, y) = (observation.rod.x_px.value, observation.rod.y_px.value);
+    let tape = observation.tape_bounds().upright(&observation.rod);
     let along = |from: f64, to: f64, min_count: u32, limit: usize| -> Vec<u32> {
         let (first, last) = ((from + half).ceil(), (to - half).floor());
         let (first, last) =
@@ -323,8 +313,8 @@ fn rod_points(observation: &RodObservation, params: &CorrelationParams, size: Im
         let fits = |place: &f64| place - half >= 0.0 && place + half <= limit as f64 - 1.0;
         places.filter(fits).map(|place| place as u32).collect()
     };
-    let columns = along(x + left, x + right, 1, size.width);
-    let rows = along(y + top, y + bottom, MIN_ROD_POINTS.div_ceil(columns.len().max(1) as u32), size.height);
+    let columns = along(tape.left_px, tape.right_px, 1, size.width);
+    let rows = along(tape.top_px, tape.bottom_px, MIN_ROD_POINTS.div_ceil(columns.len().max(1) as u32), size.height);
     rows.into_iter().flat_map(|y| columns.iter().map(move |x| GridPoint { x: *x, y })).collect()
 }
 

@@ -6,7 +6,7 @@
 use super::consistency;
 use super::measurer::Measurer;
 use super::outline::Outline;
-use super::pending_frame::{BodyKey, Measured, PendingFrame};
+use super::pending_frame::{BodyKey, FoundOutline, Measured, PendingFrame};
 use super::surface::Surface;
 use crate::image::Frame;
 use crate::results::{BodyStep, Circle, MotionMethod, OutlineOrigin, PointStatus, RigidStep};
@@ -15,13 +15,6 @@ use crate::results::{BodyStep, Circle, MotionMethod, OutlineOrigin, PointStatus,
 const SAME_RADIUS_SIGMAS: f64 = 8.0;
 /// The difference between two radii that is always allowed, as a fraction of the radius.
 const SAME_RADIUS_FRACTION: f64 = 0.03;
-
-/// The outline of a body in the target of a motion.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct FoundOutline {
-    pub(super) outline: Result<Outline, PointStatus>,
-    pub(super) origin: OutlineOrigin,
-}
 
 impl Measurer {
     /// Returns the reason why only the outlines of a ball are measured: it has no texture, or one that repeats. `None` if
@@ -40,7 +33,7 @@ impl Measurer {
         let newest = pending
             .back()
             .filter(|newest| newest.meta.sequence == sequence)
-            .map(|newest| (newest.block, newest.outlines.clone(), newest.origins.clone()));
+            .map(|newest| (newest.block, newest.outlines.clone()));
         for reference in pending.iter_mut().filter(|reference| Some(reference.meta.sequence) == due) {
             for body in 0..self.finders.len() {
                 let is_missing = |measured: &Measured| measured.step.motion.is_none();
@@ -49,13 +42,12 @@ impl Measurer {
                     continue;
                 }
                 let target = match &newest {
-                    Some((block, outlines, origins)) if *block == reference.block => (outlines[body], origins[body]),
+                    Some((block, outlines)) if *block == reference.block => outlines[body],
                     // The frame belongs to the next block, which searches it on its own.
                     _ if is_measurable(reference, body) => self.find_outline(body, frame, reference.block),
                     _ => continue,
                 };
-                let (outline, origin) = target;
-                self.move_by_outlines(reference, body, FoundOutline { outline, origin });
+                self.move_by_outlines(reference, body, target);
             }
         }
         self.pending = pending;
@@ -68,7 +60,7 @@ impl Measurer {
         let (outlines_only, slot) = (self.outlines_only(key), body * self.params.intervals_frames.len());
         let frames = f64::from(self.params.intervals_frames[0]);
         if let (Some(measured), Ok(Outline::Patch(from)), Ok(Outline::Patch(to))) =
-            (&mut reference.done[slot], reference.outlines[body], target)
+            (&mut reference.done[slot], reference.outlines[body].outline, target)
         {
             // The patch was found again in the whole frame.
             let motion = from.step_to(&to, frames);
@@ -78,10 +70,12 @@ impl Measurer {
             (state.motion, state.center_motion) = (Some(motion), Some(motion));
             return;
         }
-        let (Some(measured), Ok(Outline::Ball(from))) = (&mut reference.done[slot], reference.outlines[body]) else {
+        let (Some(measured), Ok(Outline::Ball(from))) = (&mut reference.done[slot], reference.outlines[body].outline)
+        else {
             return;
         };
-        let is_detected = reference.origins[body] == OutlineOrigin::Detected && origin == OutlineOrigin::Detected;
+        let is_detected =
+            reference.outlines[body].origin == OutlineOrigin::Detected && origin == OutlineOrigin::Detected;
         if let (Ok(Outline::Ball(to)), true) = (target, is_detected && measured.step.status != PointStatus::Ambiguous)
             && has_same_radius(&from, &to)
         {
@@ -107,8 +101,8 @@ impl Measurer {
 
 /// Whether the outline of a ball or the pose of a patch was found in a reference.
 fn is_measurable(reference: &PendingFrame, body: usize) -> bool {
-    matches!(reference.outlines[body], Ok(Outline::Ball(_) | Outline::Patch(_)))
-        && reference.origins[body] == OutlineOrigin::Detected
+    matches!(reference.outlines[body].outline, Ok(Outline::Ball(_) | Outline::Patch(_)))
+        && reference.outlines[body].origin == OutlineOrigin::Detected
 }
 
 /// Whether two circles can be the outline of one ball.

@@ -4,7 +4,7 @@ use super::consistency::{DetectedBall, OutlineMotion};
 use super::measurer::Measurer;
 use super::outline::{Finder, Outline, SearchRange};
 use super::patch_finder::{AngleRange, FrameKey};
-use super::pending_frame::BodyKey;
+use super::pending_frame::{BodyKey, FoundOutline};
 use crate::ball::Presence;
 use crate::image::Frame;
 use crate::results::{OutlineOrigin, PointStatus};
@@ -16,81 +16,87 @@ pub const OUTLINE_INTERVAL_FRAMES: u64 = 4;
 const FULL_SEARCH_FRAMES: u64 = 16;
 
 impl Measurer {
-    /// Returns the outline of one body in the current frame, and its origin.
+    /// Returns the outline of one body in the current frame.
     ///
     /// It is propagated where that is certain enough, else searched near its predicted position. If it is not there, a
     /// matched motion predicts it. Otherwise it is searched from scratch, and a ball may coast. A body whose results
     /// contradicted each other is ambiguous for a while.
-    pub(super) fn find_outline(
-        &mut self,
-        body: usize,
-        frame: &Frame<'_>,
-        block: u64,
-    ) -> (Result<Outline, PointStatus>, OutlineOrigin) {
+    pub(super) fn find_outline(&mut self, body: usize, frame: &Frame<'_>, block: u64) -> FoundOutline {
         if matches!(self.finders[body], Finder::Patch(_)) {
-            return (self.find_patch(body, frame, block), OutlineOrigin::Detected);
+            return FoundOutline { outline: self.find_patch(body, frame, block), origin: OutlineOrigin::Detected };
         }
-        let (meta, key) = (&frame.meta, BodyKey { body, block });
-        self.states.state_mut(key).renew_if_due(meta.sequence);
+        let (sequence, key) = (frame.meta.sequence, BodyKey { body, block });
+        self.states.state_mut(key).renew_if_due(sequence);
         let state = *self.states.state_mut(key);
         if state.is_ambiguous {
-            return (Err(PointStatus::Ambiguous), OutlineOrigin::Predicted);
+            return FoundOutline { outline: Err(PointStatus::Ambiguous), origin: OutlineOrigin::Predicted };
         }
         let motion = state.motion.and(state.center_motion);
-        let expected = state
-            .outline
-            .map(|(sequence, outline)| outline.predicted(motion.as_ref(), (meta.sequence - sequence) as f64));
+        let expected =
+            state.outline.map(|(last, outline)| outline.predicted(motion.as_ref(), (sequence - last) as f64));
         if let Some((outline, true)) = expected
-            && self.can_reuse_outline(key, meta.sequence)
+            && self.can_reuse_outline(key, sequence)
         {
-            self.states.state_mut(key).outline = Some((meta.sequence, outline));
-            return (Ok(outline), OutlineOrigin::Reused);
+            self.states.state_mut(key).outline = Some((sequence, outline));
+            return FoundOutline { outline: Ok(outline), origin: OutlineOrigin::Reused };
         }
-        // If the whole body was matched, and detected a moment ago, no other circle is its outline.
-        let is_certain = self.is_detected_since(key, meta.sequence.saturating_sub(OUTLINE_INTERVAL_FRAMES))
-            && self.rigid_matcher.has_match(key, meta.sequence);
-        let presence = if is_certain { Presence::Certain } else { Presence::Uncertain };
-        let finder = &mut self.finders[body];
-        let followed = expected.and_then(|(near, _)| {
-            let view = self.image.unpack_box(frame, finder.search_box(&near, SearchRange::Close));
-            finder.follow_closely(view, &near, presence).or_else(|| {
-                let view = self.image.unpack_box(frame, finder.search_box(&near, SearchRange::Wide));
-                finder.follow(view, &near).ok()
-            })
-        });
+        let followed = expected.and_then(|(near, _)| self.follow_outline(key, frame, &near));
         // A matched motion is far more certain than an outline. If there is no outline, it predicts the centre. A motion
         // from outlines ends with the last of them: the ball may have struck something since.
         let is_matched = |near: &Outline| !matches!(near, Outline::Ball(_)) || motion.is_some_and(|m| m.has_rotation());
         let moved = expected.filter(|(_, is_measured)| *is_measured).map(|(near, _)| near.without_detection());
-        let (found, origin) = match (followed, moved) {
-            (Some(outline), _) => (Ok(outline), OutlineOrigin::Detected),
-            (None, Some(outline)) if is_matched(&outline) => (Ok(outline), OutlineOrigin::Predicted),
+        let found = match (followed, moved) {
+            (Some(outline), _) => FoundOutline::detected(outline),
+            (None, Some(outline)) if is_matched(&outline) => {
+                FoundOutline { outline: Ok(outline), origin: OutlineOrigin::Predicted }
+            }
             (None, moved) => {
-                let unseen_frames = meta.sequence - state.detected_frame.unwrap_or(meta.sequence);
+                let unseen_frames = sequence - state.detected_frame.unwrap_or(sequence);
                 let coasted = moved.zip(motion).and_then(|(near, step)| near.coasted(&step, unseen_frames));
-                let found = finder.find(self.image.unpack_all(frame));
-                let found = found.or_else(|status| self.find_changed(body, frame, block).ok_or(status));
-                match (found, coasted) {
-                    (Err(_), Some(outline)) => (Ok(outline), OutlineOrigin::Coasted),
-                    (found, _) => {
-                        // It was not where its motion would have led it.
-                        self.states.state_mut(key).motion = None;
-                        (found, OutlineOrigin::Detected)
-                    }
-                }
+                self.search_outline(key, frame, coasted)
             }
         };
-        let state = self.states.state_mut(key);
-        state.outline = found.ok().map(|outline| (meta.sequence, outline));
-        if origin == OutlineOrigin::Detected && found.is_ok() {
-            state.detected_frame = Some(meta.sequence);
+        self.note_outline(key, sequence, &found);
+        found
+    }
+
+    /// Searches an outline near its predicted position `near`, first closely.
+    fn follow_outline(&mut self, key: BodyKey, frame: &Frame<'_>, near: &Outline) -> Option<Outline> {
+        // If the whole body was matched, and detected a moment ago, no other circle is its outline.
+        let is_certain = self.is_detected_since(key, frame.meta.sequence.saturating_sub(OUTLINE_INTERVAL_FRAMES))
+            && self.rigid_matcher.has_match(key, frame.meta.sequence);
+        let presence = if is_certain { Presence::Certain } else { Presence::Uncertain };
+        let finder = &mut self.finders[key.body];
+        let view = self.image.unpack_box(frame, finder.search_box(near, SearchRange::Close));
+        finder.follow_closely(view, near, presence).or_else(|| {
+            let view = self.image.unpack_box(frame, finder.search_box(near, SearchRange::Wide));
+            finder.follow(view, near).ok()
+        })
+    }
+
+    /// Searches an outline in the whole frame. If there is none, the ball may have moved on to `coasted`.
+    fn search_outline(&mut self, key: BodyKey, frame: &Frame<'_>, coasted: Option<Outline>) -> FoundOutline {
+        let found = self.finders[key.body].find(self.image.unpack_all(frame));
+        let found = found.or_else(|status| self.find_changed(key.body, frame, key.block).ok_or(status));
+        if let (Err(_), Some(outline)) = (found, coasted) {
+            return FoundOutline { outline: Ok(outline), origin: OutlineOrigin::Coasted };
         }
-        if let (Ok(Outline::Ball(circle)), OutlineOrigin::Detected) = (found, origin) {
-            let here = DetectedBall { frame: meta.sequence, circle };
+        // It was not where its motion would have led it.
+        self.states.state_mut(key).motion = None;
+        FoundOutline { outline: found, origin: OutlineOrigin::Detected }
+    }
+
+    /// Stores an outline in the state of its body.
+    fn note_outline(&mut self, key: BodyKey, sequence: u64, found: &FoundOutline) {
+        let state = self.states.state_mut(key);
+        state.outline = found.outline.ok().map(|outline| (sequence, outline));
+        let (Ok(outline), OutlineOrigin::Detected) = (found.outline, found.origin) else { return };
+        state.detected_frame = Some(sequence);
+        if let Outline::Ball(circle) = outline {
+            let here = DetectedBall { frame: sequence, circle };
             let first = state.first_ball.get_or_insert(here);
             state.outline_motion = OutlineMotion::between(first, &here).or(state.outline_motion);
         }
-        (found, origin)
     }
 
     /// Whether the outline can be predicted by the measured motion instead of being detected again.

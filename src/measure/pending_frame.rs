@@ -35,6 +35,20 @@ pub(super) struct Target<'a> {
     pub(super) is_narrow: bool,
 }
 
+/// One body from a reference to its target.
+#[derive(Clone, Copy)]
+pub(super) struct Span<'a> {
+    pub(super) body: usize,
+    pub(super) reference: &'a PendingFrame,
+    pub(super) target: Target<'a>,
+}
+
+impl Span<'_> {
+    pub(super) fn key(&self) -> BodyKey {
+        BodyKey { body: self.body, block: self.reference.block }
+    }
+}
+
 /// One body in one frame: its step and the field that the step was computed from.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measured {
@@ -58,14 +72,32 @@ impl Measured {
     }
 }
 
+/// The outline of a body in one frame, or the reason why it has none.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct FoundOutline {
+    pub(super) outline: Result<Outline, PointStatus>,
+    pub(super) origin: OutlineOrigin,
+}
+
+impl FoundOutline {
+    /// Returns an outline that was found in the image of its frame.
+    pub(super) fn detected(outline: Outline) -> Self {
+        Self { outline: Ok(outline), origin: OutlineOrigin::Detected }
+    }
+
+    /// Whether the body was searched in the whole frame and not found.
+    pub(super) fn is_missing(&self) -> bool {
+        self.outline == Err(PointStatus::Lost) || self.origin == OutlineOrigin::Coasted
+    }
+}
+
 /// A frame that waits for its targets.
 pub(super) struct PendingFrame {
     pub(super) meta: FrameMeta,
     pub(super) block: u64,
     pub(super) prepared: PreparedFrame,
-    pub(super) outlines: Vec<Result<Outline, PointStatus>>,
-    /// The origin of each body's outline.
-    pub(super) origins: Vec<OutlineOrigin>,
+    /// The outline of each body.
+    pub(super) outlines: Vec<FoundOutline>,
     /// The results by body and interval; `None` until the target came or was missed.
     pub(super) done: Vec<Option<Measured>>,
     /// The motion before each result.
@@ -75,13 +107,13 @@ pub(super) struct PendingFrame {
 impl PendingFrame {
     /// Whether the outline of a body can be compared with that in a later frame, where it was detected.
     pub(super) fn is_comparable(&self, target: &Self, body: usize) -> bool {
-        matches!(self.origins[body], OutlineOrigin::Detected | OutlineOrigin::Reused)
-            && target.origins[body] == OutlineOrigin::Detected
+        matches!(self.outlines[body].origin, OutlineOrigin::Detected | OutlineOrigin::Reused)
+            && target.outlines[body].origin == OutlineOrigin::Detected
     }
 
     /// Whether a body is a ball that has an outline in this frame.
     pub(super) fn has_ball(&self, body: usize) -> bool {
-        matches!(self.outlines[body], Ok(Outline::Ball(_)))
+        matches!(self.outlines[body].outline, Ok(Outline::Ball(_)))
     }
 
     /// Returns the row of a body with its outline alone.
@@ -91,9 +123,9 @@ impl PendingFrame {
             stamp_ns: self.meta.stamp_ns,
             body: u32::try_from(body).unwrap_or(u32::MAX),
             interval_frames,
-            outline: self.outlines[body].ok().map(|outline| outline.to_result(self.origins[body])),
-            angle_deg: self.outlines[body].ok().and_then(|outline| outline.angle_deg()),
-            status: match (self.outlines[body], self.origins[body]) {
+            outline: self.outlines[body].outline.ok().map(|outline| outline.to_result(self.outlines[body].origin)),
+            angle_deg: self.outlines[body].outline.ok().and_then(|outline| outline.angle_deg()),
+            status: match (self.outlines[body].outline, self.outlines[body].origin) {
                 (Err(status), _) => status,
                 (Ok(_), OutlineOrigin::Coasted) => PointStatus::Predicted,
                 (Ok(_), OutlineOrigin::Detected | OutlineOrigin::Predicted | OutlineOrigin::Reused) => {

@@ -32,8 +32,8 @@ impl Measurer {
                     continue;
                 };
                 let outlines = OutlinePair {
-                    reference: &reference.outlines[body],
-                    target: &target.outlines[body],
+                    reference: &reference.outlines[body].outline,
+                    target: &target.outlines[body].outline,
                     are_detected: is_detected,
                 };
                 if consistency::is_consistent(measured, reference.before[slot].as_ref(), outlines) {
@@ -69,7 +69,8 @@ impl Measurer {
             if !is_detected || !reference.done[slot].as_ref().is_some_and(is_lost) {
                 continue;
             }
-            let (Ok(Outline::Ball(from)), Ok(Outline::Ball(to))) = (&reference.outlines[body], &target.outlines[body])
+            let (Ok(Outline::Ball(from)), Ok(Outline::Ball(to))) =
+                (&reference.outlines[body].outline, &target.outlines[body].outline)
             else {
                 continue;
             };
@@ -111,7 +112,8 @@ impl Measurer {
     fn ring_turn(&mut self, reference: &PendingFrame, target: &PendingFrame, body: usize) -> Option<RingTurn> {
         let measured = reference.done[body * self.params.intervals_frames.len()].as_ref()?;
         let motion = measured.step.motion.filter(RigidStep::has_rotation)?;
-        let (Ok(Outline::Ball(from)), Ok(Outline::Ball(to))) = (&reference.outlines[body], &target.outlines[body])
+        let (Ok(Outline::Ball(from)), Ok(Outline::Ball(to))) =
+            (&reference.outlines[body].outline, &target.outlines[body].outline)
         else {
             return None;
         };

@@ -3,8 +3,7 @@
 use super::jump::is_jump;
 use super::measurer::Measurer;
 use super::outline::Outline;
-use super::outline_motion::FoundOutline;
-use super::pending_frame::{BodyKey, Measured, PendingFrame};
+use super::pending_frame::{BodyKey, FoundOutline, Measured, PendingFrame};
 use super::rotation_support::{Changes, Neighbour, Turn};
 use crate::results::{OutlineOrigin, PointStatus, RigidStep};
 
@@ -36,7 +35,7 @@ impl Measurer {
             let after = following.map_or(Neighbour::Absent, |following| Neighbour::of(&following.step));
             let shown = self.turn(frame, body);
             if shown.is_some_and(|(turn, before)| !turn.is_supported([before, after], Changes::Allowed)) {
-                let found = next.map(|next| FoundOutline { outline: next.outlines[body], origin: next.origins[body] });
+                let found = next.map(|next| next.outlines[body]);
                 self.withdraw(frame, body, found);
             }
             self.withdraw_untested(frame, body);
@@ -45,7 +44,7 @@ impl Measurer {
             let own = shortest.map_or(Neighbour::Absent, |measured| Neighbour::of(&measured.step));
             let state = self.states.state_mut(BodyKey { body, block: frame.block });
             (state.last_turn, state.last_status) = (own, status);
-            state.was_found = Some(frame.outlines[body].is_ok());
+            state.was_found = Some(frame.outlines[body].outline.is_ok());
         }
     }
 
@@ -94,11 +93,11 @@ impl Measurer {
     ///
     /// Something that looks like it for a moment is no evidence. A frame that is alone in its block stands for itself.
     fn is_lone(&self, frame: &PendingFrame, next: Option<&PendingFrame>, body: usize) -> bool {
-        let is_outlined = matches!(frame.outlines[body], Ok(Outline::Ball(_) | Outline::Rod(_)));
-        let is_absent = |frame: &PendingFrame| frame.outlines[body].is_err();
+        let is_outlined = matches!(frame.outlines[body].outline, Ok(Outline::Ball(_) | Outline::Rod(_)));
+        let is_absent = |frame: &PendingFrame| frame.outlines[body].outline.is_err();
         let before = self.states.was_found(BodyKey { body, block: frame.block });
         is_outlined
-            && frame.origins[body] == OutlineOrigin::Detected
+            && frame.outlines[body].origin == OutlineOrigin::Detected
             && match (before, next) {
                 (None, None) => false,
                 (before, next) => before != Some(true) && next.is_none_or(is_absent),

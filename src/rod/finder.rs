@@ -11,9 +11,10 @@ use super::profiles::{CleanPaint, Direction, ExpectedEdge};
 use super::projections::{BinaryImage, Line, find_extrema};
 use super::shading::{CLOSE_PX, ExpectedRod, ShadedRod};
 use super::tape_light::TapeLight;
-use crate::image::ImageView;
+use crate::image::{ImageView, PixelRect};
 use crate::numeric::quantile;
 use crate::results::{Estimate, PointStatus, ROD_EDGES};
+use std::ops::Range;
 
 /// The minimum contrast of black and white, in standard deviations of the noise.
 const MIN_CONTRAST_SIGMAS: f32 = 6.0;
@@ -58,8 +59,8 @@ const MIN_SECTION_PX: f64 = 9.0;
 pub struct RodFinder {
     params: RodParams,
     shape: (usize, usize),
-    /// Left, top, width, height.
-    region: [usize; 4],
+    /// The searched region.
+    region: PixelRect,
 }
 
 /// The expected positions of edges and sides.
@@ -118,7 +119,7 @@ impl RodFinder {
         self.check_shape(image);
         let mut prediction = self.find_by_projections(image)?;
         let (axis, edges) = self.fit_rod(image, &mut prediction)?;
-        let section = self.speckled_section(image, &prediction).ok_or(PointStatus::Lost)?;
+        let section = self.find_speckled_section(image, &prediction).ok_or(PointStatus::Lost)?;
         let anchors: [bool; ROD_EDGES] = std::array::from_fn(|index| match section {
             Section::Between(upper) => index == upper || index == upper + 1,
             Section::Above | Section::Below => index < edges.len(),
@@ -136,11 +137,11 @@ impl RodFinder {
         let anchored = places.iter().zip(anchors).filter(|(_, counts)| *counts).map(|(place, _)| *place);
         let y = mean_position(anchored);
         let place = |index: usize| places[index].value;
-        let [_, top, _, height] = self.region.map(|number| number as f64);
+        let (top, bottom) = (f64::from(self.region.top), f64::from(self.region.bottom));
         let span = match section {
             Section::Between(upper) => [place(upper), place(upper + 1)],
             Section::Above => [top + MARGIN_PX, place(0)],
-            Section::Below => [place(edges.len() - 1), top + height - 1.0 - MARGIN_PX],
+            Section::Below => [place(edges.len() - 1), bottom - 1.0 - MARGIN_PX],
         };
         let mut offsets_px = [Estimate { value: 0.0, sigma: f64::INFINITY }; ROD_EDGES];
         offsets_px.iter_mut().zip(&places).for_each(|(offset, place)| *offset = offset_px(*place, y));
@@ -272,7 +273,7 @@ impl RodFinder {
     fn find_edges(
         &self,
         binary: &BinaryImage,
-        inside: std::ops::Range<usize>,
+        inside: Range<usize>,
         sides: [usize; 2],
     ) -> Result<Vec<Line>, PointStatus> {
         let width = inside.len() as f64;
@@ -368,7 +369,6 @@ impl RodFinder {
         clean: Option<CleanPaint>,
     ) -> Result<Edge, PointStatus> {
         let FittedRod { prediction, axis, lights } = rod;
-        let [_, top, _, height] = self.region;
         let [from, to] = prediction.sides_px;
         let along = [(from + INSET_PX).ceil().max(0.0) as usize, (to - INSET_PX).floor().max(0.0) as usize + 1];
         let places = &prediction.edges_px;
@@ -384,7 +384,7 @@ impl RodFinder {
             near: places[index],
             slope: -axis.tilt(),
             depth: gaps.map(|gap| (gap - EDGE_MARGIN_PX).clamp(0.0, reach_px) as usize),
-            room: [top, top + height - 1],
+            room: [self.region.rows().start, self.region.rows().end - 1],
             sign: prediction.signs[index],
             clean,
             light,
@@ -393,33 +393,22 @@ impl RodFinder {
         Ok(Edge { at: Estimate { value: axis.y_at_edge(&edge, middle), ..edge.at }, ..edge })
     }
 
-    /// Returns the section with the most texture, both along the rows and along the columns: the speckled tape. `None` if
-    /// none is high enough.
-    ///
-    /// A reflection and shading vary along the rows only.
-    fn speckled_section(&self, image: ImageView<'_>, prediction: &Prediction) -> Option<Section> {
-        let [_, top, _, height] = self.region.map(|number| number as f64);
+    /// Returns the section with the most texture, the speckled tape; `None` if none is high enough.
+    fn find_speckled_section(&self, image: ImageView<'_>, prediction: &Prediction) -> Option<Section> {
         let places = &prediction.edges_px;
         let mut sections: Vec<(Section, [f64; 2])> =
             places.windows(2).enumerate().map(|(upper, pair)| (Section::Between(upper), [pair[0], pair[1]])).collect();
         if places.len() % 2 == 1 {
             // One tape shows a single edge: it lies above the first or below the last.
+            let [top, bottom] = [self.region.top, self.region.bottom].map(f64::from);
             sections.push((Section::Above, [top, places[0]]));
-            sections.push((Section::Below, [places[places.len() - 1], top + height - 1.0]));
+            sections.push((Section::Below, [places[places.len() - 1], bottom - 1.0]));
         }
-        let columns = prediction.sides_px.map(|side| side.max(0.0) as usize);
-        let columns = columns[0] + INSET_PX as usize + 1..columns[1].saturating_sub(INSET_PX as usize);
+        let [left, right] = prediction.sides_px.map(|side| side.max(0.0) as usize);
+        let columns = left + INSET_PX as usize + 1..right.saturating_sub(INSET_PX as usize);
         let texture = |[from, to]: [f64; 2]| {
             let rows = (from + TEXTURE_MARGIN_PX).ceil() as usize..((to - TEXTURE_MARGIN_PX).floor().max(0.0)) as usize;
-            let count = (rows.len() * columns.len()).max(1) as f64;
-            let square = |low: f32, high: f32| f64::from(high - low).powi(2);
-            let squares = |y: usize| {
-                let [above, row, below] = [y - 1, y, y + 1].map(|y| image.row(y));
-                let across = columns.clone().map(|x| square(row[x - 1], row[x + 1])).sum::<f64>();
-                [across, columns.clone().map(|x| square(above[x], below[x])).sum::<f64>()]
-            };
-            let sums = rows.map(squares).fold([0.0; 2], |sums, [across, along]| [sums[0] + across, sums[1] + along]);
-            sums[0].min(sums[1]) / count
+            mean_square_gradient(image, columns.clone(), rows)
         };
         let candidates = sections.into_iter().filter(|(_, [from, to])| to - from >= MIN_SECTION_PX);
         candidates.map(|(section, rows)| (section, texture(rows))).max_by(|a, b| a.1.total_cmp(&b.1)).map(|best| best.0)
@@ -431,14 +420,14 @@ impl RodFinder {
     ///
     /// The error of a side that cannot be fitted.
     fn fit_axis(&self, image: ImageView<'_>, prediction: &Prediction) -> Result<Axis, PointStatus> {
-        let [left, top, width, height] = self.region;
+        let [top, bottom] = [self.region.top, self.region.bottom].map(f64::from);
         let places = &prediction.edges_px;
         let (first, last) = match places.len() % 2 {
             // A tape extends beyond the outermost edge on one side.
-            1 => (top as f64, (top + height) as f64),
+            1 => (top, bottom),
             _ => (places[0], places[places.len() - 1] + 1.0),
         };
-        let rows = [first, last].map(|row| (row.max(top as f64) as usize).min(top + height));
+        let rows = [first, last].map(|row| row.clamp(top, bottom) as usize);
         let middle = 0.5 * (rows[0] + rows[1]) as f64;
         let side = |index: usize| {
             let expected = ExpectedEdge {
@@ -448,7 +437,7 @@ impl RodFinder {
                 near: prediction.sides_px[index] + prediction.tilt * (middle - prediction.at_row),
                 slope: prediction.tilt,
                 depth: [SIDE_REACH_PX, SIDE_REACH_PX],
-                room: [left, left + width - 1],
+                room: [self.region.columns().start, self.region.columns().end - 1],
                 sign: prediction.side_signs[index],
                 clean: None,
                 light: None,
@@ -475,11 +464,24 @@ enum Section {
     Below,
 }
 
-/// Estimates the noise of single pixels in a region (x, y, width, height), DN, from the median difference of
+/// Returns the mean squared difference of pixels two apart, DN^2, along rows or columns, whichever is smaller.
+///
+/// Speckles change along both. A reflection and shading change along rows only.
+fn mean_square_gradient(image: ImageView<'_>, columns: Range<usize>, rows: Range<usize>) -> f64 {
+    let square = |low: f32, high: f32| f64::from(high - low).powi(2);
+    let (mut along_rows, mut along_columns) = (0.0, 0.0);
+    for y in rows.clone() {
+        let [above, row, below] = [y - 1, y, y + 1].map(|y| image.row(y));
+        along_rows += columns.clone().map(|x| square(row[x - 1], row[x + 1])).sum::<f64>();
+        along_columns += columns.clone().map(|x| square(above[x], below[x])).sum::<f64>();
+    }
+    f64::min(along_rows, along_columns) / (rows.len() * columns.len()).max(1) as f64
+}
+
+/// Estimates the noise of single pixels in a region, DN, from the median difference of
 /// neighbours.
-fn noise_dn(image: ImageView<'_>, region: [usize; 4]) -> f32 {
-    let [left, top, width, height] = region;
-    let rows = (top..top + height).map(|y| &image.row(y)[left..left + width]);
+fn noise_dn(image: ImageView<'_>, region: PixelRect) -> f32 {
+    let rows = region.rows().map(|y| &image.row(y)[region.columns()]);
     let mut differences: Vec<f32> = rows.flat_map(|row| row.windows(2).map(|pair| (pair[1] - pair[0]).abs())).collect();
     // The median absolute difference of two normal numbers, in standard deviations of one.
     quantile(&mut differences, 0.5).unwrap_or(0.0) / (0.6745 * std::f32::consts::SQRT_2)

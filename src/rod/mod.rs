@@ -20,5 +20,5 @@ mod shading;
 mod tape_light;
 
 pub use finder::RodFinder;
-pub use observation::RodObservation;
+pub use observation::{RodObservation, TapeBounds};
 pub use params::{MIN_WIDTH_PX, RodError, RodParams};

@@ -24,6 +24,41 @@ pub struct RodObservation {
     pub(super) side_signs: [f64; 2],
 }
 
+/// The edges of a speckled tape relative to the point (`x_px`, `y_px`) of its rod, px, before the tilt.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TapeBounds {
+    /// The left side.
+    pub left_px: f64,
+    /// The upper end.
+    pub top_px: f64,
+    /// The right side.
+    pub right_px: f64,
+    /// The lower end.
+    pub bottom_px: f64,
+}
+
+impl TapeBounds {
+    /// Returns the tape in the image, px, if its rod is upright.
+    pub fn upright(&self, rod: &Rod) -> Self {
+        let (x, y) = (rod.x_px.value, rod.y_px.value);
+        Self {
+            left_px: x + self.left_px,
+            top_px: y + self.top_px,
+            right_px: x + self.right_px,
+            bottom_px: y + self.bottom_px,
+        }
+    }
+
+    /// Returns the corners in the image, px, clockwise on the screen for an upright rod.
+    pub fn corners_px(&self, rod: &Rod) -> [[f64; 2]; 4] {
+        let (x, y) = (rod.x_px.value, rod.y_px.value);
+        let (sin, cos) = rod.tilt_deg.value.to_radians().sin_cos();
+        let Self { left_px: left, top_px: top, right_px: right, bottom_px: bottom } = *self;
+        [[left, top], [right, top], [right, bottom], [left, bottom]]
+            .map(|[dx, dy]| [x + dx * cos + dy * sin, y - dx * sin + dy * cos])
+    }
+}
+
 impl RodObservation {
     /// Returns the rod moved by some px, with the uncertainties of its positions increased by `sigma_px`.
     ///
@@ -51,10 +86,9 @@ impl RodObservation {
     }
 
     /// Returns the correlated region: the speckled tape between the sides, with a margin of the rod above and below.
-    ///
-    /// Left, top, right and bottom relative to the point (`x_px`, `y_px`) of the rod, px, before the tilt.
-    pub fn tape_px(&self) -> [f64; 4] {
+    pub fn tape_bounds(&self) -> TapeBounds {
         let half = (self.rod.half_width_px.value - INSET_PX + 1.0).max(0.0);
-        [-half, self.span_px[0] - MARGIN_PX, half, self.span_px[1] + MARGIN_PX]
+        let [top, bottom] = self.span_px;
+        TapeBounds { left_px: -half, top_px: top - MARGIN_PX, right_px: half, bottom_px: bottom + MARGIN_PX }
     }
 }

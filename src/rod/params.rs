@@ -1,5 +1,6 @@
 //! Parameters of a rod finder.
 
+use crate::image::PixelRect;
 use crate::results::ROD_EDGES;
 
 /// The minimum width of a rod, px.
@@ -22,9 +23,9 @@ impl RodParams {
         Self { width_px: [MIN_WIDTH_PX, f64::from(u16::MAX)], edges, roi_px: None }
     }
 
-    /// Returns the searched region of an image of this size: x, y, width, height, px.
-    pub(super) fn region(&self, width_px: usize, height_px: usize) -> [usize; 4] {
-        self.roi_px.map_or([0, 0, width_px, height_px], |roi| roi.map(|number| number as usize))
+    /// Returns the searched region of an image of this size.
+    pub(super) fn region(&self, width_px: usize, height_px: usize) -> PixelRect {
+        self.roi_px.map_or(PixelRect::whole(width_px as u32, height_px as u32), PixelRect::from)
     }
 
     /// Checks the parameters for images of this size.
@@ -42,8 +43,9 @@ impl RodParams {
             let range = format!("at least {MIN_WIDTH_PX} px and the second larger");
             return refuse("width_px", format!("[{min}, {max}]"), range);
         }
-        let [x, y, width, height] = self.region(width_px, height_px);
-        if width == 0 || height == 0 || x + width > width_px || y + height > height_px {
+        let Some([x, y, width, height]) = self.roi_px else { return Ok(()) };
+        let region = self.region(width_px, height_px);
+        if region.is_empty() || !PixelRect::whole(width_px as u32, height_px as u32).contains(region) {
             let range = format!("x, y, width, height inside the {width_px} x {height_px} px image, not empty");
             return refuse("roi_px", format!("[{x}, {y}, {width}, {height}]"), range);
         }

@@ -4,7 +4,7 @@
 //! is thresholded, and its first differences down and across are summed over each row and each column. Edges across and
 //! along a rod are extrema of these sums, to whole pixels.
 
-use crate::image::ImageView;
+use crate::image::{ImageView, PixelRect};
 use crate::numeric::otsu;
 
 /// The number of histogram bins for the threshold.
@@ -29,16 +29,15 @@ pub struct BinaryImage {
 }
 
 impl BinaryImage {
-    /// Thresholds a region (x, y, width, height, px) by Otsu's method (1979, doi:10.1109/TSMC.1979.4310076).
+    /// Thresholds a region by Otsu's method (1979, doi:10.1109/TSMC.1979.4310076).
     ///
     /// Returns `None` if all its pixels are alike.
     ///
     /// # Panics
     ///
     /// If the region exceeds the image.
-    pub fn new(image: ImageView<'_>, region: [usize; 4]) -> Option<Self> {
-        let [left, top, width, height] = region;
-        let rows = || (top..top + height).map(|y| &image.row(y)[left..left + width]);
+    pub fn new(image: ImageView<'_>, region: PixelRect) -> Option<Self> {
+        let rows = || region.rows().map(|y| &image.row(y)[region.columns()]);
         let pixels = || rows().flatten().copied();
         let (low, high) = pixels().fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
         if !(high > low && (high - low).is_finite()) {
@@ -55,6 +54,8 @@ impl BinaryImage {
             (sum / f64::from(count.max(1))) as f32
         };
         let white = pixels().map(|v| v >= threshold_dn).collect();
+        let (left, top) = (region.columns().start, region.rows().start);
+        let (width, height) = (region.columns().len(), region.rows().len());
         Some(Self { left, top, width, height, threshold_dn, means_dn: [mean(false), mean(true)], white })
     }
 
@@ -145,7 +146,7 @@ mod tests {
     #[test]
     fn sums_count_the_pixels_that_change_over_a_line() {
         let image = draw(|x, y| if (10..30).contains(&x) && (15..45).contains(&y) { 200.0 } else { 30.0 });
-        let binary = BinaryImage::new(image.view(), [0, 0, 40, 60]).unwrap();
+        let binary = BinaryImage::new(image.view(), PixelRect::whole(40, 60)).unwrap();
         assert!((binary.threshold_dn - 115.0).abs() < 2.0, "{}", binary.threshold_dn);
         let (down, across) = (binary.row_steps(0..40), binary.column_steps());
         assert_eq!((down.len(), across.len()), (59, 39));
@@ -161,16 +162,19 @@ mod tests {
     #[test]
     fn a_region_is_cut_out_of_the_image() {
         let image = draw(|_, y| if y < 30 { 10.0 } else { 50.0 });
-        let binary = BinaryImage::new(image.view(), [5, 20, 10, 20]).unwrap();
+        let binary = BinaryImage::new(image.view(), PixelRect::from([5, 20, 10, 20])).unwrap();
         assert_eq!(find_extrema(&binary.row_steps(0..10), 4), [Line { at: 9, strength: 10 }]);
-        assert!(BinaryImage::new(image.view(), [5, 0, 10, 20]).is_none(), "one shade alone has no threshold");
+        assert!(
+            BinaryImage::new(image.view(), PixelRect::from([5, 0, 10, 20])).is_none(),
+            "one shade alone has no threshold"
+        );
     }
 
     #[test]
     fn a_tilted_line_is_one_line() {
         // Falls by 2 rows over 40 columns.
         let image = draw(|x, y| if y > 20 + x / 14 { 200.0 } else { 30.0 });
-        let binary = BinaryImage::new(image.view(), [0, 0, 40, 60]).unwrap();
+        let binary = BinaryImage::new(image.view(), PixelRect::whole(40, 60)).unwrap();
         assert_eq!(find_extrema(&binary.row_steps(0..40), 4), [Line { at: 21, strength: 40 }]);
     }
 }

@@ -4,7 +4,7 @@ use super::axis::{Axis, Side, weighted_mean};
 use super::cylinder::{Room, TapeProfile, TapeSides, fit_tapes};
 use super::observation::INSET_PX;
 use super::tape_light::{TapeLight, TapePlace};
-use crate::image::ImageView;
+use crate::image::{ImageView, PixelRect};
 use crate::results::{Estimate, ROD_EDGES};
 
 /// The ratio of the darkest to the brightest light across a tape below which it counts as shaded.
@@ -40,8 +40,8 @@ pub(super) struct ExpectedRod<'a> {
     pub(super) width_px: [f64; 2],
     /// The maximum distance of a side outside its expected position, px.
     pub(super) outward_px: f64,
-    /// Left, top, width, height.
-    pub(super) region: [usize; 4],
+    /// The searched region.
+    pub(super) region: PixelRect,
 }
 
 /// A rod whose light varies across it.
@@ -59,8 +59,7 @@ fn inner_rows([from, to]: [f64; 2]) -> [usize; 2] {
 impl ExpectedRod<'_> {
     /// Returns the rows of the light parts of the rod that are high enough, from the top downwards.
     fn light_parts(&self) -> Vec<[usize; 2]> {
-        let [_, top, _, height] = self.region;
-        let (top, bottom) = (top as f64, (top + height) as f64 - 1.0);
+        let (top, bottom) = (f64::from(self.region.top), f64::from(self.region.bottom) - 1.0);
         let count = self.edges_px.len();
         let part = |below: usize| {
             let (above, below) = (below.checked_sub(1), (below < count).then_some(below));
@@ -75,9 +74,9 @@ impl ExpectedRod<'_> {
 
     /// Returns the profile of some rows across a rod at this place.
     fn profile(&self, image: ImageView<'_>, rows: [usize; 2], place: &Place) -> Option<TapeProfile> {
-        let [left, _, width, _] = self.region;
         let row = 0.5 * (rows[0] + rows[1]) as f64 - 0.5;
-        let room = Room { columns: [left, left + width - 1], outward_px: self.outward_px };
+        let room =
+            Room { columns: [self.region.columns().start, self.region.columns().end - 1], outward_px: self.outward_px };
         TapeProfile::read(image, rows, place.sides_at(row), place.tilt, room)
     }
 }

@@ -155,7 +155,7 @@ fn black_and_white_projections_find_the_same_edges_within_a_pixel() {
     let mut bytes = vec![0; world.frame_bytes()];
     for index in [0, 60, 120, 200] {
         let image = picture(&world, index, &mut bytes);
-        let tone = projections::BinaryImage::new(image.view(), REGION.map(|number| number as usize)).unwrap();
+        let tone = projections::BinaryImage::new(image.view(), REGION.into()).unwrap();
         let truth = world.truth(index).center_y_px.unwrap();
         let lines = projections::find_extrema(&tone.row_steps(20..43), 4);
         for edge in EDGES {

@@ -81,11 +81,10 @@ pub(super) fn measure_velocities(recording: &Recording, setup: &Setup<'_>) -> Re
 
 /// Returns the bounding box of the speckled tape in whole pixels: left, top, width and height.
 fn tape_bounds_px(observation: &RodObservation) -> [u32; 4] {
-    let [left, top, right, low] = observation.tape_px();
+    let tape = observation.tape_bounds().upright(&observation.rod);
     let whole = |place: f64| place.round().max(0.0) as u32;
-    let (x, y) = (observation.rod.x_px.value, observation.rod.y_px.value);
-    let (left, top) = (whole(x + left), whole(y + top));
-    [left, top, whole(x + right + 1.0).saturating_sub(left), whole(y + low + 1.0).saturating_sub(top)]
+    let (left, top) = (whole(tape.left_px), whole(tape.top_px));
+    [left, top, whole(tape.right_px + 1.0).saturating_sub(left), whole(tape.bottom_px + 1.0).saturating_sub(top)]
 }
 
 /// Computes the velocity along the surface's outward normal, m/s, of each pair of frames `interval` frames apart, as
