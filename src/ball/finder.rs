@@ -27,6 +27,8 @@ const FINALISTS: usize = 8;
 ///
 /// Speckle near the rim can make a smaller circle win.
 const ENLARGED_BY_PX: f32 = 5.0;
+/// The search for an outline outside a candidate's rim.
+const ENLARGED: RansacParams = RansacParams { reach_px: ENLARGED_BY_PX, tolerance_px: 0.7, draws: 60, rays: 120 };
 /// The minimum ratio of the support of a ball to that of any other candidate.
 const MIN_SUPPORT_RATIO: f32 = 1.3;
 /// The ratio of supports from which no other candidate can be the ball.
@@ -149,15 +151,15 @@ impl BallFinder {
             return Some(circle);
         }
         self.hough.search_without_marks(Marks::Dark, &mut self.peaks);
-        if let Some(circle) = self.best_of_peaks(image, QUICK) {
+        if let Some(circle) = self.find_best_candidate(image, QUICK) {
             return Some(circle);
         }
-        if let Some(circle) = self.best_of_peaks(image, THOROUGH) {
+        if let Some(circle) = self.find_best_candidate(image, THOROUGH) {
             return Some(circle);
         }
         self.peaks.clear();
         self.hough.search_without_marks(Marks::Bright, &mut self.peaks);
-        let found = self.best_of_peaks(image, QUICK).or_else(|| self.search_on_plain_ground(image));
+        let found = self.find_best_candidate(image, QUICK).or_else(|| self.search_on_plain_ground(image));
         found.or_else(|| self.search_textured(image))
     }
 
@@ -390,8 +392,11 @@ impl BallFinder {
         None
     }
 
-    /// Ranks the peaks by their rim and measures the best.
-    fn best_of_peaks(&mut self, image: ImageView<'_>, effort: Effort) -> Option<Circle> {
+    /// Finds the ball among the Hough peaks.
+    ///
+    /// Returns the first certain candidate. Otherwise candidates from filtered rims and with enlarged radii are added,
+    /// and the circle with the highest inlier fraction is returned; `None` if no candidate can be measured.
+    fn find_best_candidate(&mut self, image: ImageView<'_>, effort: Effort) -> Option<Circle> {
         self.rank_peaks(image, effort);
         if let Some(circle) = self.first_certain(image, CERTAIN_INLIERS) {
             return Some(circle);
@@ -400,14 +405,23 @@ impl BallFinder {
             self.search_filtered_rims(image);
         }
         self.keep_finalists();
-        for i in 0..self.candidates.len().min(effort.enlarged) {
-            let candidate = self.candidates[i];
-            let enlarged = Candidate { radius: candidate.radius + ENLARGED_BY_PX, ..candidate };
-            let params = RansacParams { reach_px: ENLARGED_BY_PX, tolerance_px: 0.7, draws: 60, rays: 120 };
-            let Some(enlarged) = self.ransac.search_again(image, &enlarged, params) else { continue };
-            self.candidates.extend(self.ransac.search_again(image, &enlarged, CLOSE));
-        }
+        self.search_enlarged(image, effort.enlarged_candidates);
         self.keep_finalists();
+        self.measure_finalists(image)
+    }
+
+    /// Adds candidates from outside the rims of the best `count`, which may be rings on the ball.
+    fn search_enlarged(&mut self, image: ImageView<'_>, count: usize) {
+        for i in 0..self.candidates.len().min(count) {
+            let candidate = self.candidates[i];
+            let outer = Candidate { radius: candidate.radius + ENLARGED_BY_PX, ..candidate };
+            let Some(found) = self.ransac.search_again(image, &outer, ENLARGED) else { continue };
+            self.candidates.extend(self.ransac.search_again(image, &found, CLOSE));
+        }
+    }
+
+    /// Measures all candidates up to the first certain one, and returns the circle with the highest inlier fraction.
+    fn measure_finalists(&mut self, image: ImageView<'_>) -> Option<Circle> {
         let mut best: Option<Measured> = None;
         for i in 0..self.candidates.len() {
             let candidate = self.candidates[i];

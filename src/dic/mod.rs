@@ -25,7 +25,7 @@ pub use body::{
     BallDisc, BodyMotion, CenteredFrame, OcclusionMap, PolarCorrelator, Radii, RigidBody, RingPattern, RingRotation,
     STALE_DEG, find_at_any_angle, find_occluded_within_angle, has_texture, min_ring_contrast_dn,
 };
-pub use correlate::{Correlator, KeptReference, KernelBenchmark, Series, Start, run_arithmetic};
+pub use correlate::{Correlator, KeptReference, KernelBenchmark, Series, Start};
 pub use error::CorrelationError;
 pub use field::{CenterVector, Dilatation, RigidMotion, Sphere, center_fit, fit_dilatation, rigid_fit, rigid_fit_near};
 pub use geometry::{GridPoint, Patch, PlanarMotion, Point, Region, Shape, WindowShape, grid};

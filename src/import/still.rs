@@ -23,15 +23,15 @@ pub(super) struct DisplayInfo {
     pub(super) pixel_aspect: f64,
     /// Significant bits of a grey level.
     pub(super) bits: u32,
-    /// The rule that makes grey levels of colours; empty for a grey image.
-    pub(super) grey_rule: &'static str,
+    /// The rule that makes grey levels of colours; `None` for a grey image.
+    pub(super) grey_rule: Option<&'static str>,
     /// Whether the compression changes grey levels.
     pub(super) is_lossy: bool,
 }
 
 impl Default for DisplayInfo {
     fn default() -> Self {
-        Self { orientation: Orientation::AS_STORED, pixel_aspect: 1.0, bits: 8, grey_rule: "", is_lossy: false }
+        Self { orientation: Orientation::AS_STORED, pixel_aspect: 1.0, bits: 8, grey_rule: None, is_lossy: false }
     }
 }
 
@@ -63,19 +63,26 @@ impl Still {
     /// [`ImportError::Invalid`] for an image of floating-point numbers, without pixels or too large.
     pub(super) fn from_picture(path: &Path, picture: DynamicImage, display: DisplayInfo) -> Result<Self, ImportError> {
         let (width_px, height_px) = (u64::from(picture.width()), u64::from(picture.height()));
-        let (format, bytes, grey_rule) = grey_levels(picture).ok_or_else(|| {
+        let GreyPixels { format, bytes, rule } = to_grey(picture).ok_or_else(|| {
             ImportError::invalid(path, "floating-point numbers; save it in grey or RGB with 8 or 16 bits")
         })?;
         let shape = Shape::new(path, width_px, height_px, format)?;
-        Self::new(path, shape, bytes, DisplayInfo { bits: format.bits(), grey_rule, ..display })
+        Self::new(path, shape, bytes, DisplayInfo { bits: format.bits(), grey_rule: rule, ..display })
     }
 }
 
+/// The pixels of a decoded image in grey.
+struct GreyPixels {
+    format: PixelFormat,
+    /// Packed little-endian pixels.
+    bytes: Vec<u8>,
+    /// The rule by which colours became grey; `None` for a grey image. Colours of 16 bit always have one, even if the
+    /// channels are equal.
+    rule: Option<&'static str>,
+}
+
 /// Converts a decoded image to 8 or 16 bit grey; `None` for floating-point numbers. Transparency is ignored.
-///
-/// Returns the pixel format, the packed little-endian pixels and the rule by which colours became grey, empty if the
-/// image was grey. Colours of 16 bit always have a rule, even if the channels are equal.
-fn grey_levels(picture: DynamicImage) -> Option<(PixelFormat, Vec<u8>, &'static str)> {
+fn to_grey(picture: DynamicImage) -> Option<GreyPixels> {
     let picture = match picture {
         DynamicImage::ImageLumaA8(_) => DynamicImage::ImageLuma8(picture.into_luma8()),
         DynamicImage::ImageLumaA16(_) => DynamicImage::ImageLuma16(picture.into_luma16()),
@@ -86,13 +93,14 @@ fn grey_levels(picture: DynamicImage) -> Option<(PixelFormat, Vec<u8>, &'static 
     match picture {
         DynamicImage::ImageRgb16(picture) => {
             let words: Vec<u8> = picture.into_raw().into_iter().flat_map(u16::to_le_bytes).collect();
-            Some((PixelFormat::Mono16, grey::luma(PixelFormat::Mono16, &words), grey::LUMA))
+            let format = PixelFormat::Mono16;
+            Some(GreyPixels { format, bytes: grey::luma(format, &words), rule: Some(grey::LUMA) })
         }
         DynamicImage::ImageRgb8(picture) => {
             let is_grey = picture.pixels().all(|pixel| pixel.0[0] == pixel.0[1] && pixel.0[1] == pixel.0[2]);
-            let rule = if is_grey { "" } else { grey::LUMA };
-            Some((PixelFormat::Mono8, grey::luma(PixelFormat::Mono8, &picture.into_raw()), rule))
+            let (format, rule) = (PixelFormat::Mono8, (!is_grey).then_some(grey::LUMA));
+            Some(GreyPixels { format, bytes: grey::luma(format, &picture.into_raw()), rule })
         }
-        grey => grey_pixels(grey).map(|(format, bytes)| (format, bytes, "")),
+        grey => grey_pixels(grey).map(|(format, bytes)| GreyPixels { format, bytes, rule: None }),
     }
 }

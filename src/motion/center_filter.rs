@@ -39,10 +39,17 @@ pub struct Center {
 #[derive(Debug, Clone, Default)]
 pub struct CenterFilter {
     state: Option<OffsetState>,
-    /// The start of the current rejections, and the offset of the newest rejected outline.
-    rejected: Option<(f64, OffsetState)>,
+    rejection: Option<Rejection>,
     /// Dropped offsets, oldest first.
     past: Vec<PastOffset>,
+}
+
+/// Consecutive outlines outside the gate.
+#[derive(Debug, Clone, Copy)]
+struct Rejection {
+    since_frames: f64,
+    /// The offset of the newest of them.
+    newest: OffsetState,
 }
 
 /// An offset that outlines agree on.
@@ -69,7 +76,7 @@ struct PastOffset {
     /// The time at which its successor took over.
     until_frames: f64,
     /// Whether the pose drifted away gradually; otherwise the body was lost.
-    is_left: bool,
+    has_drifted_away: bool,
 }
 
 impl OffsetState {
@@ -155,39 +162,42 @@ impl CenterFilter {
         Self::default()
     }
 
-    /// Updates the offset by the outline detected in a node's frame. Outlines must be given in frame order.
+    /// Updates the offset by the outline detected in the frame of a pose. Outlines must come in frame order.
     ///
-    /// An outline beyond the gate is rejected. After 8 frames of rejections the filter restarts from it.
-    pub fn update(&mut self, node: &Pose, circle: &Circle) {
-        let measured = [circle.x_px - node.pose[0], circle.y_px - node.pose[1]];
+    /// An outline outside the gate is rejected. The filter restarts from it after [`PATIENCE_FRAMES`] of rejections, or
+    /// after a gap that cannot be bridged. The old offset stays valid for earlier poses. An outline that is not finite
+    /// is ignored.
+    pub fn update(&mut self, pose: &Pose, circle: &Circle) {
+        let measured = [circle.x_px - pose.pose[0], circle.y_px - pose.pose[1]];
         let variance = circle.sigma_center_px.powi(2).max(1e-12);
         if !(measured.iter().all(|x| x.is_finite()) && variance.is_finite()) {
             return;
         }
-        let fresh = OffsetState::new(node, measured.map(|value| Estimate { value, sigma: variance.sqrt() }), variance);
+        let offset = measured.map(|value| Estimate { value, sigma: variance.sqrt() });
+        let restarted = OffsetState::new(pose, offset, variance);
         let Some(state) = self.state else {
-            self.state = Some(fresh);
+            self.state = Some(restarted);
             return;
         };
-        let prior = state.predicted_variance(node);
+        let prior = state.predicted_variance(pose);
         let is_lost = prior.iter().any(|prior| prior.is_infinite());
         let is_within_gate = (0..2)
             .all(|k| (measured[k] - state.offset[k].value).powi(2) <= GATE_SIGMAS.powi(2) * (prior[k] + variance));
-        let is_left = self.rejected.is_some_and(|(since, _)| node.time_frames - since >= PATIENCE_FRAMES);
-        if is_lost || (!is_within_gate && is_left) {
+        let since_frames = self.rejection.map_or(pose.time_frames, |rejection| rejection.since_frames);
+        let has_drifted_away = pose.time_frames - since_frames >= PATIENCE_FRAMES;
+        if is_lost || (!is_within_gate && has_drifted_away) {
             if self.past.len() == MAX_PAST_OFFSETS {
                 self.past.remove(0);
             }
-            self.past.push(PastOffset { state, until_frames: node.time_frames, is_left: !is_lost });
-            self.state = Some(fresh);
+            self.past.push(PastOffset { state, until_frames: pose.time_frames, has_drifted_away: !is_lost });
+            self.state = Some(restarted);
         } else if is_within_gate {
-            self.state = Some(state.updated(node, measured, variance));
+            self.state = Some(state.updated(pose, measured, variance));
         } else {
-            let since = self.rejected.map_or(node.time_frames, |(since, _)| since);
-            self.rejected = Some((since, fresh));
+            self.rejection = Some(Rejection { since_frames, newest: restarted });
             return;
         }
-        self.rejected = None;
+        self.rejection = None;
     }
 
     /// Returns the centre in a node's frame; `None` before the first outline and across a gap that cannot be bridged.
@@ -198,7 +208,7 @@ impl CenterFilter {
         let past = &self.past[index];
         let center = past.state.center(node)?;
         let began_frames = past.state.time_frames;
-        if !past.is_left || node.time_frames <= began_frames {
+        if !past.has_drifted_away || node.time_frames <= began_frames {
             return Some(center);
         }
         // Between one offset and the next.
@@ -216,11 +226,11 @@ impl CenterFilter {
     fn newest_center(&self, node: &Pose) -> Option<Center> {
         let state = self.state?;
         let center = state.center(node)?;
-        let Some((_, rejected)) = self.rejected.filter(|_| node.time_frames > state.time_frames) else {
+        let Some(rejection) = self.rejection.filter(|_| node.time_frames > state.time_frames) else {
             return Some(center);
         };
-        let shift_px = [0, 1].map(|k| rejected.offset[k].value - state.offset[k].value);
-        let share = (node.time_frames - state.time_frames) / (rejected.time_frames - state.time_frames);
+        let shift_px = [0, 1].map(|k| rejection.newest.offset[k].value - state.offset[k].value);
+        let share = (node.time_frames - state.time_frames) / (rejection.newest.time_frames - state.time_frames);
         Some(Center { sigma_px: center.sigma_px.hypot(share.min(2.0) * shift_px[0].hypot(shift_px[1])), ..center })
     }
 }

@@ -67,23 +67,30 @@ fn has_finite_numbers(step: &RigidStep) -> bool {
 #[derive(Debug, Clone, Copy)]
 struct Spin {
     rate_deg: f64,
-    /// The rotation per frame before.
-    before_deg: f64,
+    /// The rate of the step before.
+    previous_rate_deg: f64,
     sigma_deg: f64,
-    /// The frames since then.
-    unseen_frames: f64,
+    frames_since_measured: f64,
+}
+
+/// A rotation that was not measured.
+#[derive(Debug, Clone, Copy)]
+struct Extrapolation {
+    rotation_deg: f64,
+    variance_deg2: f64,
 }
 
 impl Spin {
-    /// Extrapolates the rotation over `frames` further frames. Returns it, deg, and its variance, deg^2.
+    /// Advances by `frames` without a measured rotation. Returns the extrapolated rotation over them.
     ///
     /// The variance is infinite if the last rotation was measured more than [`BRIDGE_FRAMES`] before.
-    fn extrapolated(&mut self, frames: f64) -> (f64, f64) {
-        self.unseen_frames += frames;
-        let change = 0.5 * self.unseen_frames * (self.rate_deg - self.before_deg);
+    fn advance(&mut self, frames: f64) -> Extrapolation {
+        self.frames_since_measured += frames;
+        let change = 0.5 * self.frames_since_measured * (self.rate_deg - self.previous_rate_deg);
         let variance = 2.0 * self.sigma_deg.powi(2) + change.powi(2);
-        let is_known = self.unseen_frames <= BRIDGE_FRAMES;
-        (frames * self.rate_deg, if is_known { frames * frames * variance } else { f64::INFINITY })
+        let is_known = self.frames_since_measured <= BRIDGE_FRAMES;
+        let variance_deg2 = if is_known { frames * frames * variance } else { f64::INFINITY };
+        Extrapolation { rotation_deg: frames * self.rate_deg, variance_deg2 }
     }
 }
 
@@ -161,8 +168,12 @@ impl PoseIntegrator {
             self.arrivals.insert((target, step.interval_frames), arriving);
             let rates = rates.map(|rate| rate / periods);
             if out.has_rotation() {
-                let before_deg = self.spin.map_or(rates[2], |spin| spin.rate_deg);
-                self.spin = Some(Spin { rate_deg: rates[2], before_deg, sigma_deg: node.sigma[2], unseen_frames: 0.0 });
+                self.spin = Some(Spin {
+                    rate_deg: rates[2],
+                    previous_rate_deg: self.spin.map_or(rates[2], |spin| spin.rate_deg),
+                    sigma_deg: node.sigma[2],
+                    frames_since_measured: 0.0,
+                });
             }
             let before = self.last.map_or(rates, |(_, rates, _)| rates);
             self.last = Some((Pose { turn: arriving.turn, ..node }, rates, before));
@@ -283,9 +294,11 @@ impl PoseIntegrator {
     /// Returns a node whose angle is extrapolated over `frames`, because its rotation was not measured.
     fn with_extrapolated_angle(&mut self, node: Pose, frames: f64) -> Pose {
         self.turns += 1;
-        let (turned_deg, variance) = self.spin.as_mut().map_or((0.0, f64::INFINITY), |spin| spin.extrapolated(frames));
-        let pose = [node.pose[0], node.pose[1], node.pose[2] + turned_deg];
-        let bridged = [node.bridged[0], node.bridged[1], node.bridged[2] + variance];
+        let unknown = Extrapolation { rotation_deg: 0.0, variance_deg2: f64::INFINITY };
+        let Extrapolation { rotation_deg, variance_deg2 } =
+            self.spin.as_mut().map_or(unknown, |spin| spin.advance(frames));
+        let pose = [node.pose[0], node.pose[1], node.pose[2] + rotation_deg];
+        let bridged = [node.bridged[0], node.bridged[1], node.bridged[2] + variance_deg2];
         Pose { turn: self.turns, pose, bridged, ..node }
     }
 

@@ -6,7 +6,6 @@
 
 use super::velocity_fit::{Regime, fit_window, nodes_between};
 use super::{KnownMotion, PixelRates, Pose};
-use crate::numeric::nth_smallest;
 use crate::results::{Estimate, FrameCoding, RigidStep};
 
 /// The number of frames that the size of the scatter is measured over.
@@ -105,9 +104,13 @@ fn floor_factors(sigmas_px: [f64; 2], floor_px: f64) -> [f64; 3] {
 
 /// Whether most of the differences of one coordinate are larger than noise.
 fn is_scattered(nodes: &[Pose], axis: usize) -> bool {
-    let mut sizes: Vec<f32> = differences(nodes, axis).collect();
-    let (count, middle) = (sizes.len(), sizes.len() / 2);
-    count >= MIN_DIFFERENCES && nth_smallest(&mut sizes, middle) > MIN_RATIO * NORMAL_MEDIAN
+    let (mut count, mut larger) = (0, 0);
+    for size in differences(nodes, axis) {
+        count += 1;
+        larger += usize::from(size > MIN_RATIO * NORMAL_MEDIAN);
+    }
+    // The median is larger.
+    count >= MIN_DIFFERENCES && larger >= count - count / 2
 }
 
 /// Returns the root mean square of the differences of one coordinate; 0 without any.

@@ -58,6 +58,8 @@ pub struct Polynomial {
     at_frames: f64,
     unit_frames: f64,
     acceleration: f64,
+    /// The number of coefficients that are not 0.
+    order: usize,
     coefficients: Vector,
     covariance: Matrix,
     components: Vec<Component>,
@@ -84,6 +86,7 @@ impl Polynomial {
             at_frames,
             unit_frames,
             acceleration,
+            order,
             coefficients: Vector::zeros(),
             covariance: Matrix::zeros(),
             components: Vec::new(),
@@ -114,6 +117,7 @@ impl Polynomial {
             at_frames,
             unit_frames: 1.0,
             acceleration: 0.0,
+            order: 1,
             coefficients: Vector::zeros(),
             covariance,
             components: Vec::new(),
@@ -284,8 +288,14 @@ impl Polynomial {
 
     /// Returns sample minus curve, and the sample's own standard uncertainty; `None` for a component outside the fit.
     pub fn residual(&self, sample: &Sample) -> Option<(f64, f64)> {
-        let (value, _) = self.curve(sample.time_frames, self.component(sample.component)?);
-        Some((sample.value - value, sample.sigma))
+        let c = self.component(sample.component)?;
+        let u = (sample.time_frames - self.at_frames) / self.unit_frames;
+        let (mut power, mut fitted) = (1.0, 0.0);
+        for k in 0..self.order {
+            power *= u;
+            fitted += self.coefficients[k] * (power - c.powers[k]);
+        }
+        Some((sample.value - (c.value + fitted + self.known_part(sample.time_frames)), sample.sigma))
     }
 
     /// Returns the sum of squared residuals in units of the samples' sigmas.

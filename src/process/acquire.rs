@@ -33,13 +33,14 @@ const WAIT: Duration = Duration::from_millis(50);
 /// Time for a camera to release a process that died: GigE Vision cameras wait 3 s for a heartbeat.
 const RELEASE_TIMEOUT: Duration = Duration::from_secs(20);
 
-/// Runs the camera of this rig until it ends or is stopped.
+/// Runs the camera of this rig until it ends or is stopped, and returns the counts of its frames.
 ///
 /// Frames of a live camera continue the numbers of a predecessor that died.
 ///
 /// # Errors
 ///
-/// If the camera cannot be opened or is lost for good, or shared memory cannot be used.
+/// If the camera cannot be opened or is lost for good, its frames do not fit the calibration, or shared memory cannot be
+/// used.
 pub fn run(config: &Config, launch: Launch, stop: &Stop) -> Result<Summary, Failure> {
     let mut source = open_source(config, &launch, stop)?;
     if let Some(steps) = launch.steps {
@@ -47,28 +48,28 @@ pub fn run(config: &Config, launch: Launch, stop: &Stop) -> Result<Summary, Fail
     }
     config.check_calibration(source.format().width_px, source.format().height_px)?;
     let bus = Bus::join_as(&config.rig.name, Role::Acquire.as_str(), SUCCESSION_TIMEOUT, launch.domain.as_ref())?;
-    let (reached, left) = NewestFrameFile::open(&bus.private_file(Role::Acquire.as_str()))?;
-    let resume = left.filter(|_| launch.is_restart).map(|(resume, age_s)| {
+    let (newest_frame_file, previous) = NewestFrameFile::open(&bus.private_file(Role::Acquire.as_str()))?;
+    let resume = previous.filter(|_| launch.is_restart).map(|(resume, age_s)| {
         let resume = Resume { epoch: resume.epoch + 1, ..resume };
         (resume.after(age_s * config.camera.playback_rate, source.format().frame_rate_hz), now())
     });
     match resume {
         // So that the numbers and epochs of this process rise even if it dies before its first frame.
-        Some((resume, _)) => reached.save_state(&resume),
+        Some((resume, _)) => newest_frame_file.save_state(&resume),
         None => {
-            reached.clear();
+            newest_frame_file.clear();
             reference_picture::begin_stream(config, &bus)?;
         }
     }
-    let mut loop_ = Loop::new(&bus, config, source, reached)?;
-    loop_.take_over(resume);
+    let mut acquisition = Acquisition::new(&bus, config, source, newest_frame_file)?;
+    acquisition.take_over(resume);
     bus.reserve()?;
-    loop_.prepare(stop)?;
-    let streamed = loop_.stream(config, stop);
-    let ended = loop_.end(stop);
+    acquisition.prepare(stop)?;
+    let streamed = acquisition.stream(config, stop);
+    let ended = acquisition.end(stop);
     streamed?;
     ended?;
-    Ok(loop_.summary)
+    Ok(acquisition.summary)
 }
 
 /// Opens the camera. A camera whose controlling process was killed may refuse for some seconds, so a restarted process
@@ -87,12 +88,12 @@ fn open_source(config: &Config, launch: &Launch, stop: &Stop) -> Result<Source, 
 }
 
 /// The main loop of acquisition.
-struct Loop {
+struct Acquisition {
     // Drop order: the camera goes before the ring whose slots it holds.
     source: Source,
     ring: FramePublisher,
     /// The newest frame, for a successor.
-    reached: NewestFrameFile,
+    newest_frame_file: NewestFrameFile,
     notifier: TopicNotifier,
     reporter: StatusReporter,
     readers: Readers,
@@ -127,9 +128,9 @@ struct Loop {
     unpublished: Option<u64>,
 }
 
-impl Loop {
+impl Acquisition {
     /// Creates the ring and opens the topics for an open camera.
-    fn new(bus: &Bus, config: &Config, source: Source, reached: NewestFrameFile) -> Result<Self, Failure> {
+    fn new(bus: &Bus, config: &Config, source: Source, newest_frame_file: NewestFrameFile) -> Result<Self, Failure> {
         let limits = limits(config, &source.format());
         let ring = bus.frame_publisher(&limits, source.format().slot_bytes())?;
         let mut reporter = StatusReporter::new(bus, &limits, Role::Acquire, 0)?;
@@ -142,7 +143,7 @@ impl Loop {
         let hardware_trigger = HardwareTrigger::new(config);
         Ok(Self {
             ring,
-            reached,
+            newest_frame_file,
             notifier: bus.notifier("frames")?,
             reporter,
             readers: Readers::new(bus, &limits, config)?,
@@ -288,7 +289,7 @@ impl Loop {
         meta.epoch = meta.epoch.max(self.epoch);
         let frame = FrameStamp { sequence: meta.sequence, stamp_ns: meta.stamp_ns };
         // Before it is published, so that no number is ever used twice.
-        self.reached.save(frame, meta.epoch);
+        self.newest_frame_file.save(frame, meta.epoch);
         let decided = self.detect_motion(&meta, &mut slot);
         self.begin_shot(frame)?;
         let exposure_us = self.source.format().exposure_us;

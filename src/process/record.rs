@@ -39,6 +39,8 @@ use std::time::Duration;
 
 /// Maximum wait for frames before the loop does its other work.
 const WAIT: Duration = Duration::from_millis(2);
+/// Pause between two looks for a trigger, in which frames wake nobody.
+const IDLE_PAUSE: Duration = Duration::from_millis(4);
 /// Interval at which an armed recorder connects to new writers; this consumes nothing.
 const CONNECT_PERIOD: Duration = Duration::from_millis(100);
 /// Time without results after which the rows of a worker's frames count as lost.
@@ -155,6 +157,9 @@ impl Recorder<'_> {
             self.check_retention()?;
             self.publish_status()?;
             if !busy {
+                if self.shot.is_none() && self.config.trigger.mode != TriggerMode::Off {
+                    std::thread::sleep(IDLE_PAUSE);
+                }
                 listener.wait(WAIT);
             }
         }

@@ -133,7 +133,7 @@ impl Line {
         let steps = (REACH_PX / 0.25) as i32;
         let (mut weights, mut sum) = (0.0, 0.0);
         for across in (-steps..=steps).map(|k| 0.25 * f64::from(k)) {
-            let level = |across: f64| interpolated_level(movement, self.point_at(along, across));
+            let level = |across: f64| movement.background.interpolate(self.point_at(along, across));
             let change = level(across + 0.5)? - level(across - 0.5)?;
             weights += change * change;
             sum += across * change * change;
@@ -149,7 +149,7 @@ impl Line {
         let (mut sum, mut count) = (0.0, 0);
         for k in 0..=steps {
             let along = self.half_length * (2.0 * f64::from(k) / f64::from(steps) - 1.0);
-            let level = |across: f64| interpolated_level(movement, self.point_at(along, across));
+            let level = |across: f64| movement.background.interpolate(self.point_at(along, across));
             if let (Some(near), Some(far)) = (level(1.0), level(-1.0)) {
                 sum += near - far;
                 count += 1;
@@ -163,22 +163,6 @@ impl Line {
 /// Fits a straight line of the distances across over those along; `None` for too few points.
 fn fit_edge(points: &[Sample]) -> Option<Polynomial> {
     if points.len() < MIN_POINTS { None } else { Polynomial::fit(points, 0.0, 1, 0.0) }
-}
-
-/// Interpolates the reduced background bilinearly at a point in reduced pixels, DN; `None` outside.
-fn interpolated_level(movement: &Movement, point: [f64; 2]) -> Option<f64> {
-    let [x, y] = point;
-    let image = &movement.background;
-    if !(x >= 0.0 && y >= 0.0 && x < image.width as f64 - 1.0 && y < image.height as f64 - 1.0) {
-        return None;
-    }
-    let (column, row) = (x.floor(), y.floor());
-    let (right, low) = (x - column, y - row);
-    let at =
-        |dx: usize, dy: usize| f64::from(image.levels_dn[(row as usize + dy) * image.width + column as usize + dx]);
-    let upper = at(0, 0) * (1.0 - right) + at(1, 0) * right;
-    let lower = at(0, 1) * (1.0 - right) + at(1, 1) * right;
-    Some(upper * (1.0 - low) + lower * low)
 }
 
 #[cfg(test)]

@@ -78,7 +78,7 @@ impl Tracker {
         if step.interval_frames == self.shortest_frames {
             // The frame that they were waiting for is missing.
             self.emit(|oldest| oldest.frame.saturating_add(lag) < step.frame, rows);
-            self.add(step, rows);
+            self.process_shortest_step(step, rows);
         } else {
             self.bodies[step.body as usize].link(step);
         }
@@ -87,8 +87,10 @@ impl Tracker {
         }
     }
 
-    /// Adds a step over the shortest interval to its body.
-    fn add(&mut self, step: &BodyStep, rows: &mut TrackerRows) {
+    /// Adds a step over the shortest interval to its body, and queues it until its rows are due.
+    ///
+    /// If the body is the surface, the others receive its position. The first step sets the origin of time.
+    fn process_shortest_step(&mut self, step: &BodyStep, rows: &mut TrackerRows) {
         let origin_ns = *self.origin_ns.get_or_insert(step.stamp_ns);
         let body = &mut self.bodies[step.body as usize];
         let accepted = body.add_step(step, origin_ns, rows);

@@ -1,5 +1,6 @@
 //! `ricochet bench`: the measuring and recording speed of this machine.
 
+mod arithmetic;
 mod live;
 mod pipeline;
 mod record;

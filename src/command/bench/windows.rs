@@ -1,5 +1,6 @@
 //! `ricochet bench windows`: the correlation rate in subsets per second.
 
+use super::arithmetic::saturate_core;
 use std::io::Write;
 use std::sync::Barrier;
 use std::time::Duration;
@@ -10,7 +11,7 @@ use super::{BenchOptions, median_of, rate_per_s};
 use crate::dic::grid;
 use crate::dic::{
     CorrelationParams, Correlator, GridPoint, KernelBenchmark, Method, PlanarMotion, Point, Region, RigidBody, Shape,
-    Start, run_arithmetic,
+    Start,
 };
 use crate::failure::Failure;
 use crate::image::Image;
@@ -230,7 +231,7 @@ fn run_case(case: &Case, frames: &(Image, Image), duration: Duration, ready: &Ba
                 points.len()
             }
             Kind::Arithmetic => {
-                std::hint::black_box(run_arithmetic(std::hint::black_box(0.5)));
+                std::hint::black_box(saturate_core(std::hint::black_box(0.5)));
                 1
             }
             Kind::Body => usize::from(body.find(&b, center, near_ball).is_ok()),

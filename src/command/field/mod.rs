@@ -123,7 +123,7 @@ impl FieldOptions {
     /// Returns the region that subsets are cut to: the polygon, or the rectangle if subsets may be partial. `None` if
     /// none is cut.
     fn cut_region(&self) -> Option<Region> {
-        let rectangle = |roi: [u32; 4]| start::rectangle_region(roi.map(f64::from));
+        let rectangle = |roi: [u32; 4]| start::Rectangle::from(roi.map(f64::from)).region();
         self.region.clone().or_else(|| self.roi_px.filter(|_| self.partial).map(rectangle))
     }
 }

@@ -101,9 +101,9 @@ fn search_any_angle(
     target: &PreparedFrame,
 ) -> Result<Found, Failure> {
     let rectangle = searched_rectangle(options, reference);
-    let [x_px, y_px] = center(rectangle);
+    let Point { x_px, y_px } = rectangle.center();
     let (mut best, mut why): (Option<BodyMotion>, Option<PointStatus>) = (None, None);
-    for region in options.region.iter().cloned().chain(candidate_regions(rectangle)) {
+    for region in options.region.iter().cloned().chain(candidate_regions(&rectangle)) {
         match find_at_any_angle(reference, target, &region, Point { x_px, y_px }) {
             Ok(found) if best.is_none_or(|best| found.zncc > best.zncc) => best = Some(found),
             Ok(_) => {}
@@ -126,14 +126,46 @@ fn search_any_angle(
     Ok(Found { start: Start::Motion { x_px, y_px, u_px, v_px, angle_deg }, note: Some(note) })
 }
 
-/// Returns the rectangle (x, y, width, height, px) that holds the region, or else the image without a margin.
-fn searched_rectangle(options: &FieldOptions, reference: &PreparedFrame) -> [f64; 4] {
+/// A rectangle of pixels.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Rectangle {
+    pub(super) x_px: f64,
+    pub(super) y_px: f64,
+    pub(super) width_px: f64,
+    pub(super) height_px: f64,
+}
+
+impl From<[f64; 4]> for Rectangle {
+    fn from([x_px, y_px, width_px, height_px]: [f64; 4]) -> Self {
+        Self { x_px, y_px, width_px, height_px }
+    }
+}
+
+impl Rectangle {
+    /// Returns the centre, px. Pixel centres are at integers, so the last one is one less than the size away.
+    fn center(&self) -> Point {
+        Point { x_px: self.x_px + 0.5 * (self.width_px - 1.0), y_px: self.y_px + 0.5 * (self.height_px - 1.0) }
+    }
+
+    /// Returns the region of whole pixels.
+    pub(super) fn region(&self) -> Region {
+        let (left, top) = (self.x_px - 0.5, self.y_px - 0.5);
+        let (right, bottom) = (self.x_px + self.width_px - 0.5, self.y_px + self.height_px - 0.5);
+        Region::Polygon {
+            outline_px: vec![[left, top], [right, top], [right, bottom], [left, bottom]],
+            holes_px: Vec::new(),
+        }
+    }
+}
+
+/// Returns the rectangle that holds the region, or else the image without a margin.
+fn searched_rectangle(options: &FieldOptions, reference: &PreparedFrame) -> Rectangle {
     let (width, height) = (reference.width() as f64, reference.height() as f64);
     let bounds = options.region.as_ref().and_then(Region::bounds_px);
     match (options.roi_px, bounds) {
-        (_, Some([left, top, right, bottom])) => [left, top, right - left + 1.0, bottom - top + 1.0],
-        (Some(roi), None) => roi.map(f64::from),
-        (None, None) => [MARGIN_PX, MARGIN_PX, width - 2.0 * MARGIN_PX, height - 2.0 * MARGIN_PX],
+        (_, Some([left, top, right, bottom])) => [left, top, right - left + 1.0, bottom - top + 1.0].into(),
+        (Some(roi), None) => roi.map(f64::from).into(),
+        (None, None) => [MARGIN_PX, MARGIN_PX, width - 2.0 * MARGIN_PX, height - 2.0 * MARGIN_PX].into(),
     }
 }
 
@@ -152,29 +184,13 @@ fn not_found_error(options: &FieldOptions, best: Option<BodyMotion>, why: Option
     ))
 }
 
-/// Returns the centre of the pixels of a rectangle (x, y, width, height).
-fn center(rectangle: [f64; 4]) -> [f64; 2] {
-    let [x, y, width, height] = rectangle;
-    [x + 0.5 * (width - 1.0), y + 0.5 * (height - 1.0)]
-}
-
-/// Returns the region of a rectangle of pixels (x, y, width, height).
-pub(super) fn rectangle_region(rectangle: [f64; 4]) -> Region {
-    let [x, y, width, height] = rectangle;
-    let (left, top, right, bottom) = (x - 0.5, y - 0.5, x + width - 0.5, y + height - 0.5);
-    Region::Polygon {
-        outline_px: vec![[left, top], [right, top], [right, bottom], [left, bottom]],
-        holes_px: Vec::new(),
-    }
-}
-
 /// Returns the rectangle and parts of it, the largest first; none with a radius below [`MIN_RADIUS_PX`].
 ///
 /// The whole rectangle determines the angle best but fits into the image at few angles only. Discs can rotate freely,
 /// and small ones are still visible when a part has left the image.
-fn candidate_regions(rectangle: [f64; 4]) -> Vec<Region> {
-    let [_, _, width, height] = rectangle;
-    let [cx, cy] = center(rectangle);
+fn candidate_regions(rectangle: &Rectangle) -> Vec<Region> {
+    let Rectangle { width_px: width, height_px: height, .. } = *rectangle;
+    let Point { x_px: cx, y_px: cy } = rectangle.center();
     let large = 0.5 * (width.min(height) - 1.0);
     let disc = |x_px: f64, y_px: f64, radius_px: f64| Region::Disc { x_px, y_px, radius_px };
     let (right, down) = (0.5 * (width - 1.0), 0.5 * (height - 1.0));
@@ -185,7 +201,7 @@ fn candidate_regions(rectangle: [f64; 4]) -> Vec<Region> {
     let discs = [disc(cx, cy, large)].into_iter().chain(corners(0.7 * large));
     let discs = discs.chain([disc(cx, cy, 0.5 * large)]).chain(corners(0.5 * large));
     let is_large = |region: &Region| !matches!(region, Region::Disc { radius_px, .. } if *radius_px < MIN_RADIUS_PX);
-    let all = (large >= MIN_RADIUS_PX).then(|| rectangle_region(rectangle));
+    let all = (large >= MIN_RADIUS_PX).then(|| rectangle.region());
     all.into_iter().chain(discs.filter(is_large)).collect()
 }
 
@@ -195,14 +211,14 @@ mod tests {
 
     #[test]
     fn every_part_lies_in_the_rectangle_and_none_is_too_small() {
-        let parts = candidate_regions([10.0, 20.0, 200.0, 100.0]);
+        let parts = candidate_regions(&[10.0, 20.0, 200.0, 100.0].into());
         assert_eq!(parts.len(), 11);
         for part in &parts {
             let [left, top, right, bottom] = part.bounds_px().unwrap();
             assert!(left >= 9.5 && top >= 19.5 && right <= 209.5 && bottom <= 119.5, "{part:?}");
             assert!(right - left >= 2.0 * MIN_RADIUS_PX, "{part:?}");
         }
-        assert_eq!(candidate_regions([0.0, 0.0, 60.0, 60.0]).len(), 6, "half of it is too small");
-        assert!(candidate_regions([0.0, 0.0, 30.0, 200.0]).is_empty());
+        assert_eq!(candidate_regions(&[0.0, 0.0, 60.0, 60.0].into()).len(), 6, "half of it is too small");
+        assert!(candidate_regions(&[0.0, 0.0, 30.0, 200.0].into()).is_empty());
     }
 }

@@ -7,7 +7,6 @@ use crate::dic::refine::Refiner;
 use crate::dic::search::IntegerSearch;
 use crate::dic::subset::ReferenceSubset;
 use crate::image::ImageView;
-use crate::numeric::{Vector, vectorized};
 
 /// The steps of matching subsets of 31 x 31 pixels, and a disc of 53 px radius (8800 px), in one pair of frames.
 ///
@@ -27,37 +26,6 @@ pub struct KernelBenchmark {
 enum Pixels {
     Subset,
     Disc,
-}
-
-/// The number of independent accumulators, enough to fill the pipelines of a core.
-const SUMS: usize = 10;
-
-/// Runs a thousand rounds of fused multiply-adds without memory access, which saturate a core.
-///
-/// The throughput gained by further threads shows the true number of cores: two threads on one core gain nothing.
-pub fn run_arithmetic(start: f32) -> f32 {
-    multiply_add(start)
-}
-
-vectorized! {
-    /// Runs a thousand rounds of ten independent fused multiply-adds: see [`run_arithmetic`].
-    fn multiply_add(start: f32) -> f32 = multiply_add_with
-}
-
-/// Implements [`multiply_add`] on vectors of type `V`.
-#[inline(always)]
-fn multiply_add_with<V: Vector>(start: f32) -> f32 {
-    let (shrink, mut sums) = (V::splat(0.999), [V::splat(start); SUMS]);
-    for _ in 0..1000 {
-        for sum in &mut sums {
-            *sum = shrink.plus_product(*sum, shrink);
-        }
-    }
-    let mut total = sums[0];
-    for sum in &sums[1..] {
-        total = total.add(*sum);
-    }
-    total.to_lanes().sum() as f32
 }
 
 /// The radius of the disc, px.

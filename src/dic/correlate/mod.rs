@@ -6,6 +6,6 @@ mod predicted;
 mod series;
 mod subset_match;
 
-pub use benchmark::{KernelBenchmark, run_arithmetic};
+pub use benchmark::KernelBenchmark;
 pub use correlator::{Correlator, KeptReference, Start};
 pub use series::Series;

@@ -55,7 +55,7 @@ impl SubsetMatch {
     }
 
     /// Returns the result with this status, without its match.
-    fn without_answer(self, status: PointStatus) -> Self {
+    fn without_match(self, status: PointStatus) -> Self {
         Self { found: None, status, ..self }
     }
 
@@ -113,7 +113,7 @@ impl SubsetMatcher<'_> {
         let solution = self.match_or_search(search, guess);
         let has_left_image = solution.status == PointStatus::LowCorrelation
             && guess.warp.is_some_and(|warp| !self.refiner().is_inside(&warp));
-        if has_left_image { solution.without_answer(PointStatus::OutOfFrame) } else { solution }
+        if has_left_image { solution.without_match(PointStatus::OutOfFrame) } else { solution }
     }
 
     /// Refines the guess. If its ZNCC is too low, refines a peak of the quick search, then the peaks of the full
@@ -212,8 +212,8 @@ impl SubsetMatcher<'_> {
                 let judged = self.accept(bent.found, solution.peak_ratio);
                 SubsetMatch { inverse: bent.inverse, ..judged }
             }
-            Ok(_) | Err(MatchError::NotConverged) => solution.without_answer(PointStatus::LowCorrelation),
-            Err(MatchError::OutOfFrame) => solution.without_answer(PointStatus::OutOfFrame),
+            Ok(_) | Err(MatchError::NotConverged) => solution.without_match(PointStatus::LowCorrelation),
+            Err(MatchError::OutOfFrame) => solution.without_match(PointStatus::OutOfFrame),
         }
     }
 

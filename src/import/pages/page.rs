@@ -170,8 +170,8 @@ impl Page {
             (number(Tag::XResolution).and_then(positive_ratio), number(Tag::YResolution).and_then(positive_ratio));
         let pixel_aspect = x.zip(y).map_or(1.0, |(x, y)| y / x);
         let grey_rule = match &self.colors {
-            Colors::Grey => "",
-            Colors::Rgb | Colors::Palette(_) => grey::LUMA,
+            Colors::Grey => None,
+            Colors::Rgb | Colors::Palette(_) => Some(grey::LUMA),
         };
         Ok(DisplayInfo { orientation, pixel_aspect, bits: self.bits.max(8), grey_rule, ..DisplayInfo::default() })
     }

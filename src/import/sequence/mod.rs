@@ -143,7 +143,7 @@ fn footage_of_stills(
     let DisplayInfo { orientation, pixel_aspect, bits, grey_rule, is_lossy } = display;
     footage.provenance.orientation = orientation;
     (footage.provenance.pixel_aspect, footage.provenance.bits) = (pixel_aspect, bits);
-    footage.provenance.grey_rule = grey_rule.to_owned();
+    footage.provenance.grey_rule = grey_rule.unwrap_or_default().to_owned();
     if is_lossy {
         footage.warnings.push("JPEG is lossy: its compression adds errors to the grey levels".into());
     }

@@ -170,23 +170,27 @@ impl OutlineDrift {
 
     /// Returns the rms scatter of a non-uniform drift of steps between two times, px, px and deg.
     fn step_scatter(&self, from_frames: f64, to_frames: f64, lines: &Lines) -> [f64; 3] {
+        let Some(lens_error) = self.lens_error(from_frames, to_frames) else { return [0.0; 3] };
         let steps = within(&self.steps, from_frames, to_frames, |step| step.time_frames);
         let scatter = |axis: usize| {
-            let lens_error = self.lens_error(from_frames, to_frames)?[axis];
             let (fit, sums) = &lines[axis];
             // A relative change of the drift over the whole time bends its sum by an eighth of the total change.
-            let bends =
-                0.125 * (to_frames - from_frames) * lens_error.hypot(DRIFT_ERROR_SHARE * fit.rate(from_frames).value);
+            let bends = 0.125
+                * (to_frames - from_frames)
+                * lens_error[axis].hypot(DRIFT_ERROR_SHARE * fit.rate(from_frames).value);
             let pull2 = |sum: &Sample| {
                 fit.residual(sum).map_or(0.0, |(residual, sigma)| residual * residual / (sigma * sigma + bends * bends))
             };
             let is_even = sums.iter().map(pull2).sum::<f64>() <= NONUNIFORM_SIGMAS.powi(2) * fit.freedom() as f64;
+            if is_even || fit.freedom() == 0 {
+                return 0.0;
+            }
             let count = steps.len().max(1) as f64;
             let mean = steps.iter().map(|step| step.drift[axis].value).sum::<f64>() / count;
             let square = steps.iter().map(|step| (step.drift[axis].value - mean).powi(2)).sum::<f64>() / count;
-            Some(if is_even || fit.freedom() == 0 { 0.0 } else { square.sqrt() })
+            square.sqrt()
         };
-        [0, 1, 2].map(|axis| scatter(axis).unwrap_or(0.0))
+        [0, 1, 2].map(scatter)
     }
 
     /// Returns the drift by outlines between two times along x and y, px per frame; `None` for too few outlines.

@@ -30,8 +30,26 @@ const STRAIN_ROTATION_FACTOR: f64 = 2.0;
 const HALF_BALL_OFFSET: f64 = 0.4;
 /// The offset of a whole ball's effective row from its centre, in radii, since its pattern is uneven.
 const EFFECTIVE_ROW_OFFSET: f64 = 0.02;
-/// The minimum speed of the rows relative to a body at which they still image it.
-const MIN_ROW_SPEED: f64 = 0.1;
+/// The minimum time between two images of a body, frame periods. A body that moves up as fast as the rows are read is not
+/// imaged again.
+const MIN_IMAGE_INTERVAL: f64 = 0.1;
+/// The minimum height of a distorted ball, relative to its own.
+const MIN_HEIGHT: f64 = 0.1;
+
+/// The distortion of a body's image by the row timing, as a share of its size.
+#[derive(Debug, Clone, Copy)]
+struct Distortion {
+    /// Along x, per height.
+    shear: f64,
+    /// Along y.
+    elongation: f64,
+}
+
+impl Distortion {
+    fn length(self) -> f64 {
+        self.shear.hypot(self.elongation)
+    }
+}
 
 /// Returns the fraction of a ball without subsets, 0 to 1: the larger of the occluded part and the part too near the
 /// image border.
@@ -126,19 +144,27 @@ impl RollingShutter {
         }
     }
 
-    /// Returns the stretch and shear of the body's image, and their change over the last frame.
-    ///
-    /// They are its displacement per frame along x and y, and the change of that, times the row time.
-    fn stretch_and_change(&self) -> ([f64; 2], [f64; 2]) {
-        let [newest, before] = self.moved_px.unwrap_or_default();
-        let scaled =
-            |px: fn(f64, f64) -> f64| [0, 1].map(|axis| self.shutter.row_time_frames * px(newest[axis], before[axis]));
-        (scaled(|newest, before| 0.5 * (newest + before)), scaled(|newest, before| newest - before))
+    /// Returns the distortion of the body's image: its displacement per frame times the row time.
+    fn distortion(&self) -> Distortion {
+        self.distortion_by(|newest, before| 0.5 * (newest + before))
     }
 
-    /// Returns the time between the exposures of the body in its two latest images, frame periods.
+    /// Returns the change of the distortion over the last frame.
+    fn distortion_change(&self) -> Distortion {
+        self.distortion_by(|newest, before| newest - before)
+    }
+
+    /// Returns the distortion by a mean or a difference of the two newest displacements, px.
+    fn distortion_by(&self, px: fn(f64, f64) -> f64) -> Distortion {
+        let [newest, before] = self.moved_px.unwrap_or_default();
+        let [shear, elongation] = [0, 1].map(|axis| self.shutter.row_time_frames * px(newest[axis], before[axis]));
+        Distortion { shear, elongation }
+    }
+
+    /// Returns the time between the exposures of the body in its two latest images, frame periods, at least
+    /// [`MIN_IMAGE_INTERVAL`].
     pub fn image_interval_periods(&self) -> f64 {
-        (1.0 + self.stretch_and_change().0[1]).max(MIN_ROW_SPEED)
+        (1.0 + self.distortion().elongation).max(MIN_IMAGE_INTERVAL)
     }
 
     /// Returns the newest frame's node without the apparent rotation since the first, which the shear of the image
@@ -148,7 +174,7 @@ impl RollingShutter {
         if !self.is_rolling() {
             return node;
         }
-        let shear_rad = 0.5 * self.stretch_and_change().0[0];
+        let shear_rad = 0.5 * self.distortion().shear;
         let [x, y, angle_deg] = node.pose;
         let first_rad = *self.first_rad.get_or_insert(shear_rad);
         Pose { pose: [x, y, angle_deg - (shear_rad - first_rad).to_degrees()], ..node }
@@ -211,7 +237,7 @@ impl RollingShutter {
     /// Returns the additional error where a part is occluded, rad: a rotating stretched image is strained, and the
     /// visible rest alone rotates by that.
     fn strain_error(&self, turn_rad: f64) -> f64 {
-        STRAIN_ROTATION_FACTOR * self.unfollowed_fraction * length(self.stretch_and_change().0) * turn_rad
+        STRAIN_ROTATION_FACTOR * self.unfollowed_fraction * self.distortion().length() * turn_rad
     }
 
     /// Whether rows are exposed one after another.
@@ -227,16 +253,16 @@ impl RollingShutter {
         if !self.is_rolling() || self.moved_px.is_none() {
             return *step;
         }
-        let (stretch, change) = self.stretch_and_change();
-        let longer = 0.5 * change[1];
+        let (distortion, change) = (self.distortion(), self.distortion_change());
+        let longer = 0.5 * change.elongation;
         let growth = |grown: Estimate| Estimate { value: grown.value - longer, sigma: grown.sigma.hypot(longer) };
         let straight = BodyStep {
             outline: step.outline.map(|outline| Outline {
                 shape: match outline.shape {
                     // The outline of a patch stays as it was drawn.
                     shape @ OutlineShape::Circle(_) if self.form == Form::Patch => shape,
-                    OutlineShape::Circle(circle) => OutlineShape::Circle(unstretch_circle(circle, stretch, change)),
-                    OutlineShape::Rod(rod) => OutlineShape::Rod(self.straighten_rod(rod, stretch, change)),
+                    OutlineShape::Circle(circle) => OutlineShape::Circle(undistort_circle(circle, distortion, change)),
+                    OutlineShape::Rod(rod) => OutlineShape::Rod(self.undistort_rod(rod, distortion, change)),
                 },
                 ..outline
             }),
@@ -244,26 +270,26 @@ impl RollingShutter {
             ..*step
         };
         match step.circle() {
-            Some(circle) => self.without_sinking(straight, &circle, stretch, change),
+            Some(circle) => self.without_sinking(straight, &circle, distortion, change),
             None => straight,
         }
     }
 
     /// Removes the apparent sinking of a rotating ball or patch from its step, and widens its sigmas.
     ///
-    /// `stretch` and `change` are those of [`Self::stretch_and_change`].
-    fn without_sinking(&self, step: BodyStep, circle: &Circle, stretch: [f64; 2], change: [f64; 2]) -> BodyStep {
+    /// `change` is that of the distortion over the last frame.
+    fn without_sinking(&self, step: BodyStep, circle: &Circle, distortion: Distortion, change: Distortion) -> BodyStep {
         let Some(seen) = step.motion else { return step };
         let (radius_px, unfollowed_fraction) = (circle.radius_px, self.unfollowed_fraction);
         let interval = f64::from(step.interval_frames.max(1));
         let turn = seen.dtheta_deg.to_radians();
         let sinks_px = self.shutter.row_time_frames * radius_px * radius_px * turn * (interval * turn).sin() / interval;
         let lopsided =
-            unfollowed_fraction * HALF_BALL_OFFSET * radius_px * length(change).hypot(length(stretch) * turn);
+            unfollowed_fraction * HALF_BALL_OFFSET * radius_px * change.length().hypot(distortion.length() * turn);
         let sigma_px = ((LATERAL_MEAN_SQUARE_SIGMA + unfollowed_fraction * LATERAL_MEAN_SQUARE) * sinks_px)
             .hypot(lopsided)
             .hypot(effective_center_shift_px(radius_px, change, self));
-        let sigma_deg = (0.5 * length(change)).hypot(self.strain_error(turn)).to_degrees();
+        let sigma_deg = (0.5 * change.length()).hypot(self.strain_error(turn)).to_degrees();
         let straight = RigidStep {
             dy_px: seen.dy_px - LATERAL_MEAN_SQUARE * sinks_px,
             sigma_dx_px: seen.sigma_dx_px.hypot(sigma_px),
@@ -282,39 +308,34 @@ impl RollingShutter {
     }
 
     /// Returns a rod as it was when its centre was exposed. See [`Self::without_sinking`].
-    fn straighten_rod(&self, rod: Rod, stretch: [f64; 2], change: [f64; 2]) -> Rod {
+    fn undistort_rod(&self, rod: Rod, distortion: Distortion, change: Distortion) -> Rod {
         let longer = self.image_interval_periods();
-        let (middle_px, stretch_sigma) = (rod.y_px.value, SPEED_CHANGE_SHARE * length(change));
+        let (middle_px, stretch_sigma) = (rod.y_px.value, SPEED_CHANGE_SHARE * change.length());
         let mut edges = rod.edges;
         for place in edges.iter_mut().flatten().filter_map(|edge| edge.y_px.as_mut()) {
             let below_px = (place.value - middle_px) / longer;
             *place = Estimate { value: middle_px + below_px, sigma: place.sigma.hypot(stretch_sigma * below_px) };
         }
-        let slope = rod.tilt_deg.value.to_radians().tan() * longer - stretch[0];
+        let slope = rod.tilt_deg.value.to_radians().tan() * longer - distortion.shear;
         let tilt_deg =
             Estimate { value: slope.atan().to_degrees(), sigma: rod.tilt_deg.sigma.hypot(stretch_sigma.to_degrees()) };
         Rod { tilt_deg, edges, ..rod }
     }
 }
 
-/// Returns the length of a vector.
-fn length(vector: [f64; 2]) -> f64 {
-    vector[0].hypot(vector[1])
-}
-
 /// Returns the distance between a ball's effective centre and its own while its speed changes within a frame, px.
-fn effective_center_shift_px(radius_px: f64, change: [f64; 2], rolling: &RollingShutter) -> f64 {
-    STRUCK_ERROR * radius_px * length(change) * (rolling.shutter.row_time_frames * radius_px).abs()
+fn effective_center_shift_px(radius_px: f64, change: Distortion, rolling: &RollingShutter) -> f64 {
+    STRUCK_ERROR * radius_px * change.length() * (rolling.shutter.row_time_frames * radius_px).abs()
 }
 
-/// Returns the circle whose stretched and sheared image was detected as `circle`. See
-/// [`RollingShutter::stretch_and_change`].
-fn unstretch_circle(circle: Circle, stretch: [f64; 2], change: [f64; 2]) -> Circle {
-    let radius_px = circle.radius_px / (1.0 + 0.5 * stretch[1]).max(MIN_ROW_SPEED);
-    let parts_px =
-        PARTIAL_FIT_ERROR.hypot(OCCLUDED_CENTER_ERROR * (1.0 - circle.visible_fraction)) * length(stretch) * radius_px;
-    let struck_px = STRUCK_ERROR * length(change) * radius_px;
-    let radius_error = RADIUS_ERROR * length(stretch).powi(2) + 0.5 * SPEED_CHANGE_SHARE * length(change);
+/// Returns the circle whose distorted image was detected as `circle`.
+fn undistort_circle(circle: Circle, distortion: Distortion, change: Distortion) -> Circle {
+    let radius_px = circle.radius_px / (1.0 + 0.5 * distortion.elongation).max(MIN_HEIGHT);
+    let parts_px = PARTIAL_FIT_ERROR.hypot(OCCLUDED_CENTER_ERROR * (1.0 - circle.visible_fraction))
+        * distortion.length()
+        * radius_px;
+    let struck_px = STRUCK_ERROR * change.length() * radius_px;
+    let radius_error = RADIUS_ERROR * distortion.length().powi(2) + 0.5 * SPEED_CHANGE_SHARE * change.length();
     Circle {
         radius_px,
         sigma_center_px: circle.sigma_center_px.hypot(parts_px).hypot(struck_px),

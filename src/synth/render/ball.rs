@@ -1,6 +1,6 @@
 //! Rendering of the ball over a static image.
 
-use super::blurred_edge::{EdgedDisc, REACH_SIGMA, bivariate_cdf, gauss_legendre, total_sigma_px};
+use super::blurred_edge::{EdgedDisc, REACH_SIGMA, bivariate_cdf, total_sigma_px};
 use super::body_light::BodyLight;
 use super::fuzzy_rim::Rim;
 use super::half_plane::HalfPlane;
@@ -9,7 +9,7 @@ use super::patch::{Canvas, Patch, splat};
 use super::regular_paint::RegularPaint;
 use super::speckle_pattern::{Line, Pattern, Speckle};
 use super::speckled_sphere::SpeckledSphere;
-use crate::numeric::{Stream, key, normal_cdf};
+use crate::numeric::{QuadratureNode, Stream, gauss_legendre, key, normal_cdf};
 use crate::synth::scenario::Scenario;
 use crate::synth::trajectory::Pose;
 use std::ops::Range;
@@ -58,9 +58,9 @@ pub(crate) struct Ball {
     /// The fraction of the ball's light that a speckle absorbs; negative if it is brighter.
     ink: f32,
     light: BodyLight,
-    rule: [(f64, f64); 16],
+    rule: [QuadratureNode; 16],
     /// For shapes with a corner inside.
-    fine_rule: [(f64, f64); 40],
+    fine_rule: [QuadratureNode; 40],
 }
 
 impl Ball {

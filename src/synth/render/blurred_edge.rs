@@ -3,7 +3,7 @@
 //! The lens is a Gaussian of standard deviation `blur_px`, the pixel a square of side 1. Together they are close to one
 //! Gaussian whose variance is the sum of both (that of the square is 1/12).
 
-use crate::numeric::normal_cdf;
+use crate::numeric::{QuadratureNode, gauss_legendre, normal_cdf};
 use std::f64::consts::{PI, TAU};
 
 /// Returns the standard deviation of lens and pixel together, px.
@@ -14,39 +14,17 @@ pub(crate) fn total_sigma_px(blur_px: f64) -> f64 {
 /// The distance from an edge beyond which its blur is neglected, in standard deviations.
 pub(crate) const REACH_SIGMA: f64 = 4.2;
 
-/// Returns nodes and weights of the Gauss-Legendre rule of `N` points on -1 to 1.
-///
-/// Finds the roots of the Legendre polynomial, the largest first, by Newton's method (W. H. Press et al., Numerical
-/// Recipes, 3rd ed. (2007), section 4.6).
-pub(crate) fn gauss_legendre<const N: usize>() -> [(f64, f64); N] {
-    std::array::from_fn(|index| {
-        let count = N as f64;
-        let mut node = (PI * (index as f64 + 0.75) / (count + 0.5)).cos();
-        let mut slope = 1.0;
-        for _ in 0..60 {
-            let (mut previous, mut value) = (1.0, node);
-            for order in 2..=N {
-                let order = order as f64;
-                (previous, value) = (value, ((2.0 * order - 1.0) * node * value - (order - 1.0) * previous) / order);
-            }
-            slope = count * (node * value - previous) / (node * node - 1.0);
-            node -= value / slope;
-        }
-        (node, 2.0 / ((1.0 - node * node) * slope * slope))
-    })
-}
-
 /// Returns the probability that two standard normal numbers with this correlation stay below `a` and `b`.
 ///
 /// It equals the blurred overlap of two half-planes whose inward normals enclose an angle with this cosine. R. L.
 /// Plackett, Biometrika 41 (1954) 351, <https://doi.org/10.1093/biomet/41.3-4.351>. `rule` has the nodes and weights of
 /// an integration from -1 to 1.
-pub(crate) fn bivariate_cdf(a: f64, b: f64, correlation: f64, rule: &[(f64, f64)]) -> f64 {
+pub(crate) fn bivariate_cdf(a: f64, b: f64, correlation: f64, rule: &[QuadratureNode]) -> f64 {
     let half = 0.5 * correlation.clamp(-1.0, 1.0).asin();
     let sum: f64 = rule
         .iter()
-        .map(|(node, weight)| {
-            let (sin, cos) = (half * (1.0 + node)).sin_cos();
+        .map(|QuadratureNode { at, weight }| {
+            let (sin, cos) = (half * (1.0 + at)).sin_cos();
             weight * (-(a * a + b * b - 2.0 * a * b * sin) / (2.0 * cos * cos).max(1e-12)).exp()
         })
         .sum();
@@ -105,7 +83,7 @@ impl BlurredDisc {
 }
 
 /// Returns the coverage of a pixel by a blurred disc, 0 to 1: the error-function profiles of its chords, summed across.
-fn disc_coverage(distance_px: f64, radius_px: f64, sigma_px: f64, rule: &[(f64, f64)]) -> f64 {
+fn disc_coverage(distance_px: f64, radius_px: f64, sigma_px: f64, rule: &[QuadratureNode]) -> f64 {
     let chord_coverage = |half_chord: f64| {
         normal_cdf((half_chord - distance_px) / sigma_px) - normal_cdf((-half_chord - distance_px) / sigma_px)
     };
@@ -113,14 +91,14 @@ fn disc_coverage(distance_px: f64, radius_px: f64, sigma_px: f64, rule: &[(f64, 
     let reach = 6.0 * sigma_px;
     let half: f64 = if radius_px > reach {
         rule.iter()
-            .map(|(node, weight)| {
+            .map(|QuadratureNode { at: node, weight }| {
                 let y = 0.5 * reach * (1.0 + node);
                 0.5 * reach * weight * density(y) * chord_coverage((radius_px * radius_px - y * y).sqrt())
             })
             .sum()
     } else {
         rule.iter()
-            .map(|(node, weight)| {
+            .map(|QuadratureNode { at: node, weight }| {
                 let (sin, cos) = (0.25 * PI * (1.0 + node)).sin_cos();
                 0.25 * PI * weight * radius_px * cos * density(radius_px * sin) * chord_coverage(radius_px * cos)
             })
@@ -181,7 +159,7 @@ impl CutDisc {
 ///
 /// The profiles of its outward chords are summed along the rim. `place_px` is outward and along the rim, from the
 /// centre of the disc.
-fn cut_coverage(place_px: [f64; 2], radius_px: f64, rim_px: f64, sigma_px: f64, rule: &[(f64, f64)]) -> f64 {
+fn cut_coverage(place_px: [f64; 2], radius_px: f64, rim_px: f64, sigma_px: f64, rule: &[QuadratureNode]) -> f64 {
     let [outward, along] = place_px;
     let center = rim_px.hypot(radius_px);
     // The circles intersect here and the chords vanish.
@@ -189,7 +167,7 @@ fn cut_coverage(place_px: [f64; 2], radius_px: f64, rim_px: f64, sigma_px: f64, 
     let angle = |along: f64| (along.clamp(-widest, widest) / radius_px).asin();
     let (low, high) = (angle(along - 6.0 * sigma_px), angle(along + 6.0 * sigma_px));
     rule.iter()
-        .map(|(node, weight)| {
+        .map(|QuadratureNode { at: node, weight }| {
             let (sin, cos) = (low + 0.5 * (high - low) * (1.0 + node)).sin_cos();
             let chord_position = radius_px * sin;
             let inner = -radius_px * cos;
@@ -217,14 +195,14 @@ pub(crate) struct EdgedDisc {
 
 impl EdgedDisc {
     /// Returns the blurred coverage at a position along the outward normal of the edge and across it, 0 to 1.
-    pub(crate) fn coverage(&self, place_px: [f64; 2], sigma_px: f64, rule: &[(f64, f64)]) -> f64 {
+    pub(crate) fn coverage(&self, place_px: [f64; 2], sigma_px: f64, rule: &[QuadratureNode]) -> f64 {
         let [outward, across] = place_px;
         let radius = self.radius_px;
         let angle = |outward: f64| (outward.clamp(self.edge_px.max(-radius), radius) / radius).asin();
         let (low, high) = (angle(outward - 6.0 * sigma_px), angle(outward + 6.0 * sigma_px));
         let [rim_outward, rim_across] = self.rim_center_px;
         rule.iter()
-            .map(|(node, weight)| {
+            .map(|QuadratureNode { at: node, weight }| {
                 let (sin, cos) = (low + 0.5 * (high - low) * (1.0 + node)).sin_cos();
                 let chord_position = radius * sin;
                 let density = (-0.5 * ((outward - chord_position) / sigma_px).powi(2)).exp() / (sigma_px * TAU.sqrt());
@@ -253,7 +231,7 @@ mod tests {
     #[test]
     fn gauss_legendre_integrates_polynomials_exactly() {
         let rule = gauss_legendre::<12>();
-        let integral: f64 = rule.iter().map(|(node, weight)| weight * node.powi(22)).sum();
+        let integral: f64 = rule.iter().map(|QuadratureNode { at, weight }| weight * at.powi(22)).sum();
         assert!((integral - 2.0 / 23.0).abs() < 1e-13);
     }
 

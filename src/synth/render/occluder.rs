@@ -1,8 +1,7 @@
 //! Occluders of a ball, and the visible parts of its speckles.
 
-use super::blurred_edge::gauss_legendre;
 use super::half_plane::HalfPlane;
-use crate::numeric::normal_cdf;
+use crate::numeric::{QuadratureNode, gauss_legendre, normal_cdf};
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::sync::LazyLock;
 
@@ -132,7 +131,7 @@ pub(crate) struct Chord {
     pub(crate) ends_px: [f64; 2],
 }
 
-static RULE: LazyLock<[(f64, f64); 16]> = LazyLock::new(gauss_legendre);
+static RULE: LazyLock<[QuadratureNode; 16]> = LazyLock::new(gauss_legendre);
 
 /// Divides a shape that reaches `half_px` to either side into chords; `ends` gives the ends of each.
 ///
@@ -154,7 +153,7 @@ pub(crate) fn divide_into_chords(
         let half = 0.5 * (pair[1] - pair[0]) / panels;
         for panel in 0..panels as usize {
             let middle = pair[0] + half * (2 * panel + 1) as f64;
-            for (node, weight) in RULE.iter() {
+            for QuadratureNode { at: node, weight } in RULE.iter() {
                 let (sin, cos) = (middle + half * node).sin_cos();
                 let across_px = half_px * sin;
                 if let Some(ends_px) = ends(across_px).filter(|ends| ends[1] > ends[0]) {

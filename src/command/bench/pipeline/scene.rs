@@ -126,9 +126,15 @@ impl Scene {
     pub(super) fn rig_tables(&self, mm_per_px: f64, step_px: u32) -> String {
         let (name, diameter_mm, size_px) = (self.body_name(), mm_per_px * self.diameter_px, self.subset_size_px());
         let shape = if self.body == BenchBody::Rod { "shape = \"translation\"\n" } else { "" };
+        // The body swings along the surface. Where it turns it would otherwise seem to be in contact.
+        let [right_px, down_px] = match self.body {
+            BenchBody::Ball => BALL_PEAK_PX,
+            BenchBody::Rod => ROD_PEAK_PX,
+        };
+        let angle_deg = (-down_px).atan2(right_px).to_degrees();
         format!(
             "[[body]]\nname = \"{name}\"\nkind = \"{name}\"\ndiameter_mm = {diameter_mm:?}\n\
-             [correlation]\nsubset_size_px = {size_px}\nstep_px = {step_px}\n{shape}"
+             [surface]\nangle_deg = {angle_deg:?}\n[correlation]\nsubset_size_px = {size_px}\nstep_px = {step_px}\n{shape}"
         )
     }
 

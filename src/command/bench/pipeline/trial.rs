@@ -14,8 +14,8 @@ use std::time::{Duration, Instant};
 /// The part of the filming time by which the last row may be late. At a rate that is too high by more, it is later.
 const MAX_BEHIND: f64 = 0.02;
 
-/// The time after which the resources of a process that takes no frames are read again.
-const IDLE_PERIOD: Duration = Duration::from_millis(200);
+/// The minimum time between two readings of the resources of a process.
+const READING_PERIOD: Duration = Duration::from_millis(200);
 
 /// The figures of one run.
 #[derive(Debug)]
@@ -177,11 +177,10 @@ impl ProcessMonitor {
             let process =
                 self.processes.entry(*child).or_insert(MonitoredProcess { status: *status, first: None, last: None });
             // A process without frames reports nothing new.
-            let is_idle =
-                status.taken == 0 && process.last.is_none_or(|last| now().duration_since(last.at) >= IDLE_PERIOD);
-            let is_new = *status != process.status || is_idle;
+            let is_new = *status != process.status || status.taken == 0;
+            let is_due = process.last.is_none_or(|last| now().duration_since(last.at) >= READING_PERIOD);
             process.status = *status;
-            if !is_new || self.began.is_none() {
+            if !(is_new && is_due) || self.began.is_none() {
                 continue;
             }
             let Some(usage) = Usage::read(status.pid) else { continue };

@@ -55,7 +55,7 @@ impl Film {
         let (mut moved, mut whirl, mut square, mut count) = ([0.0; 2], 0.0, 0.0, 0.0);
         for k in 0..2500 {
             let aside = [f64::from(k % 50) - 24.5, f64::from(k / 50) - 24.5].map(|px| px * RADIUS_PX / 25.0);
-            if length(aside) > 0.88 * RADIUS_PX {
+            if aside[0].hypot(aside[1]) > 0.88 * RADIUS_PX {
                 continue;
             }
             let at = [center[0] + aside[0], center[1] + aside[1]];
