@@ -6,6 +6,7 @@
 
 mod axis;
 mod cylinder;
+mod dark_sides;
 mod edge_fit;
 mod edge_lines;
 mod edge_offsets;

@@ -72,6 +72,18 @@ impl ExpectedRod<'_> {
         (0..=count).filter_map(part).collect()
     }
 
+    /// Returns the rows of the dark parts above the edges that are high enough, from the top downwards.
+    pub(super) fn dark_parts(&self) -> Vec<[usize; 2]> {
+        let top = f64::from(self.region.top);
+        let part = |index: usize| {
+            let (edge, sign) = (self.edges_px[index], self.signs[index]);
+            let above = index.checked_sub(1).map_or(edge - OUTER_REACH_PX, |above| self.edges_px[above]);
+            let rows = inner_rows([above.max(top), edge]);
+            (sign > 0.0 && rows[1] >= rows[0] + MIN_ROWS).then_some(rows)
+        };
+        (0..self.edges_px.len()).filter_map(part).collect()
+    }
+
     /// Returns the profile of some rows across a rod at this place.
     fn profile(&self, image: ImageView<'_>, rows: [usize; 2], place: &Place) -> Option<TapeProfile> {
         let row = 0.5 * (rows[0] + rows[1]) as f64 - 0.5;
@@ -124,6 +136,16 @@ impl ShadedRod {
         Some(Self { axis: axis?, place, height_px: image.height() })
     }
 
+    /// Returns the rod with another axis.
+    pub(super) fn with_axis(self, axis: Axis) -> Self {
+        let place = Place {
+            sides_px: axis.sides.map(|side| side.at.value),
+            at_row: axis.middle,
+            tilt: axis.sides[0].slope.value,
+        };
+        Self { axis, place, ..self }
+    }
+
     /// Fits the light next to each edge, on its lighter side; `signs` are 1 for edges below which it is lighter.
     pub(super) fn lights(
         &self,
@@ -161,7 +183,7 @@ impl ShadedRod {
 }
 
 /// Fits the axis to the sides at each tape. A single tape keeps the `tilt`.
-fn fit_axis(tapes: &[TapeSides], tilt: f64) -> Option<Axis> {
+pub(super) fn fit_axis(tapes: &[TapeSides], tilt: f64) -> Option<Axis> {
     let count = tapes.len() as f64;
     let half = |tape: &TapeSides| {
         let [a, b] = tape.sides_px;

@@ -175,9 +175,8 @@ impl OutlineDrift {
         let scatter = |axis: usize| {
             let (fit, sums) = &lines[axis];
             // A relative change of the drift over the whole time bends its sum by an eighth of the total change.
-            let bends = 0.125
-                * (to_frames - from_frames)
-                * lens_error[axis].hypot(DRIFT_ERROR_SHARE * fit.rate(from_frames).value);
+            let error = lens_error[axis].hypot(DRIFT_ERROR_SHARE * fit.rate(from_frames).value);
+            let bends = 0.125 * (to_frames - from_frames) * error;
             let pull2 = |sum: &Sample| {
                 fit.residual(sum).map_or(0.0, |(residual, sigma)| residual * residual / (sigma * sigma + bends * bends))
             };
