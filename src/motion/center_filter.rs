@@ -164,8 +164,8 @@ impl CenterFilter {
 
     /// Updates the offset by the outline detected in the frame of a pose. Outlines must come in frame order.
     ///
-    /// An outline outside the gate is rejected. The filter restarts from it after [`PATIENCE_FRAMES`] of rejections, or
-    /// after a gap that cannot be bridged. The old offset stays valid for earlier poses. An outline that is not finite
+    /// An outline outside the gate is rejected. The filter restarts from it after 8 frames of rejections, or after a gap
+    /// that cannot be bridged. The old offset stays valid for earlier poses. An outline that is not finite
     /// is ignored.
     pub fn update(&mut self, pose: &Pose, circle: &Circle) {
         let measured = [circle.x_px - pose.pose[0], circle.y_px - pose.pose[1]];

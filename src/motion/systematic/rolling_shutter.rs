@@ -161,8 +161,7 @@ impl RollingShutter {
         Distortion { shear, elongation }
     }
 
-    /// Returns the time between the exposures of the body in its two latest images, frame periods, at least
-    /// [`MIN_IMAGE_INTERVAL`].
+    /// Returns the time between the exposures of the body in its two latest images, frame periods, at least 0.1.
     pub fn image_interval_periods(&self) -> f64 {
         (1.0 + self.distortion().elongation).max(MIN_IMAGE_INTERVAL)
     }
