@@ -3,7 +3,7 @@
 //! Light that comes from one side fades across a light tape, which may end in the grey of the ground. Dark paint is dark on
 //! both sides.
 
-use super::axis::Axis;
+use super::axis::{Axis, Side};
 use super::cylinder::TapeSides;
 use super::edge_fit::fit_step_edge;
 use super::profiles::{Direction, ExpectedEdge};
@@ -31,8 +31,13 @@ pub(super) fn fit_contradicting_axis(image: ImageView<'_>, expected: &ExpectedRo
         Estimate { value, sigma: 0.5 * left.sigma.hypot(right.sigma) }
     };
     let (ours, theirs) = (middle(&found), middle(near));
-    let differs = (ours.value - theirs.value).abs() > CHANCE_SIGMAS * ours.sigma.hypot(theirs.sigma);
-    differs.then_some(found)
+    let apart_px = (ours.value - theirs.value).abs();
+    (apart_px > CHANCE_SIGMAS * ours.sigma.hypot(theirs.sigma)).then(|| {
+        // One of two methods that contradict each other is wrong, and it may be this one.
+        let widened =
+            |side: Side| Side { at: Estimate { sigma: side.at.sigma.hypot(0.5 * apart_px), ..side.at }, ..side };
+        Axis { sides: found.sides.map(widened), ..found }
+    })
 }
 
 /// Fits both sides of a dark part; `None` if one is not found, or their distance is not that of the rod.
@@ -60,4 +65,68 @@ fn fit_part(image: ImageView<'_>, rows: [usize; 2], expected: &ExpectedRod<'_>, 
     let middle_sigma_px = 0.5 * sides_px[0].sigma.hypot(sides_px[1].sigma);
     let [min, max] = expected.width_px;
     (min..=max).contains(&width_px).then_some(TapeSides { row, sides_px, middle_sigma_px })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::{Image, PixelRect};
+    use crate::numeric::{Xorshift, normal_cdf};
+
+    const SIDES_PX: [f64; 2] = [21.3, 46.8];
+    const BLUR_PX: f64 = 0.9;
+
+    /// A dark rod before lighter ground, with noise.
+    fn image() -> Image {
+        let mut image = Image::new(70, 60);
+        let mut random = Xorshift::default();
+        for row in image.rows_mut() {
+            for (x, level) in row.iter_mut().enumerate() {
+                let blurred = |inside_px: f64| normal_cdf(inside_px / BLUR_PX);
+                let inside = blurred(x as f64 - SIDES_PX[0]) * blurred(SIDES_PX[1] - x as f64);
+                let noise = (0..12).map(|_| random.below(1000) as f64 / 1000.0).sum::<f64>() - 6.0;
+                *level = (70.0 - 45.0 * inside + noise) as f32;
+            }
+        }
+        image
+    }
+
+    /// The axis whose sides are off by `shift_px`, as certain as 0.1 px.
+    fn shifted(shift_px: f64) -> Axis {
+        let side = |at: f64| Side {
+            at: Estimate { value: at + shift_px, sigma: 0.1 },
+            slope: Estimate { value: 0.0, sigma: 0.01 },
+        };
+        Axis { sides: SIDES_PX.map(side), middle: 30.0 }
+    }
+
+    #[test]
+    fn dark_parts_contradict_a_shifted_axis_and_no_other() {
+        let image = image();
+        let expected = ExpectedRod {
+            edges_px: &[40.0, 55.0],
+            signs: &[1.0, -1.0],
+            sides_px: SIDES_PX,
+            at_row: 30.0,
+            tilt: 0.0,
+            width_px: [20.0, 32.0],
+            outward_px: 2.0,
+            region: PixelRect::whole(70, 60),
+        };
+        for shift_px in [-0.1, 0.0, 0.1] {
+            assert!(fit_contradicting_axis(image.view(), &expected, &shifted(shift_px)).is_none(), "{shift_px}");
+        }
+        for shift_px in [-1.0, -0.7, 0.7, 1.0] {
+            let found = fit_contradicting_axis(image.view(), &expected, &shifted(shift_px));
+            let found = found.unwrap_or_else(|| panic!("no other axis at {shift_px}"));
+            for (side, truth) in found.sides.iter().zip(SIDES_PX) {
+                let error = (side.at.value - truth).abs();
+                assert!(
+                    error < 0.1 && side.at.sigma > 0.4 * f64::abs(shift_px),
+                    "{shift_px}: {error} {}",
+                    side.at.sigma
+                );
+            }
+        }
+    }
 }
