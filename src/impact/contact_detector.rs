@@ -1,66 +1,14 @@
 //! Online detection of contact.
 
-use std::collections::VecDeque;
-
-use super::contact_onset::{fit_onset, time_reversed};
-use super::departure::{Departure, drift, plausible_curves, residual, test_departure};
-use super::force_free::{EndOfForce, FreeFlight, find_force_free, fit_acceleration, test_force_free};
-use super::trajectory::{NORMAL, SurfaceNode, nodes_between, samples, turning_sigma};
+use super::contact::Contact;
+use super::flight_watch::{Change, FlightWatch};
+use super::regime_history::RegimeHistory;
+use super::trajectory::SurfaceNode;
 use crate::motion::Regime;
-use crate::numeric::Sample;
-use crate::results::{Estimate, Phase};
+use crate::results::Phase;
 
-/// The minimum distance from the flight's curve that counts as a departure, sigmas.
-const OFF_SIGMAS: f64 = 6.0;
-/// The number of consecutive departed positions, all to one side, that make a departure.
-const OFF_FRAMES: u32 = 3;
-/// The number of frames after which a departure that still fits a jump is dismissed as one.
-const JUMP_FRAMES: u32 = 8;
-/// The number of frames after which a departure that a drift of the centre explains is dismissed as one.
-const DRIFT_FRAMES: u32 = 12;
-/// The minimum approach speed of a collision, sigmas.
-const APPROACH_SIGMAS: f64 = 6.0;
-/// The maximum number of flight nodes that a new node is compared with.
-const FLIGHT_NODES: usize = 48;
-/// The minimum number of flight nodes that a new node is compared with.
-const FLIGHT_MIN_NODES: usize = 6;
-/// The newest nodes that the fit of the flight leaves out, so that a slow onset does not bend it.
-const GUARD_NODES: usize = 4;
-/// Frames between the first departed node and the end of what is certainly flight.
-const CERTAIN_FRAMES: f64 = 9.0;
-/// The length of the flight before the first departed node that the onset is fitted to, frames.
-const ONSET_FRAMES: f64 = 15.0;
-/// The number of nodes in the running fit of the acceleration.
-const ACCELERATION_NODES: usize = 7;
-/// The maximum lead of the force-free stretch over the end of the force, frames.
-const QUIET_EARLY_FRAMES: f64 = 4.0;
-/// Frames since the start of the force-free stretch at which the end is estimated again.
-const END_AGAIN_FRAMES: [u32; 4] = [10, 14, 18, 26];
-/// The minimum number of nodes kept in flight; fewer than twice as many are stored.
-const KEPT_NODES: usize = 256;
-/// The maximum number of nodes of a contact and the flight before it.
-const MAX_NODES: usize = 4096;
-/// The number of changes of regime that are kept.
-const KEPT_BREAKS: usize = 16;
-
-/// A detected contact before any law is fitted. Times in frames since the stream's first.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Contact {
-    /// The start of the known flight before the contact.
-    pub flight_from_frames: f64,
-    /// The end of what is certainly flight.
-    pub flight_to_frames: f64,
-    /// The onset of the force, by the hinge fit.
-    pub start_frames: f64,
-    /// The first node off the flight's curve.
-    pub departed_frames: f64,
-    /// The normal velocity before contact, px/frame.
-    pub approach: Estimate,
-    /// The peak normal acceleration so far, px/frame^2.
-    pub acceleration_max: f64,
-    /// The start of the flight after the contact; `None` while the contact lasts.
-    pub end_frames: Option<f64>,
-}
+/// The intervals at which the motion is watched, frames. The longest suits contacts of about 5000 frames.
+const STRIDES: [u32; 5] = [1, 4, 16, 64, 256];
 
 /// The effect of a new node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -75,344 +23,135 @@ pub enum Event {
     Dismissed,
 }
 
-/// A change of the motion's regime.
-#[derive(Debug, Clone, Copy)]
-struct Break {
-    from: u64,
-    /// The first frame after a contact; `from` where the flight only restarts.
-    to: Option<u64>,
-    /// Frames from here on were published as "after contact" before a later `to` was known.
-    published_after: Option<u64>,
-    speed: f64,
-    acceleration: f64,
-}
-
-impl Break {
-    fn is_contact(&self) -> bool {
-        self.to != Some(self.from)
-    }
-}
-
-/// Consecutive nodes on one side of the flight's curve.
-#[derive(Debug, Clone, Copy)]
-struct Departing {
-    /// The time of the first of them.
-    from_frames: f64,
-    /// -1 or 1.
-    side: f64,
-    nodes: u32,
-}
-
-/// A contact detector for the normal coordinate of one body.
+/// A contact detector for one body.
 ///
-/// In flight, each new position is compared with the parabola through the flight so far (gravity known). Three
-/// consecutive positions more than six sigmas to the outer side, of a body that approaches the surface, are a contact.
-/// The contact ends when the acceleration has returned to gravity's. No threshold is in px.
+/// The motion is watched in every frame, and in every 4th, 16th, 64th and 256th, so that contacts of any length are a few to
+/// some hundred nodes long in one of the watches. The first that detects a contact measures it.
 #[derive(Debug, Clone)]
 pub struct Detector {
-    nodes: Vec<SurfaceNode>,
-    /// The lag of published rows.
-    lag_frames: u64,
-    flight_from: f64,
-    /// The undecided departure from the flight.
-    departing: Option<Departing>,
-    contact: Option<Contact>,
-    /// The start of the force-free stretch after a contact, and the frames since then.
-    quiet: Option<(f64, u32)>,
-    breaks: VecDeque<Break>,
+    watches: Vec<FlightWatch>,
+    /// The watch of the current or last contact.
+    current: usize,
+    history: RegimeHistory,
 }
 
 impl Detector {
     /// Creates a detector without any node. Rows of frames older than `lag_frames` are published.
     pub fn new(lag_frames: u64) -> Self {
-        Self {
-            nodes: Vec::new(),
-            lag_frames,
-            flight_from: f64::NEG_INFINITY,
-            departing: None,
-            contact: None,
-            quiet: None,
-            breaks: VecDeque::new(),
-        }
+        let watches = STRIDES.map(FlightWatch::new).into();
+        Self { watches, current: 0, history: RegimeHistory::new(lag_frames) }
     }
 
-    /// Returns the stored nodes in order of time.
-    pub fn nodes(&self) -> &[SurfaceNode] {
-        &self.nodes
+    /// Returns the nodes of a contact, or all nodes of flight, in order of time. Their unit of time is `stride` frames.
+    pub fn nodes(&self, stride: u32) -> &[SurfaceNode] {
+        let index = STRIDES.iter().position(|known| *known == stride);
+        index.map_or(&[], |index| self.watches[index].nodes())
+    }
+
+    /// Returns the first frame whose position may still be needed. Contacts of thousands of frames may need earlier ones.
+    pub fn kept_from(&self) -> u64 {
+        let usual = self.watches.iter().take(3);
+        usual.filter_map(|watch| watch.nodes().first()).map(|node| node.frame).min().unwrap_or(0)
     }
 
     /// Returns the current contact, or the last one until [`Detector::release`].
     pub fn contact(&self) -> Option<&Contact> {
-        self.contact.as_ref()
+        self.watches[self.current].contact()
     }
 
     /// Discards the last contact and the nodes kept for it.
     pub fn release(&mut self) {
-        if self.contact.is_some_and(|c| c.end_frames.is_some()) {
-            self.contact = None;
-        }
+        self.watches[self.current].release();
     }
 
     /// Whether a contact, or an undecided departure, may be acting on the body.
     pub fn may_be_in_contact(&self) -> bool {
-        self.departing.is_some() || self.contact.is_some_and(|c| c.end_frames.is_none())
+        self.watches[0].may_be_in_contact() || self.watches[self.current].is_in_contact()
     }
 
-    /// Adds the next node and returns its effect. `gravity` is along the normal, px/frame^2; `None` without a scale.
+    /// Adds the position in a frame and returns its effect. `gravity` is along the normal, px/frame^2; `None` without a
+    /// scale.
     pub fn add_node(&mut self, node: SurfaceNode, gravity: Option<f64>) -> Event {
-        self.nodes.push(node);
-        match self.contact {
-            Some(contact) if contact.end_frames.is_none() => self.check_for_end(contact, gravity.unwrap_or(0.0)),
-            _ => {
-                self.discard_old_nodes();
-                self.refine_end(gravity);
-                self.check_for_contact(gravity)
+        let mut event = Event::None;
+        for (index, stride) in STRIDES.into_iter().enumerate() {
+            if !node.frame.is_multiple_of(u64::from(stride)) {
+                break;
+            }
+            let periods = f64::from(stride);
+            self.watches[index].add_node(node.with_period(periods));
+            if index != self.current && self.watches[self.current].is_in_contact() {
+                continue;
+            }
+            let gravity = gravity.map(|g| g * periods.powi(2));
+            if self.watches[index].refine_end(gravity) {
+                self.apply(index, Change::Ended { is_new: false }, node.frame);
+            }
+            let change = self.watches[index].test_newest(gravity);
+            event = self.apply(index, change, node.frame).unwrap_or(event);
+        }
+        event
+    }
+
+    /// Records the change that a watch has found at the `newest` frame; returns its event, if it is one.
+    fn apply(&mut self, index: usize, change: Change, newest: u64) -> Option<Event> {
+        let periods = f64::from(STRIDES[index]);
+        let frame_at = |time: f64| self.watches[index].frame_at(time);
+        let contact = self.watches[index].contact().copied();
+        if let Some(contact) = contact.filter(|contact| contact.end_frames.is_none() && change == Change::None) {
+            self.history.set_acceleration(contact.acceleration_max / periods.powi(2));
+        }
+        match change {
+            Change::None => None,
+            Change::Restarted { from, is_release } => {
+                if index == 0 {
+                    self.history.restart_flight(frame_at(from));
+                }
+                if index == 0 && is_release {
+                    self.restart_others(index, from);
+                }
+                None
+            }
+            Change::Began => {
+                let contact = contact?;
+                self.history.begin_contact(frame_at(contact.start_frames), contact.approach.value.abs() / periods);
+                self.current = index;
+                Some(Event::Began)
+            }
+            Change::Ended { is_new } => {
+                let contact = contact?;
+                let end = contact.end_frames?;
+                self.history.set_acceleration(contact.acceleration_max / periods.powi(2));
+                self.history.set_end(frame_at(end), newest);
+                self.restart_others(index, end);
+                is_new.then_some(Event::Ended)
+            }
+            Change::Dismissed { from } => {
+                self.history.withdraw_contact();
+                if index == 0 {
+                    self.history.restart_flight(frame_at(from));
+                    self.restart_others(index, from);
+                }
+                Some(Event::Dismissed)
             }
         }
     }
 
-    /// Discards the oldest nodes, but none of a contact or of the flight before it.
-    fn discard_old_nodes(&mut self) {
-        let keep_from = self.contact.map(|c| c.flight_from_frames);
-        let old = self.nodes.len().saturating_sub(KEPT_NODES);
-        let old = keep_from.map_or(old, |t| old.min(self.nodes.partition_point(|n| n.time_frames < t)));
-        // In blocks, because every removal moves all later nodes.
-        if old >= KEPT_NODES {
-            self.nodes.drain(..old);
+    /// Restarts the flight of all watches but one at a time of that one.
+    fn restart_others(&mut self, index: usize, from: f64) {
+        let from_frames = from * f64::from(STRIDES[index]);
+        for (other, watch) in self.watches.iter_mut().enumerate().filter(|(other, _)| *other != index) {
+            watch.restart(from_frames / f64::from(STRIDES[other]));
         }
-    }
-
-    /// Tests whether the newest node has departed from the flight, and whether the departure is a contact.
-    ///
-    /// A departure inwards, of a body that does not approach, or like a jump restarts the flight.
-    fn check_for_contact(&mut self, gravity: Option<f64>) -> Event {
-        let first = self.nodes.partition_point(|n| n.time_frames < self.flight_from);
-        let end = match self.departing {
-            Some(departing) => self.nodes.partition_point(|n| n.time_frames < departing.from_frames),
-            None => self.nodes.len() - 1,
-        };
-        let end = end.saturating_sub(GUARD_NODES).max(first);
-        let from = first.max(end.saturating_sub(FLIGHT_NODES));
-        let flight = samples(&self.nodes[from..end], NORMAL);
-        if flight.len() < FLIGHT_MIN_NODES {
-            return Event::None;
-        }
-        let since = samples(&self.nodes[end..], NORMAL);
-        let tested = test_departure(&flight, &since, gravity, turning_sigma(&self.nodes[from..]));
-        let Some(Departure { sigmas, certain_sigmas, rate }) = tested else { return Event::None };
-        if sigmas.abs() <= OFF_SIGMAS {
-            self.departing = None;
-            return Event::None;
-        }
-        let departing = self.departing_to(sigmas.signum());
-        if departing.nodes < OFF_FRAMES {
-            return Event::None;
-        }
-        if certain_sigmas.abs() <= OFF_SIGMAS {
-            // The centre of a turning body may drift so far. A contact departs ever faster.
-            if departing.nodes >= DRIFT_FRAMES {
-                self.restart_flight(departing.from_frames);
-            }
-            return Event::None;
-        }
-        let is_approaching = rate.value < -APPROACH_SIGMAS * rate.sigma;
-        if departing.side < 0.0 || !is_approaching {
-            self.restart_flight(departing.from_frames);
-            return Event::None;
-        }
-        self.decide_departure(departing, &flight, rate, gravity)
-    }
-
-    /// Adds the newest node to the departure, or begins another one to this `side`.
-    fn departing_to(&mut self, side: f64) -> Departing {
-        let departing = match self.departing {
-            Some(before) if before.side * side > 0.0 => Departing { nodes: before.nodes + 1, ..before },
-            _ => Departing { from_frames: self.nodes[self.nodes.len() - 1].time_frames, side, nodes: 1 },
-        };
-        self.departing = Some(departing);
-        departing
-    }
-
-    /// Begins a contact if an approaching body departs gradually, as a force moves it. A jump restarts the flight.
-    fn decide_departure(
-        &mut self,
-        departing: Departing,
-        flight: &[Sample],
-        rate: Estimate,
-        gravity: Option<f64>,
-    ) -> Event {
-        let Departing { from_frames, nodes, .. } = departing;
-        let first = self.nodes.partition_point(|n| n.time_frames < self.flight_from);
-        let back = self.nodes.partition_point(|n| n.time_frames < from_frames - ONSET_FRAMES).max(first);
-        let recent = samples(&self.nodes[back..], NORMAL);
-        let curve = plausible_curves(flight, gravity).into_iter().next();
-        match curve.and_then(|curve| fit_onset(&curve, &recent, from_frames)) {
-            Some(onset) if !onset.gradual && nodes < JUMP_FRAMES => Event::None,
-            Some(onset) if !onset.gradual => {
-                self.restart_flight(from_frames);
-                Event::None
-            }
-            onset => {
-                // Without a common offset (lost frames), the onset lies anywhere between the last node and this one.
-                let between = 0.5 * (flight[flight.len() - 1].time_frames + from_frames);
-                self.begin_contact(onset.map_or(between, |onset| onset.start_frames), from_frames, rate);
-                Event::Began
-            }
-        }
-    }
-
-    /// Restarts the flight at `from_frames`, after a release or a wrong step.
-    fn restart_flight(&mut self, from_frames: f64) {
-        self.flight_from = from_frames;
-        self.departing = None;
-        let from = self.frame_at(from_frames);
-        self.store_break(Break { from, to: Some(from), published_after: None, speed: 0.0, acceleration: 0.0 });
-    }
-
-    /// Begins a contact. `approach` is the normal velocity before it, px/frame.
-    fn begin_contact(&mut self, start_frames: f64, departed_frames: f64, approach: Estimate) {
-        (self.departing, self.quiet) = (None, None);
-        let first = self.nodes.partition_point(|n| n.time_frames < self.flight_from);
-        let flight_from_frames = self.nodes[first].time_frames;
-        self.contact = Some(Contact {
-            flight_from_frames,
-            flight_to_frames: departed_frames - CERTAIN_FRAMES,
-            start_frames,
-            departed_frames,
-            approach,
-            acceleration_max: 0.0,
-            end_frames: None,
-        });
-        let from = self.frame_at(start_frames);
-        self.store_break(Break {
-            from,
-            to: None,
-            published_after: None,
-            speed: approach.value.abs(),
-            acceleration: 0.0,
-        });
-    }
-
-    /// Tests whether the force of the contact has ended; `gravity` along the normal, px/frame^2.
-    ///
-    /// A contact that never ends, or after which the body still approaches, is dismissed.
-    fn check_for_end(&mut self, mut contact: Contact, gravity: f64) -> Event {
-        let since = samples(nodes_between(&self.nodes, contact.start_frames, f64::INFINITY), NORMAL);
-        let newest = &since[since.len().saturating_sub(ACCELERATION_NODES)..];
-        if let Some(acceleration) = fit_acceleration(newest) {
-            contact.acceleration_max = contact.acceleration_max.max(acceleration.value - gravity);
-        }
-        self.contact = Some(contact);
-        if let Some(b) = self.breaks.back_mut() {
-            b.acceleration = contact.acceleration_max;
-        }
-        let flight = match test_force_free(&since, gravity, contact.acceleration_max) {
-            EndOfForce::Ended(flight) => Some(flight),
-            EndOfForce::Acting => None,
-            EndOfForce::Undecided => {
-                find_force_free(nodes_between(&self.nodes, contact.departed_frames, f64::INFINITY), gravity)
-            }
-        };
-        if let Some(FreeFlight { start_frames: from, rate }) = flight {
-            if rate.value < -APPROACH_SIGMAS * rate.sigma {
-                // Free of force but still approaching: it was no collision.
-                return self.dismiss(from);
-            }
-            contact.end_frames = Some(from);
-            self.contact = Some(contact);
-            self.set_end(from);
-            self.quiet = Some((from, since.iter().filter(|s| s.time_frames >= from).count() as u32));
-            return Event::Ended;
-        }
-        if self.nodes.len() >= MAX_NODES { self.dismiss(since[since.len() - 1].time_frames) } else { Event::None }
-    }
-
-    /// Sets the end of the contact, or corrects it, and restarts the flight there.
-    fn set_end(&mut self, end_frames: f64) {
-        self.flight_from = end_frames;
-        let (to, newest) = (self.frame_at(end_frames), self.nodes[self.nodes.len() - 1].frame);
-        if let Some(b) = self.breaks.back_mut() {
-            // Frames this old have been published already.
-            let was_published = b.to.filter(|before| before + self.lag_frames < newest);
-            b.published_after = b.published_after.or(was_published);
-            b.to = Some(to.max(b.from + 1));
-        }
-        if let Some(contact) = &mut self.contact {
-            contact.end_frames = Some(end_frames);
-        }
-    }
-
-    /// Counts a frame after a contact and, at [`END_AGAIN_FRAMES`], estimates the end of the force again.
-    ///
-    /// The curve of the flight after the contact is followed backwards in time. The end is where the nodes leave it.
-    /// The previous end stays if the flight is too short or no node leaves the curve.
-    fn refine_end(&mut self, gravity: Option<f64>) {
-        let Some((from, count)) = self.quiet else { return };
-        let count = count + 1;
-        self.quiet = (count < END_AGAIN_FRAMES[3] && self.departing.is_none()).then_some((from, count));
-        let Some(contact) = self.contact.filter(|_| END_AGAIN_FRAMES.contains(&count)) else { return };
-        let flight = nodes_between(&self.nodes, from + QUIET_EARLY_FRAMES, f64::INFINITY);
-        let (after, turning_sigma) = (samples(flight, NORMAL), turning_sigma(flight));
-        let all = time_reversed(&samples(nodes_between(&self.nodes, contact.start_frames, f64::INFINITY), NORMAL));
-        let curve = plausible_curves(&time_reversed(&after), gravity).into_iter().next();
-        let Some(curve) = curve.filter(|_| after.len() >= FLIGHT_MIN_NODES) else { return };
-        let is_off = |s: &&crate::numeric::Sample| {
-            let drift = drift(turning_sigma, (from + QUIET_EARLY_FRAMES + s.time_frames).max(0.0));
-            residual(&curve, &[], s).is_some_and(|r| r.value > OFF_SIGMAS * r.sigma.hypot(drift))
-        };
-        let Some(departed) = all.iter().find(is_off).map(|s| s.time_frames) else { return };
-        let near = &all[..all.partition_point(|s| s.time_frames <= departed + 2.0)];
-        if let Some(o) = fit_onset(&curve, near, departed) {
-            self.set_end(-o.start_frames);
-        }
-    }
-
-    /// Withdraws the contact and restarts the flight at `from_frames`.
-    fn dismiss(&mut self, from_frames: f64) -> Event {
-        self.contact = None;
-        self.breaks.pop_back();
-        self.restart_flight(from_frames);
-        self.discard_old_nodes();
-        Event::Dismissed
-    }
-
-    /// Returns the sequence number of the first node at or after a time.
-    fn frame_at(&self, time_frames: f64) -> u64 {
-        let i = self.nodes.partition_point(|n| n.time_frames < time_frames).min(self.nodes.len() - 1);
-        self.nodes[i].frame
-    }
-
-    /// Stores a change of regime and discards the oldest beyond [`KEPT_BREAKS`].
-    fn store_break(&mut self, new: Break) {
-        if self.breaks.len() == KEPT_BREAKS {
-            self.breaks.pop_front();
-        }
-        self.breaks.push_back(new);
     }
 
     /// Returns the known regime of the motion at a frame. The first flight starts at 0, the newest ends at `u64::MAX`.
     pub fn regime(&self, frame: u64) -> Regime {
-        let next = self.breaks.partition_point(|b| b.from <= frame);
-        let to = self.breaks.get(next).map_or(u64::MAX, |b| b.from.saturating_sub(1));
-        match next.checked_sub(1).map(|i| self.breaks[i]) {
-            None => Regime::Flight { from: 0, to },
-            Some(b) => match b.to {
-                Some(end) if frame >= end => Regime::Flight { from: end, to },
-                _ => Regime::Contact { speed_px: b.speed, acceleration_px: b.acceleration, from: b.from, to: b.to },
-            },
-        }
+        self.history.regime(frame)
     }
 
     /// Returns the phase at a frame: flight, contact or rebound, as known by now.
     pub fn phase(&self, frame: u64) -> Phase {
-        let newest = self.breaks.iter().rev().find(|b| b.from <= frame);
-        // A contact that was published as ended is not published as lasting again.
-        let is_over = newest.and_then(|b| b.published_after).is_some_and(|after| after <= frame);
-        match self.regime(frame) {
-            Regime::Contact { .. } if !is_over => Phase::Contact,
-            _ if self.breaks.iter().any(|b| b.is_contact() && b.from <= frame) => Phase::Rebound,
-            _ => Phase::Flight,
-        }
+        self.history.phase(frame)
     }
 }
 

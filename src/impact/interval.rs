@@ -12,9 +12,11 @@ pub(super) const MAX_SPIN_SIGMA_RAD: f64 = 1.5;
 pub struct ImpactContext {
     /// The scale, metres per px.
     pub metres_per_px: Estimate,
-    /// Nominal frame period, s.
+    /// The period of the nodes, s.
     pub period_s: f64,
-    /// Gravity along normal and tangent, px/frame^2.
+    /// The frames between two nodes.
+    pub stride: u32,
+    /// Gravity along normal and tangent, px/node^2.
     pub gravity_px: [f64; 2],
     /// Radius of a ball, px.
     pub radius_px: Option<Estimate>,
@@ -31,6 +33,13 @@ pub struct ImpactContext {
 }
 
 impl ImpactContext {
+    /// Converts the context of every frame to that of every `stride`-th.
+    pub fn with_stride(self, stride: u32) -> Self {
+        let periods = f64::from(stride);
+        let gravity_px = self.gravity_px.map(|gravity| gravity * periods.powi(2));
+        Self { period_s: self.period_s * periods, stride, gravity_px, ..self }
+    }
+
     /// Converts an acceleration from px/frame^2 to m/s^2.
     pub(super) fn acceleration(&self, a: Estimate) -> Estimate {
         let relative = self.metres_per_px.sigma / self.metres_per_px.value;

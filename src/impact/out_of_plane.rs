@@ -5,7 +5,7 @@
 //! Its apparent speed therefore contains the dilatation times the distance from the centre, and it changes although no
 //! force acts.
 
-use super::contact_detector::Contact;
+use super::contact::Contact;
 use super::interval::ImpactContext;
 use super::solver::FLIGHT_FRAMES;
 use super::trajectory::{ANGLE, NORMAL, SurfaceNode, TANGENTIAL, nodes_between};
@@ -41,6 +41,23 @@ pub struct OutOfPlane<'a> {
     pub place_px: [f64; 2],
     /// The standard uncertainty of the principal point, px.
     pub middle_sigma_px: f64,
+    /// The frames between two nodes, which are the unit of the contact's times.
+    pub stride: u32,
+}
+
+impl OutOfPlane<'_> {
+    /// Converts a time of the contact to frames.
+    fn frames(&self, time: f64) -> f64 {
+        time * f64::from(self.stride)
+    }
+
+    /// Converts the drift of the outline to normal and tangent, px, and the angle to rad, each per node.
+    fn along_surface(&self, [x, y, turn]: [Estimate; 3]) -> [Estimate; 3] {
+        let (value, sigma) = (self.axes.surface(x.value, y.value), self.axes.surface_sigma(x.sigma, y.sigma));
+        let along = |value: f64, sigma: f64| Estimate { value, sigma };
+        let drift = [along(value.normal, sigma.normal), along(value.tangential, sigma.tangential), multiply(turn, RAD)];
+        drift.map(|drift| multiply(drift, self.stride.into()))
+    }
 }
 
 /// The dilatation rate of a body before and after a contact, and its position then.
@@ -71,18 +88,13 @@ impl DilatationRates {
         let from = contact.flight_from_frames.max(start - FLIGHT_FRAMES);
         let to = known_to_frames.min(end + FLIGHT_FRAMES);
         let flights = [(from, contact.flight_to_frames), (end + EARLY_FRAMES, to)];
-        let measured = flights.map(|(from, to)| motion.growth.rate(from, to));
+        let rate = |from, to| motion.growth.rate(motion.frames(from), motion.frames(to));
+        let measured = flights.map(|(from, to)| Some(multiply(rate(from, to)?, motion.stride.into())));
         // Unlike a pose, the distance between pose and outline is not changed by the first small forces.
-        let drifts =
-            [motion.drift.expected(from, start - ONSET_FRAMES), motion.drift.significant(end + EARLY_FRAMES, to)];
-        let drift = drifts.map(|drift| {
-            let [x, y, turn] = drift?;
-            let (value, sigma) = (motion.axes.surface(x.value, y.value), motion.axes.surface_sigma(x.sigma, y.sigma));
-            let along = |value: f64, sigma: f64| Estimate { value, sigma };
-            Some([along(value.normal, sigma.normal), along(value.tangential, sigma.tangential), multiply(turn, RAD)])
-        });
+        let before = motion.drift.expected(motion.frames(from), motion.frames(start - ONSET_FRAMES));
+        let after = motion.drift.significant(motion.frames(end + EARLY_FRAMES), motion.frames(to));
+        let [before, after] = [before, after].map(|drift| drift.map(|drift| motion.along_surface(drift)));
         // The unobserved part of the flight after is bounded by the flight before.
-        let [before, after] = drift;
         let before = before.unwrap_or([NONE; 3]);
         let after = after.unwrap_or(before.map(|drift| Estimate { sigma: drift.value.hypot(drift.sigma), ..drift }));
         Some(Self {

@@ -22,7 +22,8 @@ struct Side {
 impl Side {
     fn new(flight: &[Polynomial; 3], shift_sigma: f64, at: Estimate, context: &ImpactContext) -> Self {
         let rates = rates_at(flight, shift_sigma, at, context);
-        let [normal, tangential, angle] = [NORMAL, TANGENTIAL, ANGLE].map(|k| rates[k].value);
+        let per_frame = |k: usize| rates[k].value / f64::from(context.stride);
+        let [normal, tangential, angle] = [NORMAL, TANGENTIAL, ANGLE].map(per_frame);
         let planar = PlanarRates { first_px: tangential, second_px: normal, angle_deg: angle.to_degrees() };
         let bias = &context.speed_bias;
         Self { rates, underestimate: bias.underestimate(planar), interpolation_error: bias.interpolation_error(planar) }

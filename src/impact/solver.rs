@@ -1,6 +1,6 @@
 //! The quantities of a collision from the nodes around its contact.
 
-use super::contact_detector::Contact;
+use super::contact::Contact;
 use super::contact_law::{ContactEstimates, Family};
 use super::departure::plausible_curves;
 use super::free_fall::{free_fall_acceleration, shift_sigma};

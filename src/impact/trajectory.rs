@@ -50,6 +50,16 @@ impl SurfaceNode {
         }
     }
 
+    /// Returns the node with time in units of `periods` frames, for a series that skips all frames between.
+    pub(super) fn with_period(&self, periods: f64) -> Self {
+        Self {
+            time_frames: self.time_frames / periods,
+            walk_share: self.walk_share.map(|share| share * periods.sqrt()),
+            turning_sigma: self.turning_sigma * periods,
+            ..*self
+        }
+    }
+
     /// Returns one coordinate (`NORMAL`, `TANGENTIAL` or `ANGLE`), px or rad.
     pub fn sample(&self, coordinate: usize) -> Sample {
         Sample {

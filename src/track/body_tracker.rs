@@ -101,7 +101,7 @@ impl BodyTracker {
 
     /// Adds a position of the moving surface, which is another body. Impacts of this body are measured relative to it.
     pub fn add_surface_position(&mut self, node: SurfaceNode) {
-        let kept_from = self.detector.as_ref().and_then(|detector| detector.nodes().first()).map_or(0, |n| n.frame);
+        let kept_from = self.detector.as_ref().map_or(0, Detector::kept_from);
         self.surface.get_or_insert_default().push(node, kept_from);
     }
 
@@ -186,13 +186,15 @@ impl BodyTracker {
         match (event, detector.contact().filter(|contact| contact.end_frames.is_none())) {
             (Event::Began, Some(contact)) => {
                 self.deepest_reported = false;
-                Some(alarm(AlarmKind::Began, Estimate { value: contact.start_frames, sigma: 1.0 }))
+                let periods = f64::from(contact.stride);
+                Some(alarm(AlarmKind::Began, Estimate { value: contact.start_frames * periods, sigma: periods }))
             }
             (Event::Dismissed, _) => Some(alarm(AlarmKind::Withdrawn, Estimate { value: time_frames, sigma: 1.0 })),
             (_, Some(contact)) if !self.deepest_reported => {
-                let turn = deepest_so_far(detector.nodes(), contact)?;
+                let Estimate { value, sigma } = deepest_so_far(detector.nodes(contact.stride), contact)?;
                 self.deepest_reported = true;
-                Some(alarm(AlarmKind::Turned, turn))
+                let periods = f64::from(contact.stride);
+                Some(alarm(AlarmKind::Turned, Estimate { value: value * periods, sigma: sigma * periods }))
             }
             _ => None,
         }

@@ -52,6 +52,7 @@ mod import;
 mod init;
 mod interrupted;
 mod live_rate;
+mod long_contact;
 mod manual;
 mod measured_world;
 mod misleading_marks;

@@ -21,19 +21,18 @@ impl BodyTracker {
             Event::Began => {
                 // The flight after the previous collision is over, so this revision is the final one.
                 if let Some(next) = contact {
-                    self.measure_impact(next.flight_to_frames, Revision::Final, impacts);
+                    self.measure_impact(next.flight_to_frames * f64::from(next.stride), Revision::Final, impacts);
                 }
                 self.rolling.begin_contact();
                 self.pending_impact = None;
             }
             Event::Ended => {
-                let known = contact.and_then(|c| c.end_frames).map_or(0.0, |end| time_frames - end);
                 self.pending_impact = contact.map(|contact| PendingImpact {
                     contact,
                     number: self.collisions,
                     revision: 0,
                     measured_to_frames: f64::NEG_INFINITY,
-                    stage: due_revisions(known),
+                    stage: due_revisions(contact.nodes_since_end(time_frames)),
                     sigma: f64::INFINITY,
                     tried_frames: time_frames,
                 });
@@ -52,12 +51,13 @@ impl BodyTracker {
         if let Some(contact) = self.detector.as_ref().and_then(|d| d.contact()) {
             pending_impact.contact = *contact;
         }
-        let Some(end) = pending_impact.contact.end_frames else { return };
-        let known = time_frames - end;
+        let periods = f64::from(pending_impact.contact.stride);
+        let known = pending_impact.contact.nodes_since_end(time_frames);
         let stage = due_revisions(known).max(pending_impact.stage);
-        let late = known * self.params.frame_period_ns * 1e-9 >= FINAL_AFTER_S;
+        let late = known * periods * self.params.frame_period_ns * 1e-9 >= FINAL_AFTER_S;
         let last = stage == REVISIONS_FRAMES.len() || (stage > 0 && late);
-        let is_retry = pending_impact.revision == 0 && time_frames - pending_impact.tried_frames >= RETRY_FRAMES;
+        let is_retry =
+            pending_impact.revision == 0 && time_frames - pending_impact.tried_frames >= RETRY_FRAMES * periods;
         let is_due = stage > pending_impact.stage || is_retry;
         pending_impact.stage = stage;
         if is_due || last {
@@ -95,6 +95,7 @@ impl BodyTracker {
         Some(ImpactContext {
             metres_per_px,
             period_s,
+            stride: 1,
             gravity_px: [gravity.normal, gravity.tangential],
             radius_px,
             mass_kg: self.params.mass_kg,
@@ -123,29 +124,32 @@ impl BodyTracker {
             return;
         };
         let known = impacts.len();
-        let newest = detector.nodes().last().map_or(f64::NEG_INFINITY, |n| n.time_frames).min(time_frames);
+        let contact = &pending_impact.contact;
+        let (stride, periods) = (contact.stride, f64::from(contact.stride));
+        let context = context.with_stride(stride);
+        let nodes = detector.nodes(stride);
+        let newest = nodes.last().map_or(f64::NEG_INFINITY, |n| n.time_frames).min(time_frames / periods);
         if newest.total_cmp(&pending_impact.measured_to_frames).is_eq() {
             return;
         }
-        pending_impact.measured_to_frames = newest;
-        pending_impact.tried_frames = newest;
-        let own = self.surface.as_ref().map(|surface| surface.relative(detector.nodes()));
-        let from_frames = pending_impact.contact.start_frames - FLIGHT_FRAMES;
-        let turns = self.surface.as_ref().is_some_and(|surface| surface.has_turned(from_frames, newest));
-        let nodes = own.as_deref().unwrap_or_else(|| detector.nodes());
+        let own = self.surface.as_ref().map(|surface| surface.relative(nodes));
+        let from_frames = (contact.start_frames - FLIGHT_FRAMES) * periods;
+        let turns = self.surface.as_ref().is_some_and(|surface| surface.has_turned(from_frames, newest * periods));
+        let nodes = own.as_deref().unwrap_or(nodes);
         let (growth, drift, axes) = (&self.size_change, &self.outline_drift, self.axes);
         let middle_sigma_px = self.params.view.sigma_px;
         // A surface that moves has a place and a distance of its own.
         let place = place.filter(|_| own.is_none());
-        let out_of_plane = place.map(|place_px| OutOfPlane { growth, drift, axes, place_px, middle_sigma_px });
-        let approach =
-            out_of_plane.and_then(|motion| DilatationRates::estimate(&motion, &pending_impact.contact, newest));
+        let out_of_plane = place.map(|place_px| OutOfPlane { growth, drift, axes, place_px, middle_sigma_px, stride });
+        let approach = out_of_plane.and_then(|motion| DilatationRates::estimate(&motion, contact, newest));
         let measured = match approach {
-            Some(approach) => solve(&approach.at_constant_distance(nodes), &pending_impact.contact, newest, &context)
+            Some(approach) => solve(&approach.at_constant_distance(nodes), contact, newest, &context)
                 .map(|impact| approach.correct(impact, nodes, &context)),
-            None => solve(nodes, &pending_impact.contact, newest, &context),
+            None => solve(nodes, contact, newest, &context),
         };
-        let measured = measured.map(|impact| self.rolling.widen_times(impact, context.period_s));
+        let measured = measured.map(|impact| self.rolling.widen_times(impact, context.period_s / periods));
+        pending_impact.measured_to_frames = newest;
+        pending_impact.tried_frames = newest * periods;
         let sigma = measured.and_then(|i| i.restitution).map_or(f64::INFINITY, |e| e.sigma);
         // A revision replaces an earlier one if it is more certain. The final one always does.
         if let Some(impact) = measured.filter(|_| sigma <= pending_impact.sigma || revision == Revision::Final) {
@@ -165,7 +169,7 @@ impl BodyTracker {
 
     /// Returns the impact of a contact that lasts beyond the end of the stream: its start, within one frame (sigma).
     pub(super) fn unfinished_impact(&self, contact: &Contact) -> Impact {
-        let period_s = self.params.frame_period_ns * 1e-9;
+        let period_s = self.params.frame_period_ns * 1e-9 * f64::from(contact.stride);
         Impact {
             start_s: Some(Estimate { value: contact.start_frames * period_s, sigma: period_s }),
             ..Impact::unknown(self.body, self.collisions, self.origin_ns)
