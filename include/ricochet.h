@@ -96,6 +96,7 @@ typedef struct {
     double sigma_dtheta_deg;
     ricochet_number_t fixed_fraction;
     ricochet_number_t light_fraction;
+    ricochet_number_t pull_px;
     ricochet_number_t growth_fraction;
     double sigma_growth_fraction;
     ricochet_number_t drift_x_px;
@@ -107,8 +108,8 @@ typedef struct {
     double sigma_angle_deg;
     ricochet_rod_t rod;
 } ricochet_field_header_t;
-static_assert(sizeof(ricochet_field_header_t) == 488, "layout");
-static_assert(offsetof(ricochet_field_header_t, rod) == 320, "layout");
+static_assert(sizeof(ricochet_field_header_t) == 504, "layout");
+static_assert(offsetof(ricochet_field_header_t, rod) == 336, "layout");
 
 #define RICOCHET_FIELD_POINT_TYPE_NAME "ricochet.FieldPoint.v1"
 typedef struct {

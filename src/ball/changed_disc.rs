@@ -209,7 +209,7 @@ fn outermost_rise(profile: &[f32], limit: f32) -> Option<f64> {
 }
 
 /// Returns the bilinear level at a point; `None` outside the image.
-fn level(image: ImageView<'_>, x: f64, y: f64) -> Option<f32> {
+pub(super) fn level(image: ImageView<'_>, x: f64, y: f64) -> Option<f32> {
     let (column, row) = (x.floor(), y.floor());
     if !(column >= 0.0 && row >= 0.0) {
         return None;

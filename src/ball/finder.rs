@@ -7,8 +7,9 @@ use super::effort::{Effort, FIRST, QUICK, THOROUGH};
 use super::faint_rim::fit_faint_rim;
 use super::foreground::{ChangedPart, Foreground};
 use super::hough::{HoughPeak, HoughSearch, Marks};
+use super::mirror::{find_original, is_mirrored};
 use super::paper_hough::PaperHough;
-use super::params::{BallError, BallParams, OutlineMethod};
+use super::params::{BallError, BallParams, OutlineMethod, Presence};
 use super::plain_ground::PlainGround;
 use super::ransac::{Candidate, Ransac, RansacParams, RoughCircle, rim_polarity};
 use super::subpixel_fit::{CERTAIN_INLIERS, MAX_SHIFT_PX, Measured, SubpixelFit};
@@ -51,15 +52,6 @@ const MIN_TEXTURED_SIGMA_PX: f64 = 0.15;
 const PREDICTION_REACH_PX: f64 = 1.0;
 
 const CLOSE: RansacParams = RansacParams { reach_px: 4.0, tolerance_px: 0.6, draws: 120, rays: 120 };
-
-/// The certainty that a ball is at its predicted position.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Presence {
-    /// Something else may be there.
-    Uncertain,
-    /// The ball is known to be there, for example from a match of its pattern.
-    Certain,
-}
 
 /// Finds one ball per image: its outline to a few hundredths of a pixel.
 ///
@@ -132,7 +124,16 @@ impl BallFinder {
             return None;
         }
         let circle = self.search_everywhere(image)?;
+        let circle = self.original_of(image, circle)?;
         self.apply_method(image, circle)
+    }
+
+    /// Returns the ball that was found, or whose mirror image was found; `None` if that cannot be measured.
+    fn original_of(&mut self, image: ImageView<'_>, circle: Circle) -> Option<Circle> {
+        let Some(outward) = self.params.outward else { return Some(circle) };
+        let Some(place) = find_original(image, &circle, outward) else { return Some(circle) };
+        let original = self.search_around(image, place)?;
+        is_mirrored(&circle, &original, outward).then_some(original)
     }
 
     /// Searches the outline in the whole region by its edges, with increasing effort, and finally by ground and texture.

@@ -13,6 +13,7 @@ mod first_harmonic;
 mod foreground;
 mod hough;
 mod limb_darkening;
+mod mirror;
 mod paper_hough;
 mod params;
 mod plain_ground;
@@ -25,8 +26,8 @@ mod texture_disc;
 mod textured;
 mod visible_fraction;
 
-pub use finder::{BallFinder, Presence};
-pub use params::{BallError, BallParams, OutlineMethod};
+pub use finder::BallFinder;
+pub use params::{BallError, BallParams, OutlineMethod, Presence};
 
 /// The state of the rim of a ball.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

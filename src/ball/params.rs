@@ -18,6 +18,15 @@ pub enum OutlineMethod {
     Marked,
 }
 
+/// The certainty that a ball is at its predicted position.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Presence {
+    /// Something else may be there.
+    Uncertain,
+    /// The ball is known to be there, for example from a match of its pattern.
+    Certain,
+}
+
 /// The region and the radii in which a ball is searched.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BallParams {
@@ -31,12 +40,22 @@ pub struct BallParams {
     pub roi_px: Option<[u32; 4]>,
     /// The method for the outline.
     pub outline: OutlineMethod,
+    /// The outward direction of the surface that may show a mirror image of the ball, a unit vector along x and y (down);
+    /// `None` where several balls may be alike.
+    pub outward: Option<[f64; 2]>,
 }
 
 impl BallParams {
     /// Creates parameters for balls of `min_radius_px` to `max_radius_px` anywhere in the image.
     pub fn new(min_radius_px: f64, max_radius_px: f64) -> Self {
-        Self { min_radius_px, max_radius_px, expected_radius_px: None, roi_px: None, outline: OutlineMethod::default() }
+        Self {
+            min_radius_px,
+            max_radius_px,
+            expected_radius_px: None,
+            roi_px: None,
+            outline: OutlineMethod::default(),
+            outward: None,
+        }
     }
 
     /// Returns the searched region of an image of this size.

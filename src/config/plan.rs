@@ -62,7 +62,15 @@ impl Config {
             expected_radius_px: self.predicted_radius_px(body),
             roi_px: body.roi_px,
             outline: body.outline,
+            outward: self.outward(),
         }
+    }
+
+    /// Returns the outward direction of the surface in the image; `None` with several balls.
+    fn outward(&self) -> Option<[f64; 2]> {
+        let balls = self.bodies.iter().filter(|body| body.kind == BodyKind::Ball).count();
+        let (sin, cos) = self.surface.angle_deg.to_radians().sin_cos();
+        (balls == 1).then_some([-sin, -cos])
     }
 
     /// Returns the parameters of a body's rod finder.

@@ -77,6 +77,8 @@ struct RigidTrack {
     drift_variance: f64,
     /// The largest fraction of the rotation that light may have held back.
     rotation_error: Option<f64>,
+    /// The largest distance from the centre of the point that light or stripes may hold in place, px.
+    pull_px: Option<f64>,
     radius_px: f64,
     /// Whether nothing occluded the body in the reference.
     is_unoccluded: bool,
@@ -106,6 +108,8 @@ pub(super) struct RigidMatch {
     pub(super) lever: Option<[f64; 3]>,
     /// The share by which light may have held back the rotation.
     pub(super) light_fraction: Option<f64>,
+    /// The distance from the centre of the point that light or stripes may hold in place, px.
+    pub(super) pull_px: Option<f64>,
 }
 
 impl RigidMatch {
@@ -120,7 +124,7 @@ impl RigidMatch {
         let RigidStep { dx_px, dy_px, dtheta_deg, .. } = self.step;
         let own = RigidStep { dx_px: dx_px - x, dy_px: dy_px - y, dtheta_deg: dtheta_deg - angle, ..self.step };
         (step.motion, step.method) = (Some(own), MotionMethod::WholeBody);
-        step.light_fraction = self.light_fraction;
+        (step.light_fraction, step.pull_px) = (self.light_fraction, self.pull_px);
         if let (Some(outline), Some(fraction)) = (&mut step.outline, self.visible_fraction)
             && let OutlineShape::Circle(circle) = &mut outline.shape
         {
@@ -232,6 +236,7 @@ impl RigidMatcher {
             first: None,
             drift_variance: 0.0,
             rotation_error: None,
+            pull_px: None,
             radius_px,
             is_unoccluded,
             poses: vec![origin],
@@ -272,6 +277,7 @@ impl RigidMatcher {
             visible_fraction: first.visible_fraction.filter(|_| track.is_unoccluded),
             lever: is_visible.then(|| track.reference.dilatation_error()),
             light_fraction: larger(first.light_fraction(&second), track.rotation_error),
+            pull_px: track.pull_px,
         })
     }
 }
@@ -318,6 +324,8 @@ impl RigidTrack {
             let kept = if is_occluded { 1.0 } else { self.anchor(target, &mut pose) };
             let share = kept * found.misfit_deg / motion.angle_deg.abs();
             self.rotation_error = larger(self.rotation_error, Some(share).filter(|share| share.is_finite()));
+            let pull_px = found.misfit_px / motion.angle_deg.to_radians().abs();
+            self.pull_px = larger(self.pull_px, Some(pull_px.min(self.radius_px)).filter(|pull_px| *pull_px > 0.0));
         }
         let place = self.poses.partition_point(|other| other.frame < frame);
         self.poses.insert(place, pose);

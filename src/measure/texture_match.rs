@@ -142,6 +142,7 @@ impl Measurer {
                     visible_fraction: None,
                     lever: None,
                     light_fraction: None,
+                    pull_px: None,
                 })
             }
             _ => None,

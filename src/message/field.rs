@@ -92,6 +92,8 @@ described! {
         pub fixed_fraction: Number,
         /// The share by which light may have held back the rotation.
         pub light_fraction: Number,
+        /// The distance from the centre of the point that light or stripes may hold in place while the body turns, px.
+        pub pull_px: Number,
         /// The relative growth of the image of the body per frame.
         pub growth_fraction: Number,
         /// The standard uncertainty of `growth_fraction`.
@@ -133,6 +135,7 @@ impl FieldHeader {
             worker,
             fixed_fraction: step.fixed_fraction.into(),
             light_fraction: step.light_fraction.into(),
+            pull_px: step.pull_px.into(),
             growth_fraction: step.growth_fraction.map(|growth| growth.value).into(),
             sigma_growth_fraction: step.growth_fraction.map_or(0.0, |growth| growth.sigma),
             drift_x_px: step.drift.map(|drift| drift[0].value).into(),
@@ -214,6 +217,7 @@ impl FieldHeader {
             method,
             fixed_fraction: self.fixed_fraction.into(),
             light_fraction: self.light_fraction.into(),
+            pull_px: self.pull_px.into(),
             growth_fraction: growth.map(|value| Estimate { value, sigma: self.sigma_growth_fraction }),
             drift: self.drift(),
             rotation_status: PointStatus::from_number(self.rotation_status)?,
@@ -378,6 +382,7 @@ mod tests {
             method: MotionMethod::WholeBody,
             fixed_fraction: Some(-2.5e-4),
             light_fraction: Some(3e-3),
+            pull_px: Some(0.4),
             growth_fraction: Some(Estimate { value: 3e-5, sigma: 4e-6 }),
             drift: Some([(0.11, 0.01), (-0.07, 0.01), (0.02, 0.003)].map(|(value, sigma)| Estimate { value, sigma })),
             rotation_status: PointStatus::LowContrast,

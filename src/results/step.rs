@@ -72,6 +72,12 @@ impl RigidStep {
         Self { sigma_dx_px: self.sigma_dx_px.hypot(sigma_px), sigma_dy_px: self.sigma_dy_px.hypot(sigma_px), ..self }
     }
 
+    /// Adds an error of the rotation, as a fraction of it.
+    #[must_use]
+    pub fn with_rotation_error(self, fraction: f64) -> Self {
+        Self { sigma_dtheta_deg: self.sigma_dtheta_deg.hypot(fraction * self.dtheta_deg), ..self }
+    }
+
     /// Multiplies the standard uncertainties: x, y and the rotation.
     #[must_use]
     pub fn with_sigmas(self, factors: [f64; 3]) -> Self {
@@ -195,6 +201,9 @@ pub struct BodyStep {
     pub fixed_fraction: Option<f64>,
     /// The share by which light that stays in the room may have held back the rotation. `None` where there is none.
     pub light_fraction: Option<f64>,
+    /// The distance from the centre of the point that light or stripes may hold in place while the body turns, px. `None`
+    /// where there is none.
+    pub pull_px: Option<f64>,
     /// The relative growth of the body's image per frame from this frame on, measured from its subsets. The body comes
     /// nearer to the camera, or moves to where the lens draws it larger.
     pub growth_fraction: Option<Estimate>,
@@ -291,6 +300,7 @@ impl BodyStep {
             method: MotionMethod::default(),
             fixed_fraction: None,
             light_fraction: None,
+            pull_px: None,
             growth_fraction: None,
             drift: None,
             ..self

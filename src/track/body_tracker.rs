@@ -43,6 +43,7 @@ pub struct BodyTracker {
     radius: RunningRadius,
     fixed_pattern_bias: RunningBias,
     light_bias: RunningBias,
+    pull_px: RunningBias,
     size_change: SizeChange,
     outline_drift: OutlineDrift,
     rolling: RollingShutter,
@@ -81,6 +82,7 @@ impl BodyTracker {
             radius: RunningRadius::new(),
             fixed_pattern_bias: RunningBias::default(),
             light_bias: RunningBias::default(),
+            pull_px: RunningBias::default(),
             size_change: SizeChange::default(),
             outline_drift: OutlineDrift::new(&rolling),
             rolling,
@@ -139,6 +141,9 @@ impl BodyTracker {
         }
         if let Some(share) = step.light_fraction {
             self.light_bias.push(share);
+        }
+        if let Some(pull_px) = step.pull_px {
+            self.pull_px.push(pull_px);
         }
         if step.motion.is_some() {
             self.method = step.method;
@@ -285,10 +290,11 @@ impl BodyTracker {
         misfit_px.flatten().unwrap_or(0.0).max(scatter_px)
     }
 
-    /// Returns the distance from the centre of the point that light holds in place while the body turns, px.
+    /// Returns the distance from the centre of the point that light or stripes hold in place while the body turns, px.
     fn pulled_px(&self) -> f64 {
         let radius_px = self.radius.radius_px().filter(|_| self.params.form == Form::Ball);
-        LIGHT_PULL * self.light_bias.significant() * radius_px.map_or(0.0, |radius| radius.value)
+        let by_light_px = LIGHT_PULL * self.light_bias.significant() * radius_px.map_or(0.0, |radius| radius.value);
+        by_light_px.max(self.pull_px.significant())
     }
 
     /// Adds the systematic uncertainty of measured motions: fixed pattern, interpolation and light.
@@ -369,7 +375,8 @@ impl BodyTracker {
                 .filter(|_| !is_missing)
                 .map(|moved| here.map_or(moved, |(_, here)| OutlineDrift::apply_to_step(moved, step.drift, &here)))
                 .map(|moved| widened_by_neighbours(known, step.frame, step.interval_frames.into(), moved))
-                .map(|moved| scatter.apply_to_step(moved).about(center_sigma_px).into()),
+                .map(|moved| scatter.apply_to_step(moved).about(center_sigma_px))
+                .map(|moved| moved.with_rotation_error(self.light_bias.significant()).into()),
             velocity: rates.zip(scale).map(|(rates, scale)| {
                 physical(&self.with_systematic_errors(rates.about(center_sigma_px)), scale, &self.params)
             }),

@@ -109,6 +109,7 @@ class FieldHeader(ctypes.Structure):
         ("sigma_dtheta_deg", ctypes.c_double),
         ("fixed_fraction", Number),
         ("light_fraction", Number),
+        ("pull_px", Number),
         ("growth_fraction", Number),
         ("sigma_growth_fraction", ctypes.c_double),
         ("drift_x_px", Number),
@@ -120,7 +121,7 @@ class FieldHeader(ctypes.Structure):
         ("sigma_angle_deg", ctypes.c_double),
         ("rod", Rod),
     ]
-    SIZE_BYTES = 488
+    SIZE_BYTES = 504
     ALIGNMENT_BYTES = 8
 
     @staticmethod

@@ -10,6 +10,7 @@ mod polar;
 mod registration;
 mod rigid_body;
 mod rotation_search;
+mod sector_scatter;
 mod texture;
 mod visibility;
 

@@ -3,6 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::light_field::LightCorrection;
+use super::sector_scatter::shared_variances;
 use crate::dic::field::RigidMotion;
 use crate::dic::geometry::Point;
 use crate::dic::refine::{Match, MatchError, Refiner};
@@ -37,12 +38,21 @@ pub struct BodyMotion {
     ///
     /// Light holds a match back alike in all frames. If noise outweighs the texture, a match stays at its start.
     pub misfit_deg: f64,
+    /// The part of the uncertainty of the displacement that recurs in every frame, px; 0 for rotations up to 3 deg.
+    ///
+    /// Stripes and light hold a turning body back to one side.
+    pub misfit_px: f64,
 }
 
 impl BodyMotion {
     /// Multiplies the standard uncertainties with a factor.
     pub(super) fn with_scaled_sigmas(self, factor: f64) -> Self {
-        Self { motion: self.motion.with_scaled_sigmas(factor), misfit_deg: factor * self.misfit_deg, ..self }
+        Self {
+            motion: self.motion.with_scaled_sigmas(factor),
+            misfit_deg: factor * self.misfit_deg,
+            misfit_px: factor * self.misfit_px,
+            ..self
+        }
     }
 
     /// Whether the reference should be renewed: the body rotated by more than 3 deg, or the ZNCC is below 0.8.
@@ -138,6 +148,8 @@ pub(super) fn motion(
     let noise_fraction = 1.0 - (noisy[2][2] / along_angle).sqrt();
     let misfit = pool.misfit_fraction().sqrt().hypot(noise_fraction);
     let sigma_angle_deg = var_angle.sqrt().to_degrees();
+    let is_stale = angle.to_degrees().abs() > STALE_DEG || found.zncc < STALE_ZNCC;
+    let shared = if is_stale { shared_variances(subset, window, residual, variance, &inverse) } else { [0.0; 3] };
     let motion = RigidMotion {
         u_px: x - dx,
         v_px: y - dy,
@@ -147,7 +159,14 @@ pub(super) fn motion(
         sigma_angle_deg,
         points: pixels as u32,
     };
-    BodyMotion { motion, zncc: found.zncc, visible_fraction: 1.0, light_deg, misfit_deg: misfit * sigma_angle_deg }
+    BodyMotion {
+        motion,
+        zncc: found.zncc,
+        visible_fraction: 1.0,
+        light_deg,
+        misfit_deg: (misfit * sigma_angle_deg).hypot(shared[2].sqrt().to_degrees()),
+        misfit_px: (shared[0] + shared[1]).sqrt(),
+    }
 }
 
 #[cfg(test)]
