@@ -7,8 +7,9 @@ use super::ransac::RoughCircle;
 use crate::image::ImageView;
 use crate::results::Circle;
 
-/// The part of the image that is compared, in radii, and the distance of its samples.
+/// The part of the image that is compared, in radii, and the distance of its samples in the search and in the decision.
 const PATCH_RADII: f64 = 1.25;
+const SEARCH_RADII: f64 = 0.3;
 const SAMPLE_RADII: f64 = 0.15;
 /// The minimum distance of a ball from its mirror image, in radii. They touch at two.
 const MIN_APART_RADII: f64 = 1.7;
@@ -18,7 +19,8 @@ const MIN_STEP_PX: f64 = 0.5;
 const SHIFTS_RADII: [f64; 3] = [0.0, -0.08, 0.08];
 /// The minimum fraction of the samples inside the image.
 const MIN_INSIDE: f64 = 0.6;
-/// The minimum correlation of a ball with its mirror image.
+/// The minimum correlation of a ball with its mirror image, in the search and in the decision.
+const SEARCH_CORRELATION: f64 = 0.4;
 const MIN_CORRELATION: f64 = 0.65;
 /// The maximum difference of the radius and of the place along the surface, in radii and px.
 const SAME_RADII: f64 = 0.1;
@@ -29,16 +31,23 @@ pub type Direction = [f64; 2];
 
 /// Returns the place farther along `outward` at which the image shows a circle upside down; `None` without such a place.
 pub(super) fn find_original(image: ImageView<'_>, circle: &Circle, outward: Direction) -> Option<RoughCircle> {
-    let patch = Patch::new(image, circle, outward)?;
+    let coarse = Patch::new(image, circle, outward, SEARCH_RADII)?;
     let step_px = (STEP_RADII * circle.radius_px).max(MIN_STEP_PX);
     let reach_px = (image.width() as f64).hypot(image.height() as f64);
     let first_px = MIN_APART_RADII * circle.radius_px;
-    let places = (0..((reach_px - first_px) / step_px).max(0.0) as u32).map(|k| first_px + step_px * f64::from(k));
-    let places = places.flat_map(|apart_px| SHIFTS_RADII.map(|shift| [apart_px, shift * circle.radius_px]));
-    let compared = places.filter_map(|place| Some((patch.correlation(image, place)?, place)));
-    let (correlation, [apart_px, shift_px]) = compared.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let steps = ((reach_px - first_px) / step_px).max(0.0) as u32;
+    let best = |patch: &Patch, places: &mut dyn Iterator<Item = [f64; 2]>| {
+        let compared = places.filter_map(|place| Some((patch.correlation(image, place)?, place)));
+        compared.max_by(|a, b| a.0.total_cmp(&b.0))
+    };
+    let mut along = (0..steps).map(|k| [first_px + step_px * f64::from(k), 0.0]);
+    let (_, [near_px, _]) = best(&coarse, &mut along).filter(|(found, _)| *found > SEARCH_CORRELATION)?;
+    let patch = Patch::new(image, circle, outward, SAMPLE_RADII)?;
+    let shifts = SHIFTS_RADII.map(|shift| shift * circle.radius_px);
+    let mut places = (-1..=1).flat_map(|k| shifts.map(|shift_px| [near_px + step_px * f64::from(k), shift_px]));
+    let (_, [apart_px, shift_px]) = best(&patch, &mut places).filter(|(found, _)| *found > MIN_CORRELATION)?;
     let [x, y] = patch.point(apart_px, shift_px);
-    (correlation > MIN_CORRELATION).then_some(RoughCircle { x: x as f32, y: y as f32, radius: circle.radius_px as f32 })
+    Some(RoughCircle { x: x as f32, y: y as f32, radius: circle.radius_px as f32 })
 }
 
 /// Whether two circles may be a ball and its mirror image: of one size, and at one place along the surface.
@@ -59,11 +68,11 @@ struct Patch {
 }
 
 impl Patch {
-    /// Samples a circle; `None` if too little of it is in the image.
-    fn new(image: ImageView<'_>, circle: &Circle, outward: Direction) -> Option<Self> {
+    /// Samples a circle at a distance of `sample_radii`; `None` if too little of it is in the image.
+    fn new(image: ImageView<'_>, circle: &Circle, outward: Direction, sample_radii: f64) -> Option<Self> {
         let mut patch = Self { center_px: [circle.x_px, circle.y_px], outward, samples: Vec::new() };
-        let side = (PATCH_RADII / SAMPLE_RADII) as i32;
-        let (mut all, unit_px) = (0, SAMPLE_RADII * circle.radius_px);
+        let side = (PATCH_RADII / sample_radii) as i32;
+        let (mut all, unit_px) = (0, sample_radii * circle.radius_px);
         for (row, column) in (-side..=side).flat_map(|row| (-side..=side).map(move |column| (row, column))) {
             let [normal, tangential] = [row, column].map(|k| unit_px * f64::from(k));
             if normal.hypot(tangential) > PATCH_RADII * circle.radius_px {
