@@ -16,7 +16,8 @@ use crate::motion::{
     SizeChange, SpeedBias, View, ViewPosition, gravity_px, physical, smooth, widened_by_neighbours,
 };
 use crate::results::{
-    Alarm, AlarmKind, BodyStep, Estimate, Impact, MotionMethod, Phase, PointStatus, TrackSample, VelocitySample,
+    Alarm, AlarmKind, BodyStep, Estimate, Impact, MotionMethod, Phase, PointStatus, RigidStep, TrackSample,
+    VelocitySample,
 };
 
 /// The distance from which an outline and the integrated motion place the centre differently, sigmas.
@@ -306,6 +307,11 @@ impl BodyTracker {
         PixelRates { theta: rates.theta.with_relative_error(self.light_bias.significant()), ..rates }
     }
 
+    /// Adds the errors of a step by light, which moves the centre by up to `center_sigma_px` and holds the rotation back.
+    fn with_light_errors(&self, step: RigidStep, center_sigma_px: f64) -> RigidStep {
+        step.about(center_sigma_px).with_rotation_error(self.light_bias.significant())
+    }
+
     /// Adds the errors that the outlines of many frames share, if these gave the motion.
     fn with_outline_errors(&self, rates: PixelRates, step: &BodyStep, track: &TrackSample) -> PixelRates {
         let method = step.motion.map_or(self.method, |_| step.method);
@@ -375,8 +381,7 @@ impl BodyTracker {
                 .filter(|_| !is_missing)
                 .map(|moved| here.map_or(moved, |(_, here)| OutlineDrift::apply_to_step(moved, step.drift, &here)))
                 .map(|moved| widened_by_neighbours(known, step.frame, step.interval_frames.into(), moved))
-                .map(|moved| scatter.apply_to_step(moved).about(center_sigma_px))
-                .map(|moved| moved.with_rotation_error(self.light_bias.significant()).into()),
+                .map(|moved| self.with_light_errors(scatter.apply_to_step(moved), center_sigma_px).into()),
             velocity: rates.zip(scale).map(|(rates, scale)| {
                 physical(&self.with_systematic_errors(rates.about(center_sigma_px)), scale, &self.params)
             }),
