@@ -27,7 +27,7 @@ const SAME_RADII: f64 = 0.1;
 const SAME_PX: f64 = 1.0;
 
 /// A direction in the image, a unit vector along x and y (down).
-pub type Direction = [f64; 2];
+type Direction = [f64; 2];
 
 /// Returns the place farther along `outward` at which the image shows a circle upside down; `None` without such a place.
 pub(super) fn find_original(image: ImageView<'_>, circle: &Circle, outward: Direction) -> Option<RoughCircle> {

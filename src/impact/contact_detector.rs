@@ -9,6 +9,8 @@ use crate::results::Phase;
 
 /// The intervals at which the motion is watched, frames. The longest suits contacts of about 5000 frames.
 const STRIDES: [u32; 5] = [1, 4, 16, 64, 256];
+/// The number of watches whose positions of a moving surface are kept, which bounds their memory.
+const USUAL_WATCHES: usize = 3;
 
 /// The effect of a new node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,7 +52,7 @@ impl Detector {
 
     /// Returns the first frame whose position may still be needed. Contacts of thousands of frames may need earlier ones.
     pub fn kept_from(&self) -> u64 {
-        let usual = self.watches.iter().take(3);
+        let usual = self.watches.iter().take(USUAL_WATCHES);
         usual.filter_map(|watch| watch.nodes().first()).map(|node| node.frame).min().unwrap_or(0)
     }
 

@@ -2,8 +2,8 @@
 
 use crate::impact::track;
 use crate::support::{Rig, csv, succeed};
-use crate::synth_physics::{Experiment, Noise, lacrosse};
-use ricochet::results::Estimate;
+use crate::synth_physics::{Experiment, Noise, lacrosse, steps};
+use ricochet::results::{Estimate, Phase};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
@@ -101,4 +101,19 @@ fn a_film_of_a_long_contact_has_one_impact() {
     let reported = PathBuf::from(data).join("field/long-contact-433-frames");
     let [scenario, rig] = ["long-contact.toml", "rig.toml"].map(|name| reported.join(name));
     check_film(&scenario, &rig, &folder.path(""));
+}
+
+/// Drag and friction bend a long flight as a slow contact does, but they do not take the speed of approach away.
+#[test]
+fn a_long_motion_without_contact_has_no_impact() {
+    let params = ricochet::motion::MotionParams { gravity_m_s2: 0.0, ..lacrosse(true).params() };
+    // Along the normal, px: drag takes a third of the speed, and friction stops the body after 4000 frames.
+    let drag = |t: f64| -1500.0 * (1.0 + t / 1.2e4).ln();
+    let friction = |t: f64| if t < 4000.0 { -0.1 * t + 1.25e-5 * t * t } else { -200.0 };
+    for normal_px in [drag as fn(f64) -> f64, friction] {
+        let poses: Vec<[f64; 3]> = (0..6000).map(|t| [200.0, 200.0 - normal_px(f64::from(t)), 0.0]).collect();
+        let rows = track(&steps(&poses, 1, 1e5, (0.003, 0.002, 60.0), &mut Noise::new(8)), &params);
+        assert!(rows.impacts.is_empty(), "{:?}", rows.impacts);
+        assert!(rows.velocities.iter().all(|row| row.phase == Phase::Flight), "only flight");
+    }
 }
