@@ -2,15 +2,12 @@
 
 use super::Polarity;
 use super::annulus::BAND_PX;
-use super::changed_disc::{ChangedDisc, WantedRadius, fit_disc};
+use super::change_search::ChangeSearch;
 use super::effort::{Effort, FIRST, QUICK, THOROUGH};
-use super::faint_rim::fit_faint_rim;
-use super::foreground::{ChangedPart, Foreground};
 use super::hough::{HoughPeak, HoughSearch, Marks};
 use super::mirror::{find_original, is_mirrored};
 use super::paper_hough::PaperHough;
-use super::params::{BallError, BallParams, OutlineMethod, Presence};
-use super::plain_ground::PlainGround;
+use super::params::{BallError, BallParams, MIN_EDGE_RADIUS_PX, OutlineMethod, Presence};
 use super::ransac::{Candidate, Ransac, RansacParams, RoughCircle, rim_polarity};
 use super::subpixel_fit::{CERTAIN_INLIERS, MAX_SHIFT_PX, Measured, SubpixelFit};
 use super::texture_disc::RadiusRange;
@@ -48,6 +45,8 @@ const REACH_PX: f32 = 7.0;
 const FOLLOW_REACH_PX: f32 = 5.0;
 /// The uncertainty of the centre from which an outline was found by its texture, px. That by edges is far smaller.
 const MIN_TEXTURED_SIGMA_PX: f64 = 0.15;
+/// The distance of a radius from the allowed range that is still accepted, px.
+const RADIUS_ALLOWANCE_PX: f64 = 1.0;
 /// The maximum error of a prediction that needs no search, px.
 const PREDICTION_REACH_PX: f64 = 1.0;
 
@@ -74,8 +73,7 @@ pub struct BallFinder {
     ransac: Ransac,
     fit: SubpixelFit,
     textured: TexturedSearch,
-    foreground: Foreground,
-    ground: PlainGround,
+    changes: ChangeSearch,
     paper_hough: PaperHough,
 }
 
@@ -99,14 +97,13 @@ impl BallFinder {
         Ok(Self {
             params: params.clone(),
             shape: (width_px, height_px),
-            hough: HoughSearch::new(params, width_px, height_px),
+            hough: HoughSearch::new(&params.for_edges(), width_px, height_px),
             peaks: Vec::new(),
             candidates: Vec::new(),
             ransac: Ransac::default(),
             fit: SubpixelFit::default(),
             textured: TexturedSearch::default(),
-            foreground: Foreground::default(),
-            ground: PlainGround::default(),
+            changes: ChangeSearch::default(),
             paper_hough: PaperHough::default(),
         })
     }
@@ -120,7 +117,7 @@ impl BallFinder {
     /// If the size of `image` differs from the planned size.
     pub fn find(&mut self, image: ImageView<'_>) -> Option<Circle> {
         self.check_shape(image);
-        if image.width() < 8 || image.height() < 8 {
+        if image.width() < 8 || image.height() < 8 || !self.params.may_have_edges() {
             return None;
         }
         let circle = self.search_everywhere(image)?;
@@ -160,54 +157,25 @@ impl BallFinder {
         }
         self.peaks.clear();
         self.hough.search_without_marks(Marks::Bright, &mut self.peaks);
-        let found = self.find_best_candidate(image, QUICK).or_else(|| self.search_on_plain_ground(image));
+        let found =
+            self.find_best_candidate(image, QUICK).or_else(|| self.changes.find_on_plain_ground(image, &self.params));
         found.or_else(|| self.search_textured(image))
     }
 
     /// Finds the ball in the difference of an image from its background, DN, by what has changed.
     ///
-    /// Returns `None` if nothing of the size of the ball has changed, or if its rim does not determine a circle.
+    /// A ball too small for its outline is found as a point. Returns `None` if nothing of the size of the ball has changed,
+    /// or if its rim does not determine a circle.
     ///
     /// # Panics
     ///
     /// If the size of `difference` differs from the planned size.
     pub fn find_changed(&mut self, difference: ImageView<'_>) -> Option<Circle> {
-        self.best_disc(difference, |sizes, part, wanted| {
-            fit_disc(sizes, part, wanted).or_else(|| fit_faint_rim(difference, sizes, part, wanted))
-        })
-    }
-
-    /// Returns the disc that changed most among those that `fit` finds in the changed parts of a difference.
-    fn best_disc<F>(&mut self, difference: ImageView<'_>, fit: F) -> Option<Circle>
-    where
-        F: Fn(ImageView<'_>, ChangedPart, WantedRadius) -> Option<ChangedDisc>,
-    {
         self.check_shape(difference);
-        let (width, height) = self.shape;
-        if width < 8 || height < 8 {
+        if difference.width() < 8 || difference.height() < 8 {
             return None;
         }
-        let range = RadiusRange { low: self.params.min_radius_px, high: self.params.max_radius_px };
-        let expected = self.params.expected_radius_px.filter(|radius| (range.low..=range.high).contains(radius));
-        let parts = self.foreground.search(difference, self.searched_region(difference), range);
-        let sizes = ImageView::new(self.foreground.sizes(), width, height).ok()?;
-        let discs = parts.into_iter().filter_map(|part| fit(sizes, part, WantedRadius { range, expected }));
-        discs.max_by(|a, b| a.gain.total_cmp(&b.gain)).map(|disc| disc.circle)
-    }
-
-    /// Finds a ball of known size by its difference from a ground of hardly any structure.
-    ///
-    /// Without its size, the lit side of a ball alone, or marks of paint, may pass for one.
-    fn search_on_plain_ground(&mut self, image: ImageView<'_>) -> Option<Circle> {
-        self.params.expected_radius_px?;
-        let region = self.searched_region(image);
-        let mut ground = std::mem::take(&mut self.ground);
-        let difference = ground.subtract(image, region, self.params.max_radius_px);
-        let view = ImageView::new(difference, image.width(), image.height()).ok();
-        let circle = view.and_then(|view| self.best_disc(view, fit_disc));
-        let circle = circle.filter(|circle| ground.is_strongest(circle, image.width(), self.params.min_radius_px));
-        self.ground = ground;
-        circle
+        self.changes.find(difference, &self.params)
     }
 
     /// Returns the region in which the ball is searched.
@@ -224,7 +192,7 @@ impl BallFinder {
     /// Returns the ranges of radii for the search by texture, the most likely first.
     fn radius_ranges(&self) -> Vec<RadiusRange> {
         let (low, high) = (self.params.min_radius_px, self.params.max_radius_px);
-        let expected = self.params.expected_radius_px.filter(|radius| (low..=high).contains(radius));
+        let expected = self.params.expected_radius_within(RadiusRange { low, high });
         let narrow = expected.map(|radius| {
             let about = RadiusRange::about(radius);
             RadiusRange { low: about.low.max(low), high: about.high.min(high) }
@@ -283,7 +251,9 @@ impl BallFinder {
         self.check_shape(image);
         let near = RoughCircle { x: near.x_px as f32, y: near.y_px as f32, radius: near.radius_px as f32 };
         let is_finite = near.x.is_finite() && near.y.is_finite() && near.radius.is_finite();
-        (image.width() >= 8 && image.height() >= 8 && is_finite && near.radius >= 3.0).then_some(near)
+        let has_edges =
+            self.params.may_have_edges() && f64::from(near.radius) >= MIN_EDGE_RADIUS_PX - RADIUS_ALLOWANCE_PX;
+        (image.width() >= 8 && image.height() >= 8 && is_finite && has_edges).then_some(near)
     }
 
     /// Searches the outline near a prediction by its edges.
@@ -493,7 +463,7 @@ impl BallFinder {
 
     /// Whether the radius of a circle lies in the searched range.
     fn has_allowed_radius(&self, circle: &Circle) -> bool {
-        let range = self.params.min_radius_px - 1.0..=self.params.max_radius_px + 1.0;
-        range.contains(&circle.radius_px)
+        let low = self.params.min_radius_px.max(MIN_EDGE_RADIUS_PX) - RADIUS_ALLOWANCE_PX;
+        (low..=self.params.max_radius_px + RADIUS_ALLOWANCE_PX).contains(&circle.radius_px)
     }
 }

@@ -2,6 +2,7 @@
 
 mod annulus;
 mod boundary;
+mod change_search;
 mod changed_disc;
 mod circle_fit;
 mod edge_fit;
@@ -17,6 +18,7 @@ mod mirror;
 mod paper_hough;
 mod params;
 mod plain_ground;
+mod point;
 mod pyramid;
 mod ransac;
 mod side_light;

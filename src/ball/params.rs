@@ -1,10 +1,13 @@
 //! Parameters of a ball finder.
 
+use super::texture_disc::RadiusRange;
 use crate::failure::{ExitCode, Fatal};
 use crate::image::PixelRect;
 
-/// The minimum radius for the edge fit, px.
-pub(super) const MIN_RADIUS_PX: f64 = 6.0;
+/// The minimum radius for the edge fit, px. A smaller ball is found as a point, by what changes.
+pub(super) const MIN_EDGE_RADIUS_PX: f64 = 6.0;
+/// The minimum radius, px.
+const MIN_RADIUS_PX: f64 = 2.0;
 /// The maximum radius, px, which bounds the memory of a finder.
 pub(super) const MAX_RADIUS_PX: f64 = 2000.0;
 
@@ -56,6 +59,27 @@ impl BallParams {
             outline: OutlineMethod::default(),
             outward: None,
         }
+    }
+
+    /// Whether a ball may be large enough for its edges to be measured.
+    pub(super) fn may_have_edges(&self) -> bool {
+        self.expected_radius_px.unwrap_or(self.max_radius_px) >= MIN_EDGE_RADIUS_PX
+    }
+
+    /// Whether a ball may be too small for its edges to be measured.
+    pub(super) fn may_be_point(&self) -> bool {
+        self.expected_radius_px.unwrap_or(self.min_radius_px) < MIN_EDGE_RADIUS_PX
+    }
+
+    /// Returns the same parameters for balls with edges.
+    pub(super) fn for_edges(&self) -> Self {
+        let min_radius_px = self.min_radius_px.max(MIN_EDGE_RADIUS_PX);
+        Self { min_radius_px, max_radius_px: self.max_radius_px.max(min_radius_px), ..self.clone() }
+    }
+
+    /// Returns the expected radius if it lies in a range, px.
+    pub(super) fn expected_radius_within(&self, range: RadiusRange) -> Option<f64> {
+        self.expected_radius_px.filter(|radius_px| (range.low..=range.high).contains(radius_px))
     }
 
     /// Returns the searched region of an image of this size.

@@ -16,6 +16,8 @@ const RADIUS_TOLERANCE: (f64, f64) = (0.8, 1.25);
 const RADIUS_SHARE: (f64, f64) = (0.04, 0.45);
 /// The radius of the smallest ball whose outline can be measured, px.
 const MIN_RADIUS_PX: f64 = 6.0;
+/// The radius of the smallest ball that is found as a point, px.
+const MIN_POINT_RADIUS_PX: f64 = 2.0;
 /// The minimum ratio of both radii, if only one is given and the default for the other contradicts it.
 const MIN_RADIUS_RATIO: f64 = 1.5;
 
@@ -47,7 +49,9 @@ impl Config {
         let body = &self.bodies[body];
         let side_px = f64::from(width_px.min(height_px));
         let (lowest, highest) = match self.predicted_radius_px(body) {
-            Some(radius_px) => ((RADIUS_TOLERANCE.0 * radius_px).max(MIN_RADIUS_PX), RADIUS_TOLERANCE.1 * radius_px),
+            Some(radius_px) => {
+                ((RADIUS_TOLERANCE.0 * radius_px).max(MIN_POINT_RADIUS_PX), RADIUS_TOLERANCE.1 * radius_px)
+            }
             None => ((RADIUS_SHARE.0 * side_px).max(MIN_RADIUS_PX), RADIUS_SHARE.1 * side_px),
         };
         let (min_radius_px, max_radius_px) = match (body.min_radius_px, body.max_radius_px) {

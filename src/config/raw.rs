@@ -263,7 +263,7 @@ tables! {
         /// The mass. It converts accelerations to forces and speeds to energies.
         #[key("above 0 and at most 1000 kg", "unknown")]
         mass_kg: f64,
-        /// The minimum radius of a ball to search, less than `max_radius_px`.
+        /// The minimum radius of a ball to search, less than `max_radius_px`. Below 6 px it is followed as a point.
         #[key(
             "2 to 32768 px",
             "0.8 times the radius that diameter and scale predict, else 0.04 of the smaller side of the image"

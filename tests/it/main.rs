@@ -95,6 +95,7 @@ mod several_cameras;
 mod shards;
 mod simulated_camera;
 mod slots;
+mod small_ball;
 mod still_ground;
 mod storage;
 mod study_convergence;

@@ -89,10 +89,16 @@ fn describe_other_mover(surveyed: &Surveyed) -> Option<Change> {
                         .into(),
             })
         }
-        Some(Identified::TooSmall { radius_px }) => note(format!(
-            "What moves is about {radius_px:.0} px in radius. An outline needs at least 6 px: film it nearer, or with more \
-             pixels."
-        )),
+        Some(Identified::TooSmall { radius_px }) => {
+            let (low, high) = ((RADIUS_RANGE[0] * radius_px).floor().max(2.0), (RADIUS_RANGE[1] * radius_px).ceil());
+            Some(Change {
+                lines: format!("min_radius_px = {low}\nmax_radius_px = {high}"),
+                reason: format!(
+                    "What moves is about {radius_px:.0} px in radius. An outline needs at least 6 px: as a point it is known \
+                     to some hundredths of its radius. Filmed nearer, it is known to a few hundredths of a pixel."
+                ),
+            })
+        }
         None if surveyed.movement.is_some() => note("Nothing moves in this film.".into()),
         _ => None,
     }

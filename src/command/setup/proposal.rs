@@ -205,7 +205,8 @@ fn choose_bodies(surveyed: &Surveyed) -> Result<Vec<&SurveyedBody>, String> {
         None => "nothing moves in this film".into(),
         Some(body) => match body.kind {
             Identified::TooSmall { radius_px } => format!(
-                "{} is about {radius_px:.0} px in radius; a ball needs at least 6 px: film it nearer",
+                "{} is about {radius_px:.0} px in radius; an outline needs at least 6 px: film it nearer, or set \
+                 body.min_radius_px below that radius to follow it as a point",
                 place(body)
             ),
             _ => format!(
@@ -315,7 +316,7 @@ fn collect_warnings(surveyed: &Surveyed, chosen: &[&SurveyedBody], gravity: Grav
         let [x, y, width, height] = body.mover.bounds_px;
         let why = match body.kind {
             Identified::TooSmall { radius_px } => {
-                format!("is about {radius_px:.0} px in radius; a ball needs at least 6 px")
+                format!("is about {radius_px:.0} px in radius; an outline needs at least 6 px")
             }
             _ => "is not followed".into(),
         };
