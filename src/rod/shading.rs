@@ -110,17 +110,21 @@ impl Place {
 impl ShadedRod {
     /// Fits axis and light near an expected rod; `None` if it is lit evenly or not determined.
     pub(super) fn fit(image: ImageView<'_>, expected: &ExpectedRod<'_>) -> Option<Self> {
-        let parts = expected.light_parts();
+        let mut parts = expected.light_parts();
+        // The lowest part is read fastest, and a single one with even light ends the search.
+        parts.sort_by_key(|rows| rows[1] - rows[0]);
         let mut place = Place { sides_px: expected.sides_px, at_row: expected.at_row, tilt: expected.tilt };
         let (mut axis, mut outward_px) = (None, expected.outward_px);
         for _ in 0..PASSES {
-            let profiles: Vec<TapeProfile> =
-                parts.iter().filter_map(|rows| expected.profile(image, *rows, &place)).collect();
-            // Speckles look like shading, a clean tape does not.
-            let evenness = profiles.iter().map(|profile| profile.evenness(place.sides_at(profile.row)));
-            if evenness.fold(0.0, f64::max) >= MAX_EVENNESS {
-                return None;
+            let mut profiles = Vec::with_capacity(parts.len());
+            for profile in parts.iter().filter_map(|rows| expected.profile(image, *rows, &place)) {
+                // Speckles look like shading, a clean tape does not.
+                if profile.evenness(place.sides_at(profile.row)) >= MAX_EVENNESS {
+                    return None;
+                }
+                profiles.push(profile);
             }
+            profiles.sort_by(|a, b| a.row.total_cmp(&b.row));
             let near: Vec<[f64; 2]> = profiles.iter().map(|profile| place.sides_at(profile.row)).collect();
             let sides = fit_tapes(&profiles, &near, expected.width_px, outward_px)?;
             let found = fit_axis(&sides, place.tilt)?;
