@@ -23,6 +23,7 @@ mod shading;
 mod side_levels;
 mod side_paints;
 mod tape_light;
+mod texture;
 
 pub use finder::RodFinder;
 pub use observation::{RodObservation, TapeBounds};
