@@ -3,6 +3,9 @@
 use super::edge_fit::Edge;
 use crate::results::{Estimate, PointStatus, Rod, RodEdge};
 
+/// The difference of two axes that chance explains, sigmas.
+pub(super) const CHANCE_SIGMAS: f64 = 3.0;
+
 /// A side of a rod.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Side {
@@ -24,6 +27,28 @@ impl Axis {
     /// The tilt, columns per row.
     pub(super) fn tilt(&self) -> f64 {
         0.5 * (self.sides[0].slope.value + self.sides[1].slope.value)
+    }
+
+    /// Returns the distances of the sides from those of another axis, px.
+    fn distances_px(&self, other: &Self) -> [f64; 2] {
+        let shift = |k: usize| other.sides[k].at.value + other.tilt() * (self.middle - other.middle);
+        [0, 1].map(|k| (self.sides[k].at.value - shift(k)).abs())
+    }
+
+    /// Whether chance explains the distances from the sides of another axis.
+    pub(super) fn agrees_with(&self, other: &Self) -> bool {
+        let sigma = |k: usize| self.sides[k].at.sigma.hypot(other.sides[k].at.sigma);
+        self.distances_px(other).into_iter().enumerate().all(|(k, apart_px)| apart_px <= CHANCE_SIGMAS * sigma(k))
+    }
+
+    /// Returns the axis with sides as uncertain as half of their distance from those of another.
+    pub(super) fn widened_towards(&self, other: &Self) -> Self {
+        let apart_px = self.distances_px(other);
+        let widened = |k: usize| {
+            let Side { at, slope } = self.sides[k];
+            Side { at: Estimate { sigma: at.sigma.hypot(0.5 * apart_px[k]), ..at }, slope }
+        };
+        Self { sides: [0, 1].map(widened), ..*self }
     }
 
     /// Returns the column of the axis at a row, px.
@@ -74,4 +99,26 @@ pub(super) fn weighted_mean(values: impl Iterator<Item = Estimate> + Clone) -> E
     let chi2: f64 = values.clone().map(|x| weight(&x) * (x.value - value).powi(2)).sum();
     let freedom = (values.count() as f64 - 1.0).max(1.0);
     Estimate { value, sigma: ((chi2 / freedom).max(1.0) / total).sqrt() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sides_that_contradict_each_other_are_as_uncertain_as_half_of_their_distance() {
+        let axis = |sides: [f64; 2], sigma: f64| Axis {
+            sides: sides
+                .map(|value| Side { at: Estimate { value, sigma }, slope: Estimate { value: 0.1, sigma: 0.01 } }),
+            middle: 20.0,
+        };
+        let (narrow, wide) = (axis([11.0, 29.0], 0.1), axis([10.0, 30.2], 0.2));
+        assert!(!narrow.agrees_with(&wide) && narrow.agrees_with(&axis([11.4, 29.0], 0.2)));
+        let widened = narrow.widened_towards(&wide).sides.map(|side| side.at);
+        for (side, apart_px) in widened.iter().zip([1.0, 1.2]) {
+            assert!((side.sigma - f64::hypot(0.1, 0.5 * apart_px)).abs() < 1e-9, "{side:?}");
+        }
+        // At another row, the sides have moved by the tilt.
+        assert!(narrow.agrees_with(&Axis { middle: 30.0, ..axis([12.0, 30.0], 0.1) }));
+    }
 }

@@ -110,13 +110,15 @@ impl TapeProfile {
             return None;
         }
         let mut column = Vec::with_capacity(rows[1] - rows[0]);
-        let mut paint = |x: f64| {
+        // The first column of each row, half a column to the right.
+        let starts: Vec<f64> = (rows[0]..rows[1]).map(|y| first + tilt * (y as f64 - row) + 0.5).collect();
+        let mut paint = |k: usize| {
             column.clear();
-            let at = |y: usize| image.at((x + tilt * (y as f64 - row)).round() as usize, y);
-            column.extend((rows[0]..rows[1]).filter_map(at));
+            let at = |(y, start): (usize, &f64)| image.at((start + k as f64) as usize, y);
+            column.extend((rows[0]..rows[1]).zip(&starts).filter_map(at));
             quantile(&mut column, PAINT_QUANTILE).map(f64::from)
         };
-        let levels = (0..=(last - first) as usize).map(|k| paint(first + k as f64)).collect::<Option<_>>()?;
+        let levels = (0..=(last - first) as usize).map(&mut paint).collect::<Option<_>>()?;
         Some(Self { first, row, levels })
     }
 

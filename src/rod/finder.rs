@@ -1,7 +1,7 @@
 //! The rod finder: searches a rod by projections, then to a fraction of a pixel.
 
 use super::axis::{Axis, Side, compose_rod};
-use super::dark_sides::fit_contradicting_axis;
+use super::dark_sides::fit_better_axis;
 use super::edge_fit::{Edge, fit_step_edge};
 use super::edge_lines::select_edges;
 use super::edge_offsets::{mean_of_predictions, mean_position, offset_px};
@@ -12,8 +12,8 @@ use super::profiles::{CleanPaint, Direction, ExpectedEdge};
 use super::projections::{BinaryImage, Line, find_extrema};
 use super::shading::{CLOSE_PX, ExpectedRod, ShadedRod};
 use super::tape_light::TapeLight;
+use super::texture::{mean_square_gradient, noise_dn};
 use crate::image::{ImageView, PixelRect};
-use crate::numeric::quantile;
 use crate::results::{Estimate, PointStatus, ROD_EDGES};
 use std::ops::Range;
 
@@ -48,6 +48,8 @@ const SHADED_REACH_PX: f64 = 12.0;
 const SHADED_PASSES: usize = 2;
 /// The reach of profiles from a side, px.
 const SIDE_REACH_PX: usize = 8;
+/// The distance of an edge from the ends of the region at which its profiles stay inside, px.
+const EDGE_ROOM_PX: f64 = 8.0;
 /// The margin of rows to the edges in the search for texture, px.
 const TEXTURE_MARGIN_PX: f64 = 3.0;
 /// The minimum height of a section for a subset, px.
@@ -128,6 +130,14 @@ impl RodFinder {
         if edges.iter().all(Result::is_err) {
             return Err(edges.iter().find_map(|edge| edge.err()).unwrap_or(PointStatus::Lost));
         }
+        let (top, bottom) = (f64::from(self.region.top), f64::from(self.region.bottom));
+        // Only neighbours that are too close leave no paint next to an edge inside the region: one of them is no edge.
+        let is_inside = |y: f64| (top + EDGE_ROOM_PX..bottom - EDGE_ROOM_PX).contains(&y);
+        let is_crowded =
+            |index: usize| edges[index] == Err(PointStatus::OutOfFrame) && is_inside(prediction.edges_px[index]);
+        if (0..edges.len()).any(|index| anchors[index] && is_crowded(index)) {
+            return Err(PointStatus::Lost);
+        }
         // An edge that cannot be fitted is still known by the threshold.
         let places: Vec<Estimate> = (0..edges.len())
             .map(|index| {
@@ -138,7 +148,6 @@ impl RodFinder {
         let anchored = places.iter().zip(anchors).filter(|(_, counts)| *counts).map(|(place, _)| *place);
         let y = mean_position(anchored);
         let place = |index: usize| places[index].value;
-        let (top, bottom) = (f64::from(self.region.top), f64::from(self.region.bottom));
         let span = match section {
             Section::Between(upper) => [place(upper), place(upper + 1)],
             Section::Above => [top + MARGIN_PX, place(0)],
@@ -317,8 +326,10 @@ impl RodFinder {
             outward_px: prediction.outward_px,
             region: self.region,
         };
-        let Some(shaded) = ShadedRod::fit(image, &expected) else {
-            let axis = self.fit_axis(image, prediction)?;
+        let shaded = ShadedRod::fit(image, &expected);
+        let stepped = self.fit_axis(image, prediction);
+        let Some(shaded) = shaded.and_then(|shaded| shaded.unless_stepped(stepped.as_ref().ok())) else {
+            let axis = stepped?;
             let [left, right] = axis.sides.map(|side| side.at.value);
             if right - left < self.params.width_px[0] - SIDE_TOLERANCE_PX {
                 return Err(PointStatus::Lost);
@@ -326,8 +337,8 @@ impl RodFinder {
             let edges = self.fit_edges(image, &FittedRod { prediction, axis: &axis, lights: &[None; ROD_EDGES] });
             return Ok((axis, edges));
         };
-        let contradicting = fit_contradicting_axis(image, &expected, &shaded.axis);
-        let shaded = match contradicting {
+        let better = fit_better_axis(image, &expected, &shaded.axis);
+        let shaded = match better {
             Some(axis) => shaded.with_axis(axis),
             None => shaded,
         };
@@ -468,27 +479,4 @@ enum Section {
     Above,
     /// Below the last.
     Below,
-}
-
-/// Returns the mean squared difference of pixels two apart, DN^2, along rows or columns, whichever is smaller.
-///
-/// Speckles change along both. A reflection and shading change along rows only.
-fn mean_square_gradient(image: ImageView<'_>, columns: Range<usize>, rows: Range<usize>) -> f64 {
-    let square = |low: f32, high: f32| f64::from(high - low).powi(2);
-    let (mut along_rows, mut along_columns) = (0.0, 0.0);
-    for y in rows.clone() {
-        let [above, row, below] = [y - 1, y, y + 1].map(|y| image.row(y));
-        along_rows += columns.clone().map(|x| square(row[x - 1], row[x + 1])).sum::<f64>();
-        along_columns += columns.clone().map(|x| square(above[x], below[x])).sum::<f64>();
-    }
-    f64::min(along_rows, along_columns) / (rows.len() * columns.len()).max(1) as f64
-}
-
-/// Estimates the noise of single pixels in a region, DN, from the median difference of
-/// neighbours.
-fn noise_dn(image: ImageView<'_>, region: PixelRect) -> f32 {
-    let rows = region.rows().map(|y| &image.row(y)[region.columns()]);
-    let mut differences: Vec<f32> = rows.flat_map(|row| row.windows(2).map(|pair| (pair[1] - pair[0]).abs())).collect();
-    // The median absolute difference of two normal numbers, in standard deviations of one.
-    quantile(&mut differences, 0.5).unwrap_or(0.0) / (0.6745 * std::f32::consts::SQRT_2)
 }

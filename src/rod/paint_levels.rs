@@ -1,5 +1,7 @@
 //! The level of the paint on one side of an edge, with or without speckles.
 
+use super::level_grid::{LANES, Lane, sum_lanes};
+use super::side_levels::{SideBlock, SideLevels};
 use crate::results::PointStatus;
 use multiversion::multiversion;
 use nalgebra::{SMatrix, SVector};
@@ -14,59 +16,48 @@ const BARE_FRACTION: f64 = 0.6;
 /// The minimum noise of paint, as a fraction of the tolerance.
 const MIN_NOISE: f64 = 0.02;
 /// The minimum number of levels for the paint of a side.
-pub const MIN_LEVELS: usize = 12;
+pub(super) const MIN_LEVELS: usize = 12;
 /// The number of passes, and how many of them search the densest levels.
 const PASSES: usize = 14;
 const SEARCH_PASSES: usize = 8;
+/// The number of sums over all levels of a side.
+const TOTALS: usize = 15;
 
 /// The grey level of one side: a parabola along the edge, a line across.
 #[derive(Clone, Copy, Default)]
-pub struct Paint {
+pub(super) struct Paint {
     /// The coefficients of 1, along, along squared and behind; behind is zero at the edge.
-    pub coefficients: [f64; 4],
+    pub(super) coefficients: [f64; 4],
     /// The standard deviation of a level, DN.
-    pub noise: f64,
+    pub(super) noise: f64,
     /// The standard deviation of the paint at the edge, DN.
-    pub sigma: f64,
+    pub(super) sigma: f64,
     /// Whether there are speckles on this side.
-    pub is_speckled: bool,
+    pub(super) is_speckled: bool,
 }
 
-/// The grey levels clear of the edge on one side of it.
-#[derive(Default)]
-pub struct Levels {
-    /// The distances along the edge from its middle, px.
-    pub along: Vec<f64>,
-    /// The distances behind the edge, px; negative before it.
-    pub behind: Vec<f64>,
-    /// The grey levels, DN.
-    pub levels: Vec<f64>,
+/// The start of a fit of the paint.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct PaintStart {
+    /// The first level, DN.
+    pub(super) level_dn: f64,
+    /// The maximum distance from the paint of the levels that give its noise, DN.
+    pub(super) tolerance_dn: f64,
+    /// 1 if the outer side of the paint is the lighter one, else -1.
+    pub(super) outward: f64,
 }
 
-impl Levels {
-    /// Returns the number of levels.
-    pub fn len(&self) -> usize {
-        self.levels.len()
-    }
-}
-
-/// The number of levels that are summed at a time by vector instructions.
-const LANES: usize = 8;
-
-/// One value of each of these levels.
-type Lane = [f64; LANES];
-
-/// The levels that count in a pass.
+/// The paint around which levels are summed, and the range of those that count.
 #[derive(Clone, Copy)]
 struct Range {
-    /// The paint, in units of the scale along and behind.
+    /// The coefficients of 1, x, x squared and the row.
     coefficients: [f64; 4],
     /// The maximum distance from the paint of levels that it is fitted to, DN.
-    within: f64,
+    within: f32,
     /// The maximum distance on the outer side of levels that give its noise, DN.
-    tolerance: f64,
+    tolerance: f32,
     /// 1 if the outer side is the lighter one, else -1.
-    outward: f64,
+    outward: f32,
 }
 
 /// The sums of one pass over the levels; x is along and y behind the edge, in units of the scale.
@@ -81,42 +72,67 @@ struct Sums {
     outer: f64,
 }
 
+/// The sums over the levels of each profile that count in a pass.
+#[derive(Clone, Copy, Default)]
+struct LaneSums {
+    count: [u32; LANES],
+    level: Lane,
+    /// The sums of the row, its square, and the level times the row; zero without a slope across.
+    row: [u32; LANES],
+    row_row: [u32; LANES],
+    level_row: Lane,
+    /// The sum of squares and the number of the levels on the outer side of the paint.
+    squares: Lane,
+    outer: [u32; LANES],
+}
+
 impl Paint {
     /// Returns the level at the edge, `along` px from its middle, DN.
-    pub fn level_at_edge(&self, along: f64) -> f64 {
+    pub(super) fn level_at_edge(&self, along: f64) -> f64 {
         let [c, b, a, _] = self.coefficients;
         c + along * (b + along * a)
     }
+
+    /// Returns the same paint for an edge that lies `by_px` farther behind, and is steeper by `by_slope`.
+    pub(super) fn moved(&self, by_px: f64, by_slope: f64) -> Self {
+        let [c, b, a, across] = self.coefficients;
+        Self { coefficients: [c + across * by_px, b + across * by_slope, a, across], ..*self }
+    }
 }
 
-/// Fits the paint to the densest levels by a mean shift, from the level `start`, DN.
+/// Fits the paint to the densest levels by a mean shift.
 ///
-/// Levels next to a speckle lie between its level and that of the paint. The noise is therefore estimated on the other
-/// side of the paint (`outward` is 1 for lighter), up to `tolerance`.
+/// Levels next to a speckle lie between its level and that of the paint. The noise is therefore estimated on the outer
+/// side of the paint.
 ///
 /// # Errors
 ///
 /// [`PointStatus::LowCorrelation`] if too few levels agree.
-pub fn fit_paint(levels: &Levels, start: f64, tolerance: f64, outward: f64) -> Result<Paint, PointStatus> {
-    let mut paint = Paint { coefficients: [start, 0.0, 0.0, 0.0], noise: tolerance / PAINT_SIGMAS, ..Paint::default() };
-    let scale = levels.along.iter().map(|along| along.abs()).fold(1.0, f64::max);
-    let scaled = |values: &[f64]| values.iter().map(|value| value / scale).collect::<Vec<_>>();
-    let (x, y) = (scaled(&levels.along), scaled(&levels.behind));
-    let mut solved = [start, 0.0, 0.0, 0.0];
+pub(super) fn fit_paint(levels: &SideLevels, start: PaintStart) -> Result<Paint, PointStatus> {
+    let PaintStart { level_dn, tolerance_dn: tolerance, outward } = start;
+    let mut paint = Paint { noise: tolerance / PAINT_SIGMAS, ..Paint::default() };
+    let scale = levels.scale_px();
+    let mut solved = [level_dn, 0.0, 0.0, 0.0];
     for round in 0..PASSES {
         let is_search = round < SEARCH_PASSES;
         let within = if is_search || paint.is_speckled { DENSE_SIGMAS } else { CLEAN_SIGMAS };
-        let range = Range { coefficients: solved, within: within * paint.noise, tolerance, outward };
-        let sums = sum_levels([&x, &y, &levels.levels], range);
+        let [c0, c1, c2, c3] = solved;
+        let range = Range {
+            coefficients: [c0, c1, c2, c3 / scale],
+            within: (within * paint.noise) as f32,
+            tolerance: tolerance as f32,
+            outward: outward as f32,
+        };
+        let free = |is_speckled: bool| if is_speckled { 1 } else { (round / 2 + 1).min(4) };
+        let sums = sum_levels(levels, range, free(paint.is_speckled));
         let kept = sums.moments[0];
         if kept < MIN_LEVELS as f64 {
             return Err(PointStatus::LowCorrelation);
         }
         // Little bare paint gives one level, but not its variation.
-        paint.is_speckled |= round > 0 && is_search && kept < BARE_FRACTION * levels.len() as f64;
-        let free = if paint.is_speckled { 1 } else { (round / 2 + 1).min(4) };
+        paint.is_speckled |= round > 0 && is_search && kept < BARE_FRACTION * levels.count() as f64;
         let before = (solved, paint.noise);
-        solved = sums.solve(free).ok_or(PointStatus::LowCorrelation)?;
+        solved = sums.solve(free(paint.is_speckled)).ok_or(PointStatus::LowCorrelation)?;
         paint.noise = (sums.squares / sums.outer.max(1.0)).sqrt();
         paint.noise = paint.noise.clamp(MIN_NOISE * tolerance, tolerance / PAINT_SIGMAS);
         // The level at the edge is extrapolated from those clear of it.
@@ -135,6 +151,9 @@ impl Sums {
     /// if they are singular.
     fn solve(&self, free: usize) -> Option<[f64; 4]> {
         let [n, x, x2, x3, x4, y, xy, x2y, y2] = self.moments;
+        if free == 1 {
+            return (n > 0.0).then(|| [self.right[0] / n, 0.0, 0.0, 0.0]);
+        }
         let mut normal =
             SMatrix::<f64, 4, 4>::from([[n, x, x2, y], [x, x2, x3, xy], [x2, x3, x4, x2y], [y, xy, x2y, y2]]);
         let mut right = SVector::from(self.right);
@@ -148,68 +167,129 @@ impl Sums {
     }
 }
 
-/// Sums over the levels in the range: `samples` are x, y and the levels.
-fn sum_levels(samples: [&[f64]; 3], range: Range) -> Sums {
-    let [x, y, levels] = samples.map(|values| values.as_chunks::<LANES>());
-    let mut sums = sum_lanes(x.0, y.0, levels.0, range);
-    // The rest, filled up with levels out of any range.
-    let (mut rest_x, mut rest_y, mut rest) = ([0.0; LANES], [0.0; LANES], [f64::MAX; LANES]);
-    rest_x[..x.1.len()].copy_from_slice(x.1);
-    rest_y[..y.1.len()].copy_from_slice(y.1);
-    rest[..levels.1.len()].copy_from_slice(levels.1);
-    let last = sum_lanes(&[rest_x], &[rest_y], &[rest], range);
-    sums.moments.iter_mut().zip(last.moments).for_each(|(sum, more)| *sum += more);
-    sums.right.iter_mut().zip(last.right).for_each(|(sum, more)| *sum += more);
-    Sums { squares: sums.squares + last.squares, outer: sums.outer + last.outer, ..sums }
+/// Sums over the levels in a range, for the first `free` of the coefficients.
+fn sum_levels(levels: &SideLevels, range: Range, free: usize) -> Sums {
+    if free == 1 && range.coefficients[1..].iter().all(|part| part.abs() <= 0.0) {
+        return sum_level(levels, range);
+    }
+    let mut totals = [[0.0; LANES]; TOTALS];
+    for (block, rows) in levels.blocks() {
+        let mut sums = LaneSums::default();
+        match free < 4 && range.coefficients[3].abs() <= 0.0 {
+            true => sum_flat(rows, block, range, &mut sums),
+            false => sum_rows(rows, block, range, &mut sums),
+        }
+        add_block(&mut totals, &sums, block, levels.scale_px());
+    }
+    let [n, x, x2, x3, x4, y, xy, x2y, y2, l, lx, lx2, ly, squares, outer] =
+        std::array::from_fn(|k| sum_lanes(&totals[k]));
+    Sums { moments: [n, x, x2, x3, x4, y, xy, x2y, y2], right: [l, lx, lx2, ly], squares, outer }
 }
 
-/// Sums over whole groups of levels in the range.
+/// Sums over the levels in a range around one level, regardless of their places.
+fn sum_level(levels: &SideLevels, range: Range) -> Sums {
+    let mut sums = LaneSums::default();
+    for (block, rows) in levels.blocks() {
+        sum_flat(rows, block, range, &mut sums);
+    }
+    let LaneSums { count, level, squares, outer, .. } = sums;
+    let [count, outer] = [count, outer].map(|lanes| f64::from(sum_lanes(&lanes)));
+    let [level, squares] = [level, squares].map(|lanes| f64::from(sum_lanes(&lanes)));
+    let (mut moments, mut right) = ([0.0; 9], [0.0; 4]);
+    (moments[0], right[0]) = (count, level);
+    Sums { moments, right, squares, outer }
+}
+
+/// Sums over the rows of a block around one level per profile.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
-fn sum_lanes(x: &[Lane], y: &[Lane], levels: &[Lane], range: Range) -> Sums {
-    let [c0, c1, c2, c3] = range.coefficients;
-    let (mut moments, mut right) = ([[0.0; LANES]; 9], [[0.0; LANES]; 4]);
-    let (mut squares, mut outer) = ([0.0; LANES], [0.0; LANES]);
-    for ((x, y), levels) in x.iter().zip(y).zip(levels) {
-        let (mut one, mut level) = ([0.0; LANES], [0.0; LANES]);
+fn sum_flat(rows: &[Lane], block: &SideBlock, range: Range, sums: &mut LaneSums) {
+    let base = level_at_first_row(block, &range);
+    for levels in rows {
         for i in 0..LANES {
-            let residual = levels[i] - (c0 + x[i] * (c1 + x[i] * c2) + c3 * y[i]);
+            let residual = levels[i] - base[i];
             let size = residual.abs();
             // Branches would prevent vectorization.
             let is_outer = (residual * range.outward > 0.0) & (size <= range.tolerance);
-            squares[i] += if is_outer { residual * residual } else { 0.0 };
-            outer[i] += if is_outer { 1.0 } else { 0.0 };
-            one[i] = if size <= range.within { 1.0 } else { 0.0 };
-            level[i] = if size <= range.within { levels[i] } else { 0.0 };
-        }
-        let (x1, y1) = (product(&one, x), product(&one, y));
-        let (x2, level_x) = (product(&x1, x), product(&level, x));
-        let terms =
-            [one, x1, x2, product(&x2, x), product(&x2, &x2), y1, product(&x1, y), product(&x2, y), product(&y1, y)];
-        for (sum, term) in moments.iter_mut().zip(&terms) {
-            add(sum, term);
-        }
-        for (sum, term) in right.iter_mut().zip(&[level, level_x, product(&level_x, x), product(&level, y)]) {
-            add(sum, term);
+            let is_kept = size <= range.within;
+            let outer = masked(residual, is_outer);
+            sums.squares[i] += outer * outer;
+            sums.outer[i] += u32::from(is_outer);
+            sums.count[i] += u32::from(is_kept);
+            sums.level[i] += masked(levels[i], is_kept);
         }
     }
-    let total = |lanes: Lane| lanes.iter().sum::<f64>();
-    Sums { moments: moments.map(total), right: right.map(total), squares: total(squares), outer: total(outer) }
 }
 
-/// Returns the products of eight pairs.
-#[inline(always)]
-fn product(a: &Lane, b: &Lane) -> Lane {
-    let mut out = [0.0; LANES];
-    for i in 0..LANES {
-        out[i] = a[i] * b[i];
+/// Sums over the rows of a block around levels that change by `across` from row to row.
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
+fn sum_rows(rows: &[Lane], block: &SideBlock, range: Range, sums: &mut LaneSums) {
+    let base = level_at_first_row(block, &range);
+    let across = range.coefficients[3] as f32;
+    for (row, levels) in (0_u32..).zip(rows) {
+        let row_dn = across * row as f32;
+        for i in 0..LANES {
+            let residual = levels[i] - (base[i] + row_dn);
+            let size = residual.abs();
+            let is_outer = (residual * range.outward > 0.0) & (size <= range.tolerance);
+            let is_kept = size <= range.within;
+            let (outer, level) = (masked(residual, is_outer), masked(levels[i], is_kept));
+            let one = u32::from(is_kept);
+            sums.squares[i] += outer * outer;
+            sums.outer[i] += u32::from(is_outer);
+            sums.count[i] += one;
+            sums.row[i] += one * row;
+            sums.row_row[i] += one * row * row;
+            sums.level[i] += level;
+            sums.level_row[i] += level * row as f32;
+        }
     }
-    out
 }
 
-/// Adds eight terms to eight sums.
+/// Returns the paint of each profile at the first row of a block, DN.
 #[inline(always)]
-fn add(sum: &mut Lane, term: &Lane) {
+fn level_at_first_row(block: &SideBlock, range: &Range) -> Lane {
+    let [c0, c1, c2, by_row] = range.coefficients;
+    let mut base = [0.0; LANES];
+    for (base, (x, edge)) in base.iter_mut().zip(block.x.iter().zip(&block.edge)) {
+        *base = (c0 + x * (c1 + x * c2) - by_row * edge) as f32;
+    }
+    base
+}
+
+/// Returns the value if it counts, else zero.
+#[inline(always)]
+fn masked(value: f32, counts: bool) -> f32 {
+    f32::from_bits(value.to_bits() & 0_u32.wrapping_sub(u32::from(counts)))
+}
+
+/// Adds the sums of the profiles of a block, in the order of the fields of [`Sums`].
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
+fn add_block(totals: &mut [[f64; LANES]; TOTALS], sums: &LaneSums, block: &SideBlock, scale: f64) {
+    let LaneSums { count, level, row, row_row, level_row, squares, outer } = sums;
+    let SideBlock { x, edge } = block;
     for i in 0..LANES {
-        sum[i] += term[i];
+        let (x, edge) = (x[i], edge[i]);
+        let (n, l) = (f64::from(count[i]), f64::from(level[i]));
+        let (row, row_row) = (f64::from(row[i]), f64::from(row_row[i]));
+        // y is the distance of the row from the edge.
+        let y = (row - edge * n) / scale;
+        let y2 = (row_row - 2.0 * edge * row + edge * edge * n) / (scale * scale);
+        let ly = (f64::from(level_row[i]) - edge * l) / scale;
+        let x2 = x * x;
+        totals[0][i] += n;
+        totals[1][i] += n * x;
+        totals[2][i] += n * x2;
+        totals[3][i] += n * x2 * x;
+        totals[4][i] += n * x2 * x2;
+        totals[5][i] += y;
+        totals[6][i] += x * y;
+        totals[7][i] += x2 * y;
+        totals[8][i] += y2;
+        totals[9][i] += l;
+        totals[10][i] += l * x;
+        totals[11][i] += l * x2;
+        totals[12][i] += ly;
+        totals[13][i] += f64::from(squares[i]);
+        totals[14][i] += f64::from(outer[i]);
     }
 }

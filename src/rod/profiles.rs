@@ -1,5 +1,6 @@
 //! The profiles of grey levels across an expected edge.
 
+use super::level_grid::{LevelGrid, Profile};
 use super::tape_light::TapeLight;
 use crate::image::{ImageView, is_saturated};
 use crate::numeric::quantile;
@@ -62,51 +63,42 @@ pub(super) struct CleanPaint {
     pub(super) paints_dn: [Estimate; 2],
 }
 
-/// The grey levels along a line across the edge.
-#[derive(Debug, Clone)]
-pub(super) struct Profile {
-    /// The coordinate along the edge, from its middle.
-    pub(super) along: f64,
-    /// The coordinate of the first level across.
-    pub(super) first: f64,
-    pub(super) levels: Vec<f64>,
-    pub(super) weight: f64,
-    /// The maximum weight, 0 to 1: the square of the contrast relative to the others.
-    pub(super) trust: f64,
-}
-
 /// Reads the profiles around the expected edge, without those that leave the allowed range.
 ///
 /// # Errors
 ///
 /// [`PointStatus::OutOfFrame`] if at most half of them, or fewer than five, stay in it, and the errors of [`flatten`].
-pub(super) fn read_profiles(image: ImageView<'_>, expected: &ExpectedEdge<'_>) -> Result<Vec<Profile>, PointStatus> {
+pub(super) fn read_profiles(image: ImageView<'_>, expected: &ExpectedEdge<'_>) -> Result<LevelGrid, PointStatus> {
     let [before, behind] = expected.depth.map(|depth| depth as f64);
-    let [first, last] = expected.room.map(|place| place as f64);
-    let level = |along: usize, across: usize| match expected.direction {
-        Direction::Rows => image.at(along, across),
-        Direction::Columns => image.at(across, along),
+    let (limits, [first, last]) = match expected.direction {
+        Direction::Rows => ([image.width(), image.height()], expected.room),
+        Direction::Columns => ([image.height(), image.width()], expected.room),
     };
+    let last = last.min(limits[1] - 1);
     let profile_at = |along: usize| {
         let from_middle = along as f64 - expected.middle;
         let center = (expected.near + expected.slope * from_middle).round();
-        if !(center - MIN_DEPTH_PX >= first && center + MIN_DEPTH_PX <= last) {
+        if !(center - MIN_DEPTH_PX >= first as f64 && center + MIN_DEPTH_PX <= last as f64) {
             return None;
         }
-        let start = (center - before).max(first) as usize;
-        let end = (center + behind).min(last) as usize;
-        let levels = (start..=end).map(|across| level(along, across).map(f64::from));
-        let levels = levels.collect::<Option<_>>()?;
-        Some(Profile { along: from_middle, first: start as f64, levels, weight: 1.0, trust: 1.0 })
+        let across = [(center - before).max(first as f64) as usize, (center + behind).min(last as f64) as usize];
+        Some(Profile { along: from_middle, across, trust: 1.0 })
     };
-    let all = expected.along[1].saturating_sub(expected.along[0]);
-    let profiles: Vec<Profile> = (expected.along[0]..expected.along[1]).filter_map(profile_at).collect();
-    if 2 * profiles.len() <= all || profiles.len() < MIN_PROFILES {
+    let [from, to] = expected.along;
+    let columns: Vec<(usize, Profile)> =
+        (from..to.min(limits[0])).filter_map(|along| Some((along, profile_at(along)?))).collect();
+    if 2 * columns.len() <= to.saturating_sub(from) || columns.len() < MIN_PROFILES {
         return Err(PointStatus::OutOfFrame);
     }
+    let (data, width) = (image.data(), image.width());
+    let profiles: Vec<Profile> = columns.iter().map(|(_, profile)| *profile).collect();
+    let grid = match expected.direction {
+        Direction::Rows => LevelGrid::new(profiles, |index, across| data[across * width + columns[index].0]),
+        Direction::Columns => LevelGrid::new(profiles, |index, across| data[columns[index].0 * width + across]),
+    };
     match expected.light {
-        Some(light) => flatten(profiles, expected, light),
-        None => Ok(profiles),
+        Some(light) => flatten(&grid, expected, light),
+        None => Ok(grid),
     }
 }
 
@@ -118,41 +110,45 @@ pub(super) fn read_profiles(image: ImageView<'_>, expected: &ExpectedEdge<'_>) -
 /// # Errors
 ///
 /// [`PointStatus::LowContrast`] if fewer than five are left.
-fn flatten(
-    mut profiles: Vec<Profile>,
-    expected: &ExpectedEdge<'_>,
-    light: &TapeLight,
-) -> Result<Vec<Profile>, PointStatus> {
-    let highest = profiles.iter().flat_map(|profile| &profile.levels).copied().fold(0.0, f64::max);
-    let clipped = if is_saturated(highest as f32) { highest - 0.5 } else { f64::INFINITY };
-    let edge_at = |profile: &Profile| expected.near + expected.slope * profile.along;
-    let dark = |profile: &Profile| {
-        let is_dark = |index: usize| {
-            let behind = profile.first + index as f64 - edge_at(profile);
-            -expected.sign * behind >= DARK_MARGIN_PX
-        };
-        let levels = profile.levels.iter().enumerate().filter(|(index, _)| is_dark(*index));
-        quantile(&mut levels.map(|(_, level)| *level).collect::<Vec<_>>(), DARK_QUANTILE)
-    };
+fn flatten(grid: &LevelGrid, expected: &ExpectedEdge<'_>, light: &TapeLight) -> Result<LevelGrid, PointStatus> {
+    let highest = grid.highest_dn();
+    let clipped = if is_saturated(highest) { highest - 0.5 } else { f32::INFINITY };
     let light_at = |profile: &Profile, across: f64| light.level_at(expected.middle + profile.along, across);
-    profiles.retain(|profile| profile.levels.iter().all(|level| *level < clipped));
-    let darks: Vec<f64> = profiles.iter().map(|profile| dark(profile).unwrap_or(f64::INFINITY)).collect();
-    let contrasts: Vec<f64> =
-        profiles.iter().zip(&darks).map(|(profile, dark)| light_at(profile, edge_at(profile)) - dark).collect();
-    let mut positive: Vec<f64> = contrasts.iter().copied().filter(|contrast| *contrast > 0.0).collect();
+    let is_kept = |index: &usize| grid.levels_of(*index).all(|(_, level)| level < clipped);
+    let kept: Vec<(usize, f64, f64)> = (0..grid.profiles.len())
+        .filter(is_kept)
+        .map(|index| {
+            let profile = &grid.profiles[index];
+            let edge = expected.near + expected.slope * profile.along;
+            let dark = dark_level(grid, index, expected);
+            (index, dark, light_at(profile, edge) - dark)
+        })
+        .collect();
+    let mut positive: Vec<f64> =
+        kept.iter().map(|(.., contrast)| *contrast).filter(|contrast| *contrast > 0.0).collect();
     let typical = quantile(&mut positive, 0.5).unwrap_or(f64::INFINITY);
-    let mut flattened = Vec::with_capacity(profiles.len());
-    for ((mut profile, dark), contrast) in profiles.into_iter().zip(darks).zip(contrasts) {
-        if contrast < MIN_CONTRAST_FRACTION * typical || !contrast.is_finite() {
-            continue;
-        }
-        let gain = |index: usize| {
-            let light = light_at(&profile, profile.first + index as f64);
-            FLAT_CONTRAST / (light - dark).max(MIN_LEVEL_FRACTION * contrast)
-        };
-        profile.levels = (0..profile.levels.len()).map(|k| (profile.levels[k] - dark) * gain(k)).collect();
-        profile.trust = (contrast / typical).powi(2).min(1.0);
-        flattened.push(profile);
+    let has_contrast = |contrast: f64| contrast >= MIN_CONTRAST_FRACTION * typical && contrast.is_finite();
+    let kept: Vec<(usize, f64, f64)> = kept.into_iter().filter(|(.., contrast)| has_contrast(*contrast)).collect();
+    if kept.len() < MIN_PROFILES {
+        return Err(PointStatus::LowContrast);
     }
-    if flattened.len() < MIN_PROFILES { Err(PointStatus::LowContrast) } else { Ok(flattened) }
+    let scaled = |(index, _, contrast): &(usize, f64, f64)| Profile {
+        trust: (contrast / typical).powi(2).min(1.0),
+        ..grid.profiles[*index]
+    };
+    Ok(LevelGrid::new(kept.iter().map(scaled).collect(), |index, across| {
+        let (index, dark, contrast) = kept[index];
+        let light = light_at(&grid.profiles[index], across as f64);
+        let gain = FLAT_CONTRAST / (light - dark).max(MIN_LEVEL_FRACTION * contrast);
+        ((f64::from(grid.level(index, across)) - dark) * gain) as f32
+    }))
+}
+
+/// Returns the level of the darker side of a profile, DN; infinity if it has none.
+fn dark_level(grid: &LevelGrid, index: usize, expected: &ExpectedEdge<'_>) -> f64 {
+    let edge = expected.near + expected.slope * grid.profiles[index].along;
+    let is_dark = |across: usize| -expected.sign * (across as f64 - edge) >= DARK_MARGIN_PX;
+    let mut levels: Vec<f64> =
+        grid.levels_of(index).filter(|(across, _)| is_dark(*across)).map(|(_, level)| f64::from(level)).collect();
+    quantile(&mut levels, DARK_QUANTILE).unwrap_or(f64::INFINITY)
 }

@@ -11,6 +11,8 @@ use crate::results::{Estimate, ROD_EDGES};
 ///
 /// Above it, a line across the paint and a parabola along an edge describe the light.
 const MAX_EVENNESS: f64 = 0.8;
+/// The ratio above which the light is even. Below it, light that falls towards the sides may move their steps inwards.
+const EVEN: f64 = 0.93;
 /// The margin of rows to the edges of a tape, and the minimum number of rows between them, px.
 const EDGE_MARGIN_PX: f64 = 3.0;
 const MIN_ROWS: usize = 5;
@@ -49,6 +51,8 @@ pub(super) struct ShadedRod {
     pub(super) axis: Axis,
     place: Place,
     height_px: usize,
+    /// The ratio of the darkest to the brightest light across the tape with the most even light.
+    evenness: f64,
 }
 
 /// Returns the rows between two edges and clear of them, px, first and one past the last.
@@ -110,17 +114,23 @@ impl Place {
 impl ShadedRod {
     /// Fits axis and light near an expected rod; `None` if it is lit evenly or not determined.
     pub(super) fn fit(image: ImageView<'_>, expected: &ExpectedRod<'_>) -> Option<Self> {
-        let parts = expected.light_parts();
+        let mut parts = expected.light_parts();
+        // The lowest part is read fastest, and a single one with even light ends the search.
+        parts.sort_by_key(|rows| rows[1] - rows[0]);
         let mut place = Place { sides_px: expected.sides_px, at_row: expected.at_row, tilt: expected.tilt };
-        let (mut axis, mut outward_px) = (None, expected.outward_px);
+        let (mut axis, mut outward_px, mut evenness) = (None, expected.outward_px, 0.0);
         for _ in 0..PASSES {
-            let profiles: Vec<TapeProfile> =
-                parts.iter().filter_map(|rows| expected.profile(image, *rows, &place)).collect();
-            // Speckles look like shading, a clean tape does not.
-            let evenness = profiles.iter().map(|profile| profile.evenness(place.sides_at(profile.row)));
-            if evenness.fold(0.0, f64::max) >= MAX_EVENNESS {
-                return None;
+            let mut profiles = Vec::with_capacity(parts.len());
+            evenness = 0.0;
+            for profile in parts.iter().filter_map(|rows| expected.profile(image, *rows, &place)) {
+                // Speckles look like shading, a clean tape does not.
+                evenness = profile.evenness(place.sides_at(profile.row)).max(evenness);
+                if evenness >= EVEN {
+                    return None;
+                }
+                profiles.push(profile);
             }
+            profiles.sort_by(|a, b| a.row.total_cmp(&b.row));
             let near: Vec<[f64; 2]> = profiles.iter().map(|profile| place.sides_at(profile.row)).collect();
             let sides = fit_tapes(&profiles, &near, expected.width_px, outward_px)?;
             let found = fit_axis(&sides, place.tilt)?;
@@ -133,7 +143,19 @@ impl ShadedRod {
             };
             axis = Some(found);
         }
-        Some(Self { axis: axis?, place, height_px: image.height() })
+        Some(Self { axis: axis?, place, height_px: image.height(), evenness })
+    }
+
+    /// Returns the rod unless its light is nearly even and its sides are the steps of `stepped`.
+    ///
+    /// Sides that contradict the steps are as uncertain as half of their distance from them, since one of the two models
+    /// of the light is wrong.
+    pub(super) fn unless_stepped(self, stepped: Option<&Axis>) -> Option<Self> {
+        let Some(stepped) = stepped else { return Some(self) };
+        if self.axis.agrees_with(stepped) {
+            return (self.evenness < MAX_EVENNESS).then_some(self);
+        }
+        Some(Self { axis: self.axis.widened_towards(stepped), ..self })
     }
 
     /// Returns the rod with another axis.

@@ -21,7 +21,7 @@ struct Variant {
     coverage: f64,
 }
 
-const VARIANTS: [Variant; 5] = [
+const VARIANTS: [Variant; 6] = [
     Variant {
         name: "polished rod before dark ground",
         width_px: 30.0,
@@ -66,6 +66,15 @@ const VARIANTS: [Variant; 5] = [
         highlight: 0.4,
         shades: [0.03, 0.45, 0.06],
         coverage: 0.3,
+    },
+    Variant {
+        name: "weak lamp at the camera, by which tapes fade towards both sides",
+        width_px: 30.0,
+        lamp_deg: [14.0, 82.0],
+        lamp: 0.48,
+        highlight: 0.0,
+        shades: [0.1, 0.65, 0.25],
+        coverage: 0.29,
     },
 ];
 

@@ -1,6 +1,7 @@
 use super::super::profiles::Direction;
 use super::*;
 use crate::image::Image;
+use crate::numeric::normal_f64;
 
 /// Approximately normal numbers: sums of twelve uniform ones.
 struct Noise(u64);
