@@ -90,6 +90,7 @@ impl Measurer {
                 motion: Some(motion),
                 method: MotionMethod::Outlines,
                 rotation_status,
+                light_fraction: measured.step.light_fraction,
                 status: PointStatus::Valid,
                 ..measured.step.without_motion()
             };

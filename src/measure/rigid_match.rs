@@ -35,6 +35,12 @@ const SAME_ROTATION_SIGMAS: f64 = 4.0;
 const COMPARED_DEG: Range<f64> = 15.0..45.0;
 /// The difference that noise explains, sigmas.
 const COMPARED_SIGMAS: f64 = 2.0;
+/// The maximum fraction of a body that does not match while nothing hides its rim. Highlights cover less.
+const MAX_MISFIT_FRACTION: f64 = 0.15;
+/// The part of the area that a straight occluder hides, relative to that of the rim.
+const AREA_PER_RIM: f64 = 2.0;
+/// The share of the texture in one octant of a body above which it is hardly more than a highlight.
+const MAX_OCTANT_SHARE: f64 = 0.5;
 /// The number of occluded pixels that is always allowed, since a pixel may be stuck.
 const FREE_OCCLUDED_PIXELS: f64 = 2.0;
 
@@ -62,6 +68,8 @@ struct Pose {
     light_deg: f64,
     /// The visible fraction of the reference; `None` for the reference itself.
     visible_fraction: Option<f64>,
+    /// The share of the matched texture in one octant.
+    octant_share: f64,
 }
 
 /// The rigid matches of one body in one block.
@@ -86,6 +94,8 @@ struct RigidTrack {
     poses: Vec<Pose>,
     /// The occlusion maps of the frames in which the body was occluded.
     occlusions: Vec<OccludedFrame>,
+    /// The first and the last of the successive frames in which the rim contradicted the match.
+    contradicted: Option<[u64; 2]>,
 }
 
 /// The occlusion of a body in a frame, relative to its reference at that time.
@@ -192,6 +202,11 @@ impl RigidMatcher {
         fraction.is_some_and(|fraction| fraction >= UNOCCLUDED_FRACTION)
     }
 
+    /// Returns the largest fraction of a body's rotation that light may have held back in a block, if it is known.
+    pub(super) fn rotation_error(&self, key: BodyKey) -> Option<f64> {
+        self.find_track(key)?.rotation_error
+    }
+
     /// Marks the subsets that show an occluder in one of two matched frames; returns whether there are any.
     pub(super) fn mask_occluded(
         &self,
@@ -226,8 +241,17 @@ impl RigidMatcher {
         }
         let pixels = reference.pixels() as u32;
         let (x_px, y_px) = (circle.x_px, circle.y_px);
-        let origin =
-            Pose { frame, x_px, y_px, angle_deg: 0.0, sigma: [0.0; 3], pixels, light_deg: 0.0, visible_fraction: None };
+        let origin = Pose {
+            frame,
+            x_px,
+            y_px,
+            angle_deg: 0.0,
+            sigma: [0.0; 3],
+            pixels,
+            light_deg: 0.0,
+            visible_fraction: None,
+            octant_share: 0.0,
+        };
         let is_unoccluded = !is_occluded(circle);
         self.tracks.push(RigidTrack {
             key,
@@ -241,12 +265,13 @@ impl RigidMatcher {
             is_unoccluded,
             poses: vec![origin],
             occlusions: Vec::new(),
+            contradicted: None,
         });
     }
 
     /// Measures the step of a body from one frame of a block to a later one, near the motion `rate` per frame.
     ///
-    /// `None` if there is no reference or one of the frames does not match it.
+    /// `None` if there is no reference or one of the frames does not match it, or if the rim contradicts the match.
     pub(super) fn measure_step(
         &mut self,
         key: BodyKey,
@@ -263,6 +288,9 @@ impl RigidMatcher {
                 track.match_frame(from, nearest.predicted(circle, rate, (from.sequence - nearest.frame) as f64))?
             }
         };
+        if track.is_contradicted_by_rim(&first, circle) {
+            return None;
+        }
         let frames = (to.sequence - from.sequence) as f64;
         let second = match track.pose_in(to.sequence) {
             Some(pose) => pose,
@@ -288,6 +316,21 @@ impl RigidTrack {
         self.poses.iter().rev().find(|pose| pose.frame == frame).copied()
     }
 
+    /// Whether more of a frame does not match than is hidden at its rim, and of the frame before: marks that light outweighs
+    /// look like an occluder. The rotations that were measured before are then those of the light.
+    fn is_contradicted_by_rim(&mut self, pose: &Pose, circle: &Circle) -> bool {
+        if !self.is_unoccluded || !pose.contradicts_rim(circle) {
+            return false;
+        }
+        let first = self.contradicted.filter(|[_, last]| pose.frame <= last + 1).map_or(pose.frame, |[first, _]| first);
+        self.contradicted = Some([first, pose.frame]);
+        let is_repeated = pose.frame > first;
+        if is_repeated {
+            self.rotation_error = larger(self.rotation_error, Some(1.0));
+        }
+        is_repeated
+    }
+
     /// Matches a frame near a pose and stores the result. Makes the frame the new reference if the old one is stale.
     ///
     /// `None` if the frame does not match, or lies farther from the prediction than the frame is prepared.
@@ -310,6 +353,7 @@ impl RigidTrack {
             pixels: motion.points,
             light_deg: origin.light_deg + light_deg,
             visible_fraction: Some(visible_fraction),
+            octant_share: found.octant_share,
         };
         // Farther off, pixels outside the prepared box would count as occluded.
         let is_predicted = (pose.x_px - guess.x_px).hypot(pose.y_px - guess.y_px) <= MAX_PREDICTION_ERROR_PX;
@@ -408,6 +452,14 @@ impl Pose {
             angle_deg: self.angle_deg + angle_deg,
             ..*self
         }
+    }
+
+    /// Whether more of the body does not match than an occluder hides that hides this much of its rim, while what matches
+    /// is hardly more than a highlight.
+    fn contradicts_rim(&self, circle: &Circle) -> bool {
+        let hidden_fraction = MAX_MISFIT_FRACTION + AREA_PER_RIM * (1.0 - circle.visible_fraction);
+        self.octant_share > MAX_OCTANT_SHARE
+            && self.visible_fraction.is_some_and(|visible| 1.0 - visible > hidden_fraction)
     }
 
     /// Returns the fraction by which light may have held back the rotation to a later pose: twice its effect on the

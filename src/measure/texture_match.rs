@@ -52,6 +52,8 @@ impl Measurer {
                 ball_motion = self.fit_subsets(span, outline, &mut field, &mut step, start);
             }
         }
+        // Light that keeps the body from being matched holds the rotations before it back as well.
+        step.light_fraction = self.rigid_matcher.rotation_error(span.key());
         let rigid = self.confirm_match(span, outline, &mut step, rigid);
         set_drift(&mut step, ball_motion);
         step.status = consistency::matched_status(&step, &field, self.size);

@@ -26,6 +26,9 @@ const CONTRADICTION_SIGMAS: f64 = 8.0;
 const RADIUS_TOLERANCE: f64 = 0.01;
 /// The same that noise explains, sigmas.
 const RADIUS_SIGMAS: f64 = 1.0;
+/// The share of a rotation held back by light from which the rotation is not known at all, and the share that stands for it.
+const MAX_LIGHT_FRACTION: f64 = 0.7;
+const UNKNOWN_FRACTION: f64 = 1e9;
 /// The share of the rotation held back by light that appears as a motion of a lopsided pattern.
 const LIGHT_PULL: f64 = 0.3;
 /// The number of nodes kept beyond the reach of the local fits.
@@ -304,12 +307,18 @@ impl BodyTracker {
         let motion = PlanarRates { first_px: x.value, second_px: y.value, angle_deg: theta.value };
         let speed_bias = self.speed_bias();
         let rates = rates.biased_by(speed_bias.underestimate(motion)).biased_by(speed_bias.interpolation_error(motion));
-        PixelRates { theta: rates.theta.with_relative_error(self.light_bias.significant()), ..rates }
+        PixelRates { theta: rates.theta.with_relative_error(self.light_fraction()), ..rates }
     }
 
     /// Adds the errors of a step by light, which moves the centre by up to `center_sigma_px` and holds the rotation back.
     fn with_light_errors(&self, step: RigidStep, center_sigma_px: f64) -> RigidStep {
-        step.about(center_sigma_px).with_rotation_error(self.light_bias.significant())
+        step.about(center_sigma_px).with_rotation_error(self.light_fraction())
+    }
+
+    /// Returns the share of the rotation that light may hold back; where it is nearly all, the rotation is not known.
+    fn light_fraction(&self) -> f64 {
+        // A share of hardly any rotation says nothing about that of the body.
+        Some(self.light_bias.significant()).filter(|share| *share < MAX_LIGHT_FRACTION).unwrap_or(UNKNOWN_FRACTION)
     }
 
     /// Adds the errors that the outlines of many frames share, if these gave the motion.
@@ -317,6 +326,12 @@ impl BodyTracker {
         let method = step.motion.map_or(self.method, |_| step.method);
         let sigma_px = track.sigma_center_px.filter(|_| method == MotionMethod::Outlines);
         sigma_px.map_or(rates, |sigma_px| rates.from_outlines(sigma_px))
+    }
+
+    /// Returns the status of the rotation of a step, which light makes ambiguous if it holds it back.
+    fn rotation_status(&self, step: &BodyStep) -> PointStatus {
+        let is_held = step.rotation_status == PointStatus::Valid && self.light_fraction() > MAX_LIGHT_FRACTION;
+        if is_held { PointStatus::Ambiguous } else { step.rotation_status }
     }
 
     /// Returns the rows of a frame from everything added so far; `step` is the one that [`Self::add_step`] returned.
@@ -387,7 +402,7 @@ impl BodyTracker {
             }),
             visible_fraction: track.visible_fraction,
             phase,
-            rotation_status: step.rotation_status,
+            rotation_status: self.rotation_status(step),
             status: step.status,
         };
         (track, velocity)

@@ -42,6 +42,8 @@ pub struct BodyMotion {
     ///
     /// Stripes and light hold a turning body back to one side.
     pub misfit_px: f64,
+    /// The share of the texture of the matched pixels that one octant of the body holds, where a part is not visible; else 0.
+    pub octant_share: f64,
 }
 
 impl BodyMotion {
@@ -166,6 +168,7 @@ pub(super) fn motion(
         light_deg,
         misfit_deg: (misfit * sigma_angle_deg).hypot(shared[2].sqrt().to_degrees()),
         misfit_px: (shared[0] + shared[1]).sqrt(),
+        octant_share: 0.0,
     }
 }
 

@@ -4,6 +4,7 @@ use super::light_field::LightField;
 use super::motion::{BodyMotion, motion, status_of};
 use super::occlusion_map::OcclusionMap;
 use super::registration::RegistrationSample;
+use super::sector_scatter::largest_share;
 use super::visibility::{VisibilityMap, is_noise};
 use crate::dic::geometry::{Point, SubsetMask, Warp};
 use crate::dic::refine::{GaussNewtonStep, Match, Refiner};
@@ -196,7 +197,9 @@ impl OcclusionSearch {
         let light = field.and_then(|field| field.correction(&self.window, &residual));
         let moved = motion(&self.refiner(body), found, offset, &mut pool, &residual, light);
         (self.pool, self.residual) = (pool, residual);
-        Ok(BodyMotion { visible_fraction: pixels as f64 / body.window.pixels as f64, ..moved })
+        let visible_fraction = pixels as f64 / body.window.pixels as f64;
+        let octant_share = largest_share(&self.subset, &self.window);
+        Ok(BodyMotion { visible_fraction, octant_share, ..moved })
     }
 
     /// Clears the occlusion found in the last frame, so that [`Self::occlusion_map`] returns `None`.

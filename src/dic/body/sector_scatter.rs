@@ -71,6 +71,24 @@ fn sector_variances(
     })
 }
 
+/// Returns the largest share of the texture that one octant of a body holds, 0 to 1: of the squared derivatives by the
+/// rotation.
+pub(super) fn largest_share(subset: &ReferenceSubset, window: &SubsetMask) -> f64 {
+    let mut energies = [0.0_f64; SECTORS];
+    for block in &window.blocks {
+        let rows = block.start..block.start + block.rows;
+        let gradients = subset.gradient_x[rows.clone()].iter().zip(&subset.gradient_y[rows.clone()]);
+        for ((dy, mask), (gx, gy)) in (block.dy..).zip(&window.mask[rows]).zip(gradients) {
+            for lane in 0..LANES {
+                let dx = block.dx + lane as i32;
+                let turn = gx.0[lane] * dy as f32 - gy.0[lane] * dx as f32;
+                energies[octant(dx, dy)] += f64::from(mask.0[lane] * turn * turn);
+            }
+        }
+    }
+    energies.iter().fold(0.0, |largest: f64, energy| largest.max(*energy)) / energies.iter().sum::<f64>().max(1e-9)
+}
+
 /// Returns the number of the octant of an offset from the centre.
 fn octant(dx: i32, dy: i32) -> usize {
     usize::from(dx < 0) + 2 * usize::from(dy < 0) + 4 * usize::from(dx.abs() < dy.abs())

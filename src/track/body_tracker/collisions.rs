@@ -91,7 +91,7 @@ impl BodyTracker {
         };
         let period_s = self.params.frame_period_ns * 1e-9;
         let center = self.nodes.last().and_then(|node| self.center_filter.center(node));
-        let light_fraction = self.light_bias.significant();
+        let light_fraction = self.light_fraction();
         Some(ImpactContext {
             metres_per_px,
             period_s,
