@@ -7,7 +7,7 @@ use super::effort::{Effort, FIRST, QUICK, THOROUGH};
 use super::hough::{HoughPeak, HoughSearch, Marks};
 use super::mirror::{find_original, is_mirrored};
 use super::paper_hough::PaperHough;
-use super::params::{BallError, BallParams, MIN_EDGE_RADIUS_PX, OutlineMethod, Presence};
+use super::params::{BallError, BallParams, MIN_EDGE_RADIUS_PX, OutlineMethod, Presence, RADIUS_ALLOWANCE_PX};
 use super::ransac::{Candidate, Ransac, RansacParams, RoughCircle, rim_polarity};
 use super::subpixel_fit::{CERTAIN_INLIERS, MAX_SHIFT_PX, Measured, SubpixelFit};
 use super::texture_disc::RadiusRange;
@@ -45,8 +45,6 @@ const REACH_PX: f32 = 7.0;
 const FOLLOW_REACH_PX: f32 = 5.0;
 /// The uncertainty of the centre from which an outline was found by its texture, px. That by edges is far smaller.
 const MIN_TEXTURED_SIGMA_PX: f64 = 0.15;
-/// The distance of a radius from the allowed range that is still accepted, px.
-const RADIUS_ALLOWANCE_PX: f64 = 1.0;
 /// The maximum error of a prediction that needs no search, px.
 const PREDICTION_REACH_PX: f64 = 1.0;
 

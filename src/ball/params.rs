@@ -6,6 +6,8 @@ use crate::image::PixelRect;
 
 /// The minimum radius for the edge fit, px. A smaller ball is found as a point, by what changes.
 pub(super) const MIN_EDGE_RADIUS_PX: f64 = 6.0;
+/// The distance of a radius from the allowed range that is still accepted, px.
+pub(super) const RADIUS_ALLOWANCE_PX: f64 = 1.0;
 /// The minimum radius, px.
 const MIN_RADIUS_PX: f64 = 2.0;
 /// The maximum radius, px, which bounds the memory of a finder.
@@ -63,7 +65,7 @@ impl BallParams {
 
     /// Whether a ball may be large enough for its edges to be measured.
     pub(super) fn may_have_edges(&self) -> bool {
-        self.expected_radius_px.unwrap_or(self.max_radius_px) >= MIN_EDGE_RADIUS_PX
+        self.expected_radius_px.unwrap_or(self.max_radius_px) >= MIN_EDGE_RADIUS_PX - RADIUS_ALLOWANCE_PX
     }
 
     /// Whether a ball may be too small for its edges to be measured.

@@ -50,7 +50,8 @@ impl Config {
         let side_px = f64::from(width_px.min(height_px));
         let (lowest, highest) = match self.predicted_radius_px(body) {
             Some(radius_px) => {
-                ((RADIUS_TOLERANCE.0 * radius_px).max(MIN_POINT_RADIUS_PX), RADIUS_TOLERANCE.1 * radius_px)
+                let smallest_px = if radius_px < MIN_RADIUS_PX { MIN_POINT_RADIUS_PX } else { MIN_RADIUS_PX };
+                ((RADIUS_TOLERANCE.0 * radius_px).max(smallest_px), RADIUS_TOLERANCE.1 * radius_px)
             }
             None => ((RADIUS_SHARE.0 * side_px).max(MIN_RADIUS_PX), RADIUS_SHARE.1 * side_px),
         };

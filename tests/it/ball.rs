@@ -432,7 +432,7 @@ fn balls_of_unknown_radius_are_found() {
 #[test]
 fn parameters_out_of_range_are_refused_by_name() {
     let refuse = |params: BallParams| BallFinder::new(&params, 640, 480).unwrap_err().to_string();
-    assert!(refuse(BallParams::new(2.0, 60.0)).contains("min_radius_px = 2"));
+    assert!(refuse(BallParams::new(1.9, 60.0)).contains("min_radius_px = 1.9"));
     assert!(refuse(BallParams::new(f64::NAN, 60.0)).contains("min_radius_px = NaN"));
     assert!(refuse(BallParams::new(50.0, 40.0)).contains("max_radius_px = 40"));
     let roi = |roi| BallParams { roi_px: Some(roi), ..BallParams::new(50.0, 60.0) };
