@@ -23,6 +23,11 @@ const RADIUS_ERROR: f64 = 0.25;
 /// The minimum ratio of the change of the ball to that of any other part: its shadow moves as well.
 const MIN_RATIO: f64 = 1.5;
 
+/// The distance to which a ball stands alone, relative to the reach of its centroid, and the maximum change there relative to
+/// its own. A piece of a larger ball has others around it.
+const ALONE_REACH: f64 = 2.0;
+const MAX_CHANGE_AROUND: f64 = 0.45;
+
 /// A changed part, and how much it has changed.
 #[derive(Debug, Clone, Copy)]
 struct Point {
@@ -44,7 +49,8 @@ pub(super) fn find_point(sizes: ImageView<'_>, parts: &[ChangedPart], wanted: Wa
     }
 }
 
-/// Measures the centroid of a changed part; `None` at the border of the image, where a part of it is missing.
+/// Measures the centroid of a changed part; `None` if it does not stand alone, and at the border of the image, where a part
+/// of it is missing.
 fn measure_point(sizes: ImageView<'_>, part: &ChangedPart, wanted: WantedRadius) -> Option<Point> {
     let radius_px = wanted.expected.unwrap_or(part.circle.radius.into());
     let reach_px = radius_px.max(part.circle.radius.into()) + REACH_PX;
@@ -59,6 +65,10 @@ fn measure_point(sizes: ImageView<'_>, part: &ChangedPart, wanted: WantedRadius)
         spread = Some(found);
     }
     let Centroid { sigma_px, change, .. } = spread?;
+    let around = Centroid::about(sizes, [x_px, y_px], ALONE_REACH * reach_px, part.noise_dn)?;
+    if around.change - change > MAX_CHANGE_AROUND * change {
+        return None;
+    }
     let sigma_radius_px = RADIUS_ERROR * radius_px;
     let sigma_center_px = (CENTER_ERROR * radius_px).hypot(sigma_px);
     let circle = Circle { x_px, y_px, radius_px, sigma_center_px, sigma_radius_px, visible_fraction: 1.0 };
@@ -158,6 +168,15 @@ mod tests {
         let rms = (squares / 120.0_f64).sqrt();
         eprintln!("errors rms {rms}, worst {worst} sigmas");
         assert!((0.1..1.0).contains(&rms) && worst < 3.5, "rms {rms}, worst {worst} sigmas");
+    }
+
+    #[test]
+    fn a_piece_of_a_larger_ball_is_no_point() {
+        let mut image = difference([30.3, 28.1], 4.0, 0.0, 1.0, 3);
+        assert!(found(&image, None).is_some());
+        let other = difference([41.9, 30.1], 4.0, 0.0, 0.0, 4);
+        image.data_mut().iter_mut().zip(other.view().data()).for_each(|(level, other)| *level += 0.6 * other);
+        assert_eq!(found(&image, None), None);
     }
 
     #[test]
