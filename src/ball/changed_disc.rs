@@ -10,7 +10,7 @@ use super::ransac::RoughCircle;
 use super::texture_disc::RadiusRange;
 use super::visible_fraction::fraction_in_image;
 use crate::image::ImageView;
-use crate::numeric::{Xorshift, median};
+use crate::numeric::{SIGMA_PER_MEDIAN, Xorshift, median};
 use crate::results::Circle;
 
 /// The distance of two rays along the rim, px, and the limits of their number.
@@ -146,7 +146,7 @@ pub(super) fn fit_disc(sizes: ImageView<'_>, part: ChangedPart, wanted: WantedRa
     points.retain(|point| disc.distance(point).abs() < disc.tolerance_px());
     let support = points.len() as f64 / rays.max(1) as f64;
     let mut distances: Vec<f64> = points.iter().map(|point| disc.distance(point).abs()).collect();
-    let scatter_px = 1.4826 * median(&mut distances)?;
+    let scatter_px = SIGMA_PER_MEDIAN * median(&mut distances)?;
     let min_support = MIN_SUPPORT[usize::from(wanted.expected.is_some())];
     if outside > MAX_OUTSIDE * rays as f64
         || support < min_support
@@ -182,7 +182,7 @@ fn find_rim(sizes: ImageView<'_>, disc: Disc, noise_dn: f32, points: &mut Vec<Ri
         profile.clear();
         profile.extend((0..samples).map_while(|k| {
             let r = radius(k as f64);
-            level(sizes, disc.x + r * cos, disc.y + r * sin)
+            sizes.interpolate(disc.x + r * cos, disc.y + r * sin)
         }));
         if profile.len() < samples {
             continue;
@@ -206,18 +206,6 @@ fn outermost_rise(profile: &[f32], limit: f32) -> Option<f64> {
     let below = (0..top).rev().find(|k| profile[*k] < 0.5 * height)?;
     let (low, high) = (profile[below], profile[below + 1]);
     Some(below as f64 + f64::from((0.5 * height - low) / (high - low)))
-}
-
-/// Returns the bilinear level at a point; `None` outside the image.
-pub(super) fn level(image: ImageView<'_>, x: f64, y: f64) -> Option<f32> {
-    let (column, row) = (x.floor(), y.floor());
-    if !(column >= 0.0 && row >= 0.0) {
-        return None;
-    }
-    let (fx, fy, column, row) = ((x - column) as f32, (y - row) as f32, column as usize, row as usize);
-    let at = |dx: usize, dy: usize| image.at(column + dx, row + dy);
-    let (upper, lower) = (at(0, 0)? * (1.0 - fx) + at(1, 0)? * fx, at(0, 1)? * (1.0 - fx) + at(1, 1)? * fx);
-    Some(upper * (1.0 - fy) + lower * fy)
 }
 
 /// Returns the place of a disc of known radius at which it covers most of what has changed.

@@ -9,7 +9,7 @@ use super::changed_disc::{ChangedDisc, Disc, MIN_SIGMA_PX, WantedRadius, change_
 use super::foreground::ChangedPart;
 use super::visible_fraction::fraction_in_image;
 use crate::image::ImageView;
-use crate::numeric::median;
+use crate::numeric::{SIGMA_PER_MEDIAN, median};
 use crate::results::Circle;
 
 /// The length of a piece of the rim, px, and the limits of their number.
@@ -148,7 +148,7 @@ impl Ring {
                 slots.iter().for_each(|(column, b)| fit.normal[(row, *column)] += weight * a * b);
             }
         }
-        fit.scatter_dn = (1.4826 * median(&mut sizes)?).max(noise_dn);
+        fit.scatter_dn = (SIGMA_PER_MEDIAN * median(&mut sizes)?).max(noise_dn);
         Some(right)
     }
 

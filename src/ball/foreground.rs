@@ -6,7 +6,7 @@
 use super::ransac::RoughCircle;
 use super::texture_disc::RadiusRange;
 use crate::image::{ImageView, PixelRect};
-use crate::numeric::nth_smallest;
+use crate::numeric::{SIGMA_PER_MEDIAN, nth_smallest};
 
 /// The mean square of nine pixels from which they have changed, relative to the variance of the noise. Gaussian noise
 /// exceeds it once in 10^10 pixels.
@@ -17,8 +17,6 @@ const MIN_NOISE_DN: f32 = 0.5;
 const TILE_RADII: f64 = 3.0;
 /// The minimum side of a tile, px.
 const MIN_TILE_PX: usize = 24;
-/// The ratio of the median of absolute values to the standard deviation of Gaussian noise, inverted.
-const SIGMA_PER_MEDIAN: f32 = 1.4826;
 /// The area of a changed part relative to that of the smallest and of the largest ball. Parts of a ball may look like the
 /// background, and its shadow may touch it.
 const AREA: [f64; 2] = [0.4, 4.0];
@@ -135,7 +133,7 @@ impl Foreground {
             self.tile.clear();
             (y0..y1).for_each(|y| self.tile.extend_from_slice(&self.sizes[y * width + x0..y * width + x1]));
             let middle = self.tile.len() / 2;
-            let noise = (SIGMA_PER_MEDIAN * nth_smallest(&mut self.tile, middle)).max(MIN_NOISE_DN);
+            let noise = (SIGMA_PER_MEDIAN as f32 * nth_smallest(&mut self.tile, middle)).max(MIN_NOISE_DN);
             self.tiles.noise_dn.push(noise);
             let limit = 9.0 * MIN_CHANGE * noise * noise;
             for y in y0..y1 {

@@ -10,7 +10,7 @@ use nalgebra::{Matrix4, Vector4};
 use super::annulus::{LANES, Lane, Outline};
 use super::ransac::RoughCircle;
 use crate::image::ImageView;
-use crate::numeric::nth_smallest;
+use crate::numeric::{SIGMA_PER_MEDIAN, nth_smallest};
 use crate::results::Estimate;
 
 /// The number of sectors of cells around the centre.
@@ -26,8 +26,6 @@ const RANK: usize = 3;
 const ROUNDS: usize = 3;
 /// The residual of zero weight in robust standard deviations (Tukey's biweight).
 const TUKEY: f32 = 4.0;
-/// The ratio of the standard deviation to the median of absolute values.
-const FROM_MEDIAN: f32 = 1.4826;
 /// The margin of the cells to the rim, where they mix with the background: in blurs, and half a pixel, px.
 const BLUR_MARGIN: f64 = 2.0;
 const PIXEL_MARGIN_PX: f64 = 0.5;
@@ -286,7 +284,7 @@ impl LimbDarkening {
         self.sorted.clear();
         self.sorted.extend(each.filter(|(_, cell)| **cell > 0.0).map(|(residual, _)| residual.abs()));
         let middle = self.sorted.len() / 2;
-        (!self.sorted.is_empty()).then(|| (FROM_MEDIAN * nth_smallest(&mut self.sorted, middle)).max(1e-3))
+        (!self.sorted.is_empty()).then(|| (SIGMA_PER_MEDIAN as f32 * nth_smallest(&mut self.sorted, middle)).max(1e-3))
     }
 }
 

@@ -2,7 +2,6 @@
 //!
 //! The ball is the one on the outer side of the surface.
 
-use super::changed_disc::level;
 use super::ransac::RoughCircle;
 use crate::image::ImageView;
 use crate::results::Circle;
@@ -80,7 +79,7 @@ impl Patch {
             }
             all += 1;
             let [x, y] = patch.point(normal, tangential);
-            patch.samples.extend(level(image, x, y).map(|grey| ([normal, tangential], f64::from(grey))));
+            patch.samples.extend(image.interpolate(x, y).map(|grey| ([normal, tangential], f64::from(grey))));
         }
         (patch.samples.len() as f64 >= MIN_INSIDE * f64::from(all)).then_some(patch)
     }
@@ -96,7 +95,7 @@ impl Patch {
         let mut sums = [0.0_f64; 6];
         for ([normal, tangential], a) in &self.samples {
             let [x, y] = self.point(apart_px - normal, shift_px + tangential);
-            let Some(b) = level(image, x, y).map(f64::from) else { continue };
+            let Some(b) = image.interpolate(x, y).map(f64::from) else { continue };
             for (sum, term) in sums.iter_mut().zip([1.0, *a, b, a * a, a * b, b * b]) {
                 *sum += term;
             }

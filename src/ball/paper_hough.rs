@@ -3,7 +3,6 @@
 //! H. Ghaednia et al., Int. J. Mech. Sci. 131-132 (2017), section 4.3. The boundary lies at the strongest change across
 //! the rim of a ball of one grey level. Whole pixels there are marked and vote for every circle through them.
 
-use super::ransac::can_interpolate;
 use crate::image::ImageView;
 use crate::numeric::quantile;
 use crate::results::Circle;
@@ -91,15 +90,14 @@ impl PaperHough {
             let (sin, cos) = (ray as f64 * std::f64::consts::TAU / rays as f64).sin_cos();
             self.levels.clear();
             let inner = detected.radius_px - FILTER_DEPTH_PX;
-            let Some(inside) = interpolate_bilinear(image, detected.x_px + inner * cos, detected.y_px + inner * sin)
-            else {
+            let Some(inside) = image.interpolate(detected.x_px + inner * cos, detected.y_px + inner * sin) else {
                 continue;
             };
             for step in 0..steps {
                 let along = detected.radius_px - REACH_PX + STRIDE_PX * step as f64;
                 let level = match along < inner {
                     true => Some(ball),
-                    false => interpolate_bilinear(image, detected.x_px + along * cos, detected.y_px + along * sin),
+                    false => image.interpolate(detected.x_px + along * cos, detected.y_px + along * sin),
                 };
                 self.levels.extend(level);
             }
@@ -191,17 +189,4 @@ fn boundary_sample(levels: &[f32], ball: f32, inside: f32) -> Option<usize> {
     let change = |at: usize| (levels[at + 1] - levels[at - 1]) * ground.signum();
     let at = (1..levels.len() - 1).max_by(|a, b| change(*a).total_cmp(&change(*b)))?;
     (change(at) > MIN_CONTRAST_FRACTION * ground.abs() && ground.abs() > 1.0).then_some(at)
-}
-
-/// Interpolates the grey level bilinearly at a position, px; `None` outside the image.
-fn interpolate_bilinear(image: ImageView<'_>, x: f64, y: f64) -> Option<f32> {
-    if !can_interpolate(image, x as f32, y as f32) {
-        return None;
-    }
-    let (column, row) = (x as usize, y as usize);
-    let (fx, fy) = ((x - column as f64) as f32, (y - row as f64) as f32);
-    let (upper, lower) = (image.row(row), image.row((row + 1).min(image.height() - 1)));
-    let next = (column + 1).min(image.width() - 1);
-    let along = |row: &[f32]| row[column] + fx * (row[next] - row[column]);
-    Some(along(upper) + fy * (along(lower) - along(upper)))
 }

@@ -5,14 +5,12 @@ use nalgebra::Vector3;
 use super::annulus::{Annulus, Directions, LANES};
 use super::edge_fit::Edge;
 use super::first_harmonic::{Limits, normal_equations, residuals, reweigh};
-use crate::numeric::nth_smallest;
+use crate::numeric::{SIGMA_PER_MEDIAN, nth_smallest};
 
 /// The number of rounds of reweighting.
 const ROUNDS: usize = 5;
 /// The residual of zero weight in robust standard deviations (Tukey's biweight).
 const TUKEY: f32 = 4.0;
-/// The ratio of the standard deviation to the median of absolute values.
-const FROM_MEDIAN: f32 = 1.4826;
 /// The maximum gap in the rim, rad; a larger one leaves the first harmonic undetermined.
 const MAX_GAP_RAD: f64 = 2.3;
 
@@ -72,7 +70,7 @@ impl SideLight {
                 let sizes = residual.iter().zip(weight.iter()).filter(|(_, weight)| **weight > 0.0);
                 sorted.extend(sizes.map(|(residual, _)| residual.abs()));
                 let middle = sorted.len() / 2;
-                limit = TUKEY * FROM_MEDIAN * nth_smallest(sorted, middle).max(1e-3);
+                limit = TUKEY * SIGMA_PER_MEDIAN as f32 * nth_smallest(sorted, middle).max(1e-3);
             }
             // The weights are 0 and 1, so they are their own roots.
             let limits = Limits { weighted: limit, plain: f32::INFINITY };

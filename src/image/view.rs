@@ -84,6 +84,29 @@ impl<'a> ImageView<'a> {
     pub fn at(&self, x: usize, y: usize) -> Option<f32> {
         (x < self.width && y < self.height).then(|| self.data[y * self.width + x])
     }
+
+    /// Interpolates the grey level bilinearly at (`x`, `y`), px; `None` unless all four pixels around it are in the image.
+    ///
+    /// # Examples
+    ///
+    /// ```
+    /// use ricochet::image::ImageView;
+    ///
+    /// let view = ImageView::new(&[10.0, 20.0, 30.0, 40.0], 2, 2)?;
+    /// assert_eq!(view.interpolate(0.5, 0.25), Some(20.0));
+    /// assert_eq!(view.interpolate(1.5, 0.25), None);
+    /// # Ok::<(), ricochet::image::ShapeError>(())
+    /// ```
+    pub fn interpolate(&self, x: f64, y: f64) -> Option<f32> {
+        let (column, row) = (x.floor(), y.floor());
+        if !(column >= 0.0 && row >= 0.0) {
+            return None;
+        }
+        let (fx, fy, column, row) = ((x - column) as f32, (y - row) as f32, column as usize, row as usize);
+        let at = |dx: usize, dy: usize| self.at(column + dx, row + dy);
+        let (upper, lower) = (at(0, 0)? * (1.0 - fx) + at(1, 0)? * fx, at(0, 1)? * (1.0 - fx) + at(1, 1)? * fx);
+        Some(upper * (1.0 - fy) + lower * fy)
+    }
 }
 
 /// An image of grey levels in digital numbers (DN), row-major, owned.

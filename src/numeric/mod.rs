@@ -20,7 +20,7 @@ pub use normal::{normal, normal_cdf, normal_f64};
 pub use order_statistics::{MAX_COUNT, nth_highest, nth_smallest};
 pub use polynomial::{MAX_ORDER, Polynomial, Sample};
 pub use quadrature::{QuadratureNode, gauss_legendre};
-pub use quantile::{median, otsu, quantile};
+pub use quantile::{SIGMA_PER_MEDIAN, median, otsu, quantile};
 pub use random::{GOLDEN_GAMMA, Stream, Xorshift, key, scramble};
 pub use symmetric::{invert, map_eigenvalues};
 pub(crate) use vector::vectorized;

@@ -2,6 +2,9 @@
 
 use std::cmp::Ordering;
 
+/// The standard deviation of Gaussian noise relative to the median of its absolute values.
+pub const SIGMA_PER_MEDIAN: f64 = 1.4826;
+
 /// A floating-point number.
 pub trait Float: Copy {
     /// Compares in the order of `total_cmp`, in which NaN has a place too.

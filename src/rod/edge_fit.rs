@@ -6,7 +6,7 @@ use super::paint_levels::Paint;
 use super::profiles::{ExpectedEdge, MIN_PROFILES, read_profiles};
 use super::side_paints::PaintEstimator;
 use crate::image::{ImageView, is_saturated};
-use crate::numeric::quantile;
+use crate::numeric::{SIGMA_PER_MEDIAN, quantile};
 use crate::results::{Estimate, PointStatus};
 
 /// The minimum fraction of the examined profiles.
@@ -141,8 +141,7 @@ fn profile_weights(grid: &LevelGrid, sums: &CoreSums<'_>, model: &EdgeModel, fra
     let mut clean: Vec<f64> = fits.iter().filter(|fit| fit.worst_dn <= limit).map(|fit| fit.shift_px).collect();
     let middle = quantile(&mut clean, 0.5).unwrap_or(0.0);
     clean.iter_mut().for_each(|shift| *shift = (*shift - middle).abs());
-    // The median absolute deviation of a normal distribution is its standard deviation / 1.4826.
-    let scatter = 1.4826 * quantile(&mut clean, 0.5).unwrap_or(0.0);
+    let scatter = SIGMA_PER_MEDIAN * quantile(&mut clean, 0.5).unwrap_or(0.0);
     let weight = |(fit, profile): (&ProfileFit, &Profile)| {
         let distance = (fit.shift_px - middle) / (TUKEY * scatter.max(1e-4));
         let is_clean = fit.worst_dn <= limit && distance.abs() < 1.0;

@@ -11,8 +11,6 @@ const CORE_PX: f64 = 2.0;
 const CORE_SIGMAS: f64 = 2.2;
 /// The relative weight that fixes a known parameter.
 const FIXED_WEIGHT: f64 = 1e9;
-/// The number of weighted sums over all profiles.
-const SUMS: usize = 22;
 
 pub(super) type Vector = SVector<f64, 5>;
 pub(super) type Matrix = SMatrix<f64, 5, 5>;
@@ -54,6 +52,33 @@ struct LaneSums {
     count: Lane,
     /// The largest residual, DN.
     worst: Lane,
+}
+
+/// The weighted sums over all profiles. Those by the slope are those by the place, times the position along the edge.
+#[derive(Clone, Copy, Default)]
+struct WeightedSums {
+    place_place: Lane,
+    place_slope: Lane,
+    slope_slope: Lane,
+    place_blur: Lane,
+    slope_blur: Lane,
+    place_before: Lane,
+    slope_before: Lane,
+    place_behind: Lane,
+    slope_behind: Lane,
+    blur_blur: Lane,
+    blur_before: Lane,
+    blur_behind: Lane,
+    before_before: Lane,
+    before_behind: Lane,
+    behind_behind: Lane,
+    place: Lane,
+    slope: Lane,
+    blur: Lane,
+    before: Lane,
+    behind: Lane,
+    squares: Lane,
+    count: Lane,
 }
 
 /// The model at the levels from some row of a grid on.
@@ -166,28 +191,36 @@ impl CoreSums<'_> {
 
     /// Returns the normal equations for these weights of the profiles, with the constraints of a model.
     pub(super) fn normal_equations(&self, weights: &[f64], model: &EdgeModel) -> NormalEquations {
-        let mut sums = [[0.0; LANES]; SUMS];
+        let mut sums = WeightedSums::default();
         for ((sums_of, block), weights) in self.blocks.iter().zip(&self.grid.blocks).zip(weights.chunks(LANES)) {
             let mut weight = [0.0; LANES];
             weight.iter_mut().zip(weights).for_each(|(lane, weight)| *lane = *weight as f32);
             add_block(&mut sums, sums_of, &block.along, &weight);
         }
-        let [pp, ps, ss, pb, sb, pl, sl, pr, sr, bb, bl, br, ll, lr, rr, p, s, b, l, r, squares, count] =
-            std::array::from_fn(|k| f64::from(sum_lanes(&sums[k])));
-        let mut normal = SMatrix::from([
-            [pp, ps, pb, pl, pr],
-            [ps, ss, sb, sl, sr],
-            [pb, sb, bb, bl, br],
-            [pl, sl, bl, ll, lr],
-            [pr, sr, br, lr, rr],
-        ]);
+        sums.normal_equations(model)
+    }
+}
+
+impl WeightedSums {
+    /// Returns the normal equations with the constraints of a model.
+    fn normal_equations(&self, model: &EdgeModel) -> NormalEquations {
+        let rows: [[&Lane; 5]; 5] = [
+            [&self.place_place, &self.place_slope, &self.place_blur, &self.place_before, &self.place_behind],
+            [&self.place_slope, &self.slope_slope, &self.slope_blur, &self.slope_before, &self.slope_behind],
+            [&self.place_blur, &self.slope_blur, &self.blur_blur, &self.blur_before, &self.blur_behind],
+            [&self.place_before, &self.slope_before, &self.blur_before, &self.before_before, &self.before_behind],
+            [&self.place_behind, &self.slope_behind, &self.blur_behind, &self.before_behind, &self.behind_behind],
+        ];
+        let total = |lane: &Lane| f64::from(sum_lanes(lane));
+        let mut normal = SMatrix::from(rows.map(|row| row.map(total)));
         for side in 0..2 {
             normal[(3 + side, 3 + side)] += model.paint_weight(side);
         }
         if model.is_blur_known {
-            normal[(2, 2)] += FIXED_WEIGHT * pp;
+            normal[(2, 2)] += FIXED_WEIGHT * normal[(0, 0)];
         }
-        NormalEquations { normal, right: Vector::from([p, s, b, l, r]), squares, count }
+        let right = Vector::from([&self.place, &self.slope, &self.blur, &self.before, &self.behind].map(total));
+        NormalEquations { normal, right, squares: total(&self.squares), count: total(&self.count) }
     }
 }
 
@@ -240,32 +273,33 @@ fn sum_block(rows: &[Lane], block: &Block, model: RowModel, sums: &mut LaneSums)
 
 /// Adds the weighted sums of the profiles of a block.
 #[multiversion(targets("x86_64+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2+fma"))]
-fn add_block(sums: &mut [Lane; SUMS], block: &LaneSums, along: &[f64; LANES], weight: &Lane) {
+fn add_block(sums: &mut WeightedSums, block: &LaneSums, along: &[f64; LANES], weight: &Lane) {
     for i in 0..LANES {
         let (w, x) = (weight[i], along[i] as f32);
-        let (pp, pb) = (w * block.place_place[i], w * block.place_blur[i]);
-        let (pl, pr, p) = (w * block.place_before[i], w * block.place_behind[i], w * block.place[i]);
-        sums[0][i] += pp;
-        sums[1][i] += x * pp;
-        sums[2][i] += x * x * pp;
-        sums[3][i] += pb;
-        sums[4][i] += x * pb;
-        sums[5][i] += pl;
-        sums[6][i] += x * pl;
-        sums[7][i] += pr;
-        sums[8][i] += x * pr;
-        sums[9][i] += w * block.blur_blur[i];
-        sums[10][i] += w * block.blur_before[i];
-        sums[11][i] += w * block.blur_behind[i];
-        sums[12][i] += w * block.before_before[i];
-        sums[13][i] += w * block.before_behind[i];
-        sums[14][i] += w * block.behind_behind[i];
-        sums[15][i] += p;
-        sums[16][i] += x * p;
-        sums[17][i] += w * block.blur[i];
-        sums[18][i] += w * block.before[i];
-        sums[19][i] += w * block.behind[i];
-        sums[20][i] += w * block.squares[i];
-        sums[21][i] += w * block.count[i];
+        let (place_place, place_blur) = (w * block.place_place[i], w * block.place_blur[i]);
+        let (place_before, place_behind) = (w * block.place_before[i], w * block.place_behind[i]);
+        let place = w * block.place[i];
+        sums.place_place[i] += place_place;
+        sums.place_slope[i] += x * place_place;
+        sums.slope_slope[i] += x * x * place_place;
+        sums.place_blur[i] += place_blur;
+        sums.slope_blur[i] += x * place_blur;
+        sums.place_before[i] += place_before;
+        sums.slope_before[i] += x * place_before;
+        sums.place_behind[i] += place_behind;
+        sums.slope_behind[i] += x * place_behind;
+        sums.blur_blur[i] += w * block.blur_blur[i];
+        sums.blur_before[i] += w * block.blur_before[i];
+        sums.blur_behind[i] += w * block.blur_behind[i];
+        sums.before_before[i] += w * block.before_before[i];
+        sums.before_behind[i] += w * block.before_behind[i];
+        sums.behind_behind[i] += w * block.behind_behind[i];
+        sums.place[i] += place;
+        sums.slope[i] += x * place;
+        sums.blur[i] += w * block.blur[i];
+        sums.before[i] += w * block.before[i];
+        sums.behind[i] += w * block.behind[i];
+        sums.squares[i] += w * block.squares[i];
+        sums.count[i] += w * block.count[i];
     }
 }

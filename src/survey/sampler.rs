@@ -21,16 +21,7 @@ pub struct ReducedImage {
 impl ReducedImage {
     /// Interpolates the grey level bilinearly at x, y, reduced pixels, DN; `None` outside.
     pub(super) fn interpolate(&self, [x, y]: [f64; 2]) -> Option<f64> {
-        if !(x >= 0.0 && y >= 0.0 && x < self.width as f64 - 1.0 && y < self.height as f64 - 1.0) {
-            return None;
-        }
-        let (column, row) = (x.floor(), y.floor());
-        let (dx, dy) = (x - column, y - row);
-        let at = row as usize * self.width + column as usize;
-        let level = |index: usize| f64::from(self.levels_dn[index]);
-        let upper = level(at) * (1.0 - dx) + level(at + 1) * dx;
-        let lower = level(at + self.width) * (1.0 - dx) + level(at + self.width + 1) * dx;
-        Some(upper * (1.0 - dy) + lower * dy)
+        ImageView::new(&self.levels_dn, self.width, self.height).ok()?.interpolate(x, y).map(f64::from)
     }
 }
 

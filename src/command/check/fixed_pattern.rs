@@ -1,6 +1,7 @@
 //! The fixed-pattern noise of the sensor, estimated from static frames.
 
 use super::region::{Region, Stack, quantile};
+use crate::numeric::SIGMA_PER_MEDIAN;
 
 /// Coefficients of the fourth difference along x and y. It cancels illumination up to cubic order and leaves little
 /// of what a lens can image.
@@ -14,8 +15,6 @@ const REACH: usize = 2;
 const FLAT_SHARE: f64 = 0.03;
 /// Minimum number of positions.
 const MIN_PLACES: usize = 1000;
-/// Standard deviation over the median absolute value of normal noise.
-const FROM_MEDIAN: f64 = 1.4826;
 
 /// The fixed pattern that the sensor adds to every frame.
 #[derive(Debug, Clone, Copy)]
@@ -56,7 +55,7 @@ pub(super) fn fixed_pattern_dn(stack: &Stack, region: &Region, noise_dn: Option<
     }
     let flat = quantile(&mut residuals.iter().map(|[bend, _]| *bend).collect::<Vec<_>>(), FLAT_SHARE) as f32;
     let mut sizes: Vec<f32> = residuals.iter().filter(|[bend, _]| *bend <= flat).map(|[_, size]| *size).collect();
-    let spread_dn = FROM_MEDIAN * quantile(&mut sizes, 0.5) / GAIN;
+    let spread_dn = SIGMA_PER_MEDIAN * quantile(&mut sizes, 0.5) / GAIN;
     Some((spread_dn.powi(2) - noise_dn?.powi(2) / stack.frames as f64).max(0.0).sqrt())
 }
 

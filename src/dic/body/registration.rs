@@ -4,7 +4,7 @@ use multiversion::multiversion;
 
 use super::median_residual::nth_smallest;
 use super::visibility::NOISE_SAMPLE_PIXELS;
-use crate::numeric::{LANES, Lanes};
+use crate::numeric::{LANES, Lanes, SIGMA_PER_MEDIAN};
 
 /// The maximum residual per gradient that counts as an error of registration or interpolation, px.
 ///
@@ -19,9 +19,6 @@ const MIN_COMPARED: usize = 20;
 
 /// The factor that exceeds the rounding of [`nth_smallest`].
 const ROUNDED_UP: f32 = 1.0005;
-
-/// The standard deviation of Gaussian noise relative to its median absolute value.
-const SIGMA_PER_MEDIAN: f32 = 1.4826;
 
 /// A sample of the pixels of a body, with infinities at pixels that do not count.
 #[derive(Debug, Clone, Default)]
@@ -115,7 +112,7 @@ impl RegistrationSample {
         }
         let median = &mut self.last_medians[kind];
         *median = nth_smallest(&self.chosen, pixels / 2, *median);
-        SIGMA_PER_MEDIAN * *median
+        SIGMA_PER_MEDIAN as f32 * *median
     }
 
     /// Returns the mean of the squared gradients from `limit` up, (DN/px)^2; 0 without one.

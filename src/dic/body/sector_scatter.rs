@@ -8,15 +8,13 @@
 use super::median_residual::median_absolute;
 use crate::dic::geometry::SubsetMask;
 use crate::dic::subset::ReferenceSubset;
-use crate::numeric::{LANES, Lanes};
+use crate::numeric::{LANES, Lanes, SIGMA_PER_MEDIAN};
 
 /// The number of sectors: octants.
 const SECTORS: usize = 8;
 /// The number of parameters of a rigid match.
 const PARAMETERS: usize = 3;
 
-/// The ratio of the median of absolute values to the standard deviation of Gaussian noise, inverted.
-const SIGMA_PER_MEDIAN: f64 = 1.4826;
 /// The ratio of the scatter between the sectors to the variance by noise that chance explains. It is 2 on average, since
 /// interpolation correlates neighbouring pixels, and larger than this once in a thousand matches of speckle.
 const CHANCE_RATIO: f64 = 8.0;

@@ -9,7 +9,7 @@ use multiversion::multiversion;
 use super::box_filter::{are_strips_within, are_within, box_sums, neighbourhood_sums, strip_minima};
 use super::median_residual::{median_absolute, nth_smallest};
 use crate::dic::geometry::{Size, SubsetMask};
-use crate::numeric::{LANES, Lanes};
+use crate::numeric::{LANES, Lanes, SIGMA_PER_MEDIAN};
 
 /// Half the side of the neighbourhood of the local ZNCC, px.
 const ZNCC_REACH: usize = 5;
@@ -90,7 +90,7 @@ impl VisibilityMap {
         self.sample.clear();
         self.sample.extend(residual.iter().step_by(step));
         let median = median_absolute(&self.sample, pixels, squares / window.pixels as f64);
-        let noise = (1.4826 * median).max(min_noise);
+        let noise = (SIGMA_PER_MEDIAN as f32 * median).max(min_noise);
         if squares > window.pixels as f64 * f64::from(MAX_RMS_RATIO * noise).powi(2) {
             return false;
         }
@@ -229,7 +229,7 @@ impl VisibilityMap {
             return 0.0;
         }
         self.median = nth_smallest(&self.sizes, pixels / 2, self.median);
-        1.4826 * self.median
+        SIGMA_PER_MEDIAN as f32 * self.median
     }
 }
 
@@ -361,9 +361,10 @@ mod tests {
             let mut slow = planned(&window);
             let noise = slow.noise(&residual, &window.mask);
             let squares = sum_of_squares(&residual) / window.pixels as f64;
-            let of_all = 1.4826 * median_absolute(&residual, window.pixels, squares);
+            let of_all = SIGMA_PER_MEDIAN as f32 * median_absolute(&residual, window.pixels, squares);
             assert!((of_all / noise - 1.0).abs() < 0.01);
-            let of_sample = 1.4826 * median_absolute(&visibility.sample, visibility.sampled.1, squares);
+            let of_sample =
+                SIGMA_PER_MEDIAN as f32 * median_absolute(&visibility.sample, visibility.sampled.1, squares);
             assert!((of_sample / noise - 1.0).abs() < 0.05, "{of_sample} of {noise}");
             slow.mask_by_residual(&window, &residual, noise, &mut kept);
             assert_eq!(kept == window.mask, expected);
