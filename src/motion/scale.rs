@@ -100,6 +100,11 @@ impl RunningRadius {
         self.whole.median.or(self.any.median)
     }
 
+    /// Whether the whole outline was seen, so that an error of the radius is none of the centre.
+    pub fn is_whole(&self) -> bool {
+        self.whole.median.is_some()
+    }
+
     /// Returns the scatter of the radius about a steady change beyond the sigmas of the outlines, px.
     ///
     /// Light at the rim that shifts a part of an outline changes its radius by about as much as its centre.

@@ -287,7 +287,9 @@ impl BodyTracker {
     fn rim_misfit_px(&self) -> f64 {
         let both = self.radius.radius_px().zip(self.params.radius_px).filter(|_| self.params.form == Form::Ball);
         let misfit_px = both.map(|(radius, expected_px)| {
-            let allowed_px = RADIUS_TOLERANCE * expected_px + RADIUS_SIGMAS * radius.sigma;
+            // The centre of a part of a rim is as wrong as its radius.
+            let tolerance = if self.radius.is_whole() { RADIUS_TOLERANCE } else { 0.0 };
+            let allowed_px = tolerance * expected_px + RADIUS_SIGMAS * radius.sigma;
             Some((radius.value - expected_px).abs()).filter(|misfit_px| *misfit_px > allowed_px)
         });
         let scatter_px = if self.params.form == Form::Ball { self.radius.scatter_px() } else { 0.0 };
