@@ -15,6 +15,10 @@ const MIN_SCATTERED: usize = 8;
 const MIN_EXCESS: f64 = 2.0;
 /// The visible fraction from which an outline counts as unoccluded.
 const UNOCCLUDED_FRACTION: f64 = 0.95;
+/// The difference between measured and expected radius that an inaccurate scale explains, as a fraction.
+const RADIUS_TOLERANCE: f64 = 0.01;
+/// The same that noise explains, sigmas.
+const RADIUS_SIGMAS: f64 = 1.0;
 
 /// A robust running radius of a ball: the median over the outlines so far, of the unoccluded ones if there are any.
 #[derive(Debug, Clone)]
@@ -100,9 +104,13 @@ impl RunningRadius {
         self.whole.median.or(self.any.median)
     }
 
-    /// Whether the whole outline was seen, so that an error of the radius is none of the centre.
-    pub fn is_whole(&self) -> bool {
-        self.whole.median.is_some()
+    /// Returns the difference from the expected radius if noise and an inaccurate scale do not explain it, px; else 0.
+    pub fn misfit_px(&self, expected_px: f64) -> f64 {
+        let Some(radius) = self.radius_px() else { return 0.0 };
+        // The centre of a part of a rim is as wrong as its radius, that of a whole rim is not.
+        let tolerance = if self.whole.median.is_some() { RADIUS_TOLERANCE } else { 0.0 };
+        let allowed_px = tolerance * expected_px + RADIUS_SIGMAS * radius.sigma;
+        Some((radius.value - expected_px).abs()).filter(|misfit_px| *misfit_px > allowed_px).unwrap_or(0.0)
     }
 
     /// Returns the scatter of the radius about a steady change beyond the sigmas of the outlines, px.
@@ -159,6 +167,19 @@ mod tests {
         assert_eq!(radius.radius_px().unwrap().value.to_bits(), 58.0_f64.to_bits());
         radius.push(&circle(60.0, 1.0));
         assert_eq!(radius.radius_px().unwrap().value.to_bits(), 60.0_f64.to_bits());
+    }
+
+    #[test]
+    fn a_wrong_radius_of_a_part_of_a_rim_counts_in_full() {
+        let misfit = |radius_px: f64, visible_fraction: f64| {
+            let mut radius = RunningRadius::new();
+            radius.push(&circle(radius_px, visible_fraction));
+            radius.misfit_px(60.0)
+        };
+        assert!((misfit(59.5, 0.3) - 0.5).abs() < 1e-12);
+        assert!(misfit(59.5, 1.0).abs() < 1e-12, "the scale may be inaccurate");
+        assert!((misfit(59.0, 1.0) - 1.0).abs() < 1e-12);
+        assert!(misfit(59.96, 0.3).abs() < 1e-12, "noise");
     }
 
     #[test]

@@ -22,10 +22,6 @@ use crate::results::{
 
 /// The distance from which an outline and the integrated motion place the centre differently, sigmas.
 const CONTRADICTION_SIGMAS: f64 = 8.0;
-/// The difference between measured and expected radius that an inaccurate scale explains, as a fraction.
-const RADIUS_TOLERANCE: f64 = 0.01;
-/// The same that noise explains, sigmas.
-const RADIUS_SIGMAS: f64 = 1.0;
 /// The share of a rotation held back by light from which the rotation is not known at all, and the share that stands for it.
 const MAX_LIGHT_FRACTION: f64 = 0.7;
 const UNKNOWN_FRACTION: f64 = 1e9;
@@ -285,15 +281,11 @@ impl BodyTracker {
     ///
     /// Glancing reflections or shadow mask the rim on one side, which moves the centre by about as much.
     fn rim_misfit_px(&self) -> f64 {
-        let both = self.radius.radius_px().zip(self.params.radius_px).filter(|_| self.params.form == Form::Ball);
-        let misfit_px = both.map(|(radius, expected_px)| {
-            // The centre of a part of a rim is as wrong as its radius.
-            let tolerance = if self.radius.is_whole() { RADIUS_TOLERANCE } else { 0.0 };
-            let allowed_px = tolerance * expected_px + RADIUS_SIGMAS * radius.sigma;
-            Some((radius.value - expected_px).abs()).filter(|misfit_px| *misfit_px > allowed_px)
-        });
-        let scatter_px = if self.params.form == Form::Ball { self.radius.scatter_px() } else { 0.0 };
-        misfit_px.flatten().unwrap_or(0.0).max(scatter_px)
+        if self.params.form != Form::Ball {
+            return 0.0;
+        }
+        let misfit_px = self.params.radius_px.map_or(0.0, |expected_px| self.radius.misfit_px(expected_px));
+        misfit_px.max(self.radius.scatter_px())
     }
 
     /// Returns the distance from the centre of the point that light or stripes hold in place while the body turns, px.
