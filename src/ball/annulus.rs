@@ -208,7 +208,7 @@ impl Annulus {
             y: (outline.y - self.middle.y) as f32,
             radius: outline.radius as f32,
             white: if self.clipped == ClippedPixels::Included { f32::INFINITY } else { self.white },
-            inner: if self.kind == RimKind::Speckled { SPECKLED_BAND_PX } else { INNER_BAND_PX } as f32,
+            inner: if self.kind == RimKind::Clean { INNER_BAND_PX } else { SPECKLED_BAND_PX } as f32,
         };
         for block in 0..self.count.len() / LANES {
             let range = self.slot_range(block);

@@ -75,7 +75,7 @@ impl CircleFit {
             self.update_residuals(rim, correction);
             let scale = self.residual_scale()?;
             let plain = match self.rim_kind {
-                RimKind::Clean => MAX_RESIDUAL_PX,
+                RimKind::Clean | RimKind::Shaded => MAX_RESIDUAL_PX,
                 RimKind::Speckled => MAX_RESIDUAL_SPECKLED_PX,
             };
             let limits = Limits { weighted: TUKEY * scale, plain };
@@ -149,7 +149,7 @@ impl CircleFit {
     /// Returns the rank of the residual that gives their scale.
     fn scale_rank(&self) -> ScaleRank {
         match self.rim_kind {
-            RimKind::Clean => CLEAN_SCALE,
+            RimKind::Clean | RimKind::Shaded => CLEAN_SCALE,
             RimKind::Speckled => SPECKLED_SCALE,
         }
     }

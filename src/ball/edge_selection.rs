@@ -57,8 +57,9 @@ impl EdgeSelection {
         self.used.clear();
         let contrast = &self.contrast;
         let min_contrast = MIN_CONTRAST * noise;
+        let is_shaded = kind == RimKind::Shaded;
         let near = || edges.iter().zip(contrast).map(|(e, &c)| (c, e.shift.abs() < MAX_DISTANCE_PX));
-        self.used.extend(near().map(|(c, is_near)| c > min_contrast && is_near));
+        self.used.extend(near().map(|(c, is_near)| is_near && (c > min_contrast || (is_shaded && c < -min_contrast))));
         self.opposite_sign = near().map(|(c, is_near)| usize::from(c < -min_contrast && is_near)).sum();
         // On a darker ball, speckle and paint are both darker than the background and both good edges.
         // On a brighter one, the dark speckle has the wrong contrast or little of it.

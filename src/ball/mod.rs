@@ -39,6 +39,8 @@ enum RimKind {
     Clean,
     /// Speckles line the rim, as on a sphere, and all of it is used.
     Speckled,
+    /// Light and shade change the contrast along the rim, and its sign, and all of it is used.
+    Shaded,
 }
 
 /// The brightness of a ball relative to its background.

@@ -1,17 +1,18 @@
 //! The subpixel fit: from a circle accurate to a pixel to one accurate to a few hundredths.
 
+mod acceptance;
+
+use self::acceptance::{FEW_INLIERS, Support};
 use super::RimKind;
 use super::annulus::{Annulus, ClippedPixels, Outline, SLACK_PX};
 use super::circle_fit::{CircleFit, Correction};
 use super::edge_fit::{Edge, EdgeSearch, fit_edges};
-use super::edge_selection::{self, CleanContrast, EdgeSelection};
+use super::edge_selection::{CleanContrast, EdgeSelection};
 use super::limb_darkening::{LimbDarkening, SECTORS, Shift, Step, VisibleRim, edge_shift};
 use super::ransac::Candidate;
 use super::side_light::SideLight;
-use super::significance::evidence;
 use super::visible_fraction::{RimBin, fraction_in_image, unoccluded_fraction};
 use crate::image::ImageView;
-use crate::numeric::nth_smallest;
 use crate::results::Circle;
 
 /// The maximum number of rounds of gathering and fitting.
@@ -27,47 +28,10 @@ const REGATHER_PX: f64 = 0.1;
 /// The blur of a lens in focus, where the search for the blur starts, px.
 const USUAL_BLUR_PX: f32 = 0.8;
 const BLUR_RANGE_PX: std::ops::RangeInclusive<f32> = 0.35..=2.0;
-/// The blur up to which speckle at the rim pulls edges within the limits below, px; the limits grow with larger blurs.
-const SHARP_BLUR_PX: f32 = 0.9;
-/// The minimum inlier fraction of a blurred rim with a larger scatter, since a textured background is blurred, too.
-const MIN_INLIERS_BLURRED: f64 = 0.15;
 /// The maximum shift from the start, px; an outline that moves farther was not the ball's.
 pub(super) const MAX_SHIFT_PX: f64 = 4.0;
-/// The maximum distance of an inlier from the circle, px.
-const INLIER_PX: f32 = 0.25;
-/// The minimum number of inliers, plus a fraction of the rim inside the image.
-///
-/// These limits were set on 420 circles of balls in hard scenes and 2300 around texture, speckle and occluders
-/// of all sizes: they accept 98 % of the former and none of the latter.
-const MIN_INLIERS: f64 = 15.0;
-const MIN_INLIER_FRACTION: f64 = 0.055;
-/// The minimum inlier fraction of the used edges, and that for many inliers.
-const MIN_INLIERS_OF_USED: f64 = 0.55;
-const MIN_INLIERS_OF_USED_WHEN_MANY: f64 = 0.45;
-const MANY_INLIERS: usize = 30;
-/// The number of inliers below which the evidence against chance must reach a minimum, nats.
-///
-/// In 21 000 searches for balls of 6 to 20 px in speckled paint and texture, no false ball had as many inliers. Marks
-/// pull three or four neighbouring edges alike, in blurred images more, and the search takes the best of many
-/// circles. The three false balls with the most evidence had 31.0, 30.2 and 28.1 nats.
-const FEW_INLIERS: usize = 26;
-const MIN_EVIDENCE_NATS: f64 = 31.0;
-/// The maximum number of edges outside the circle: a distance, px, and a fraction of the inliers.
-///
-/// Marks at a rim pull its edges inwards. If more than this fraction lies farther out than this distance, those edges
-/// are the rim and the circle lies inside the ball. Of 15 000 circles in hard scenes, such circles were off by up to
-/// 8 px (80 sigmas). Of the others, 1 in 250 discs and 1 in 60 spheres had as many.
-const MAX_OUTER: (f32, f64) = (0.4, 0.14);
-const MAX_OUTER_OF_FEW: (f32, f64) = (0.4, 0.08);
-const MAX_OUTER_SPECKLED: (f32, f64) = (1.0, 0.2);
-/// The number of inliers below which fewer outer edges are allowed.
-const FEW_INLIERS_FOR_OUTER: usize = 40;
-/// The maximum robust scatter of the used edges about the circle, px.
-const MAX_SCATTER_PX: f64 = 0.28;
 /// The inlier fraction from which no other place can be the ball.
 pub(super) const CERTAIN_INLIERS: f64 = 0.3;
-/// The factor of the maximum scatter at that inlier fraction, for speckle along the rest of the rim.
-const CERTAIN_SCATTER_FACTOR: f64 = 1.5;
 /// The factor from the covariance of the fit to the observed error, and its growth with the occluded fraction.
 ///
 /// Bartlett's window misses a part of the correlation of neighbours. Texture and shading are correlated over longer
@@ -83,6 +47,16 @@ const RADIUS_FACTOR_OCCLUDED: f64 = 0.95;
 const OUTLIER_FACTORS: [f64; 2] = [2.0, 4.5];
 /// The factors of the uncertainties of centre and radius if speckles line the rim.
 const SPECKLED_FACTORS: [f64; 2] = [1.12, 2.0];
+/// The factors of the uncertainties of centre and radius if light and shade change the contrast along the rim, and what
+/// they add, px: a limb that darkens pulls the edges of faint contrast in, all of a side together.
+const SHADED_FACTORS: [f64; 2] = [2.0, 3.0];
+const SHADED_SIGMA_PX: [f64; 2] = [0.15, 0.3];
+/// The maximum uncertainty of the centre of such a rim, px; texture places a ball better than that.
+const MAX_SHADED_SIGMA_PX: f64 = 0.25;
+/// The minimum radius of a ball for such a rim, px; of a smaller one, the shade changes within the annulus.
+const MIN_SHADED_RADIUS_PX: f32 = 18.0;
+/// The uncertainty of the centre up to which the clean parts of a rim are enough, px.
+const GOOD_SIGMA_PX: f64 = 0.04;
 const MIN_CENTER_SIGMA_PX: f64 = 0.005;
 const MIN_RADIUS_SIGMA_PX: f64 = 0.006;
 /// The minimum fraction of a sector's rim that makes the sector visible.
@@ -111,17 +85,8 @@ const MOSTLY_VISIBLE: f64 = 0.75;
 ///
 /// Then all of the rim, in a narrower annulus, gives a better circle.
 const MIN_SPECKLED_SCATTER_PX: f64 = 0.15;
-/// The maximum scatter of a speckled rim, px.
-const MAX_SPECKLED_SCATTER_PX: f64 = 0.5;
 /// The minimum fraction of a speckled rim with an edge of its sign.
 const MIN_SPECKLED_EDGES: f64 = 0.5;
-/// The minimum number of inliers of a speckled rim.
-const MIN_SPECKLED_INLIERS: usize = 45;
-/// The maximum interquartile range of the levels outside a speckled rim, as a fraction of its contrast.
-///
-/// Circles in speckled paint have speckles outside, too.
-const MAX_OUTSIDE_VARIATION: f32 = 0.2;
-
 /// An accepted outline.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Measured {
@@ -130,6 +95,13 @@ pub(super) struct Measured {
     pub inlier_fraction: f64,
     /// The robust scatter of the edges about the circle, px.
     pub scatter_px: f64,
+}
+
+impl Measured {
+    /// Whether this outline has a more certain centre than the other, and more edges that agree.
+    fn improves_on(&self, other: &Self) -> bool {
+        self.circle.sigma_center_px < other.circle.sigma_center_px && self.inlier_fraction > other.inlier_fraction
+    }
 }
 
 /// The effort of a fit.
@@ -211,26 +183,32 @@ impl SubpixelFit {
         effort: Effort,
     ) -> Option<Measured> {
         self.rim.set_clipped(ClippedPixels::Excluded);
-        let measured = self.fit_clean_or_speckled(image, candidate, effort);
+        let measured = self.fit_clean_or_all(image, candidate, effort);
         if measured.is_some() || self.rim.white().is_infinite() {
             return measured;
         }
         self.rim.set_clipped(ClippedPixels::Included);
-        self.fit_clean_or_speckled(image, candidate, effort)
+        self.fit_clean_or_all(image, candidate, effort)
     }
 
-    /// Fits the clean parts of the rim, and if they disagree, all of it.
-    fn fit_clean_or_speckled(
-        &mut self,
-        image: ImageView<'_>,
-        candidate: &Candidate,
-        effort: Effort,
-    ) -> Option<Measured> {
+    /// Fits the clean parts of the rim, and if they are few or disagree, all of it.
+    fn fit_clean_or_all(&mut self, image: ImageView<'_>, candidate: &Candidate, effort: Effort) -> Option<Measured> {
         self.set_rim_kind(RimKind::Clean);
         self.selection.same_sign = 0;
         let clean = self.fit_circle(image, candidate, effort);
         let same_sign = self.selection.same_sign as f64 / self.rim.bins().max(1) as f64;
         let is_clipped = self.rim.white().is_finite() && self.rim.clipped() == ClippedPixels::Excluded;
+        let is_certain = clean.is_some_and(|clean| clean.circle.sigma_center_px <= GOOD_SIGMA_PX);
+        if !is_certain && candidate.radius > MIN_SHADED_RADIUS_PX {
+            self.set_rim_kind(RimKind::Shaded);
+            let is_better = |shaded: &Measured| {
+                shaded.circle.sigma_center_px < MAX_SHADED_SIGMA_PX
+                    && clean.is_none_or(|clean| shaded.improves_on(&clean))
+            };
+            if let Some(shaded) = self.fit_circle(image, candidate, effort).filter(is_better) {
+                return Some(shaded);
+            }
+        }
         if clean.is_some_and(|c| c.scatter_px < MIN_SPECKLED_SCATTER_PX) || same_sign < MIN_SPECKLED_EDGES || is_clipped
         {
             return clean;
@@ -336,26 +314,10 @@ impl SubpixelFit {
     /// uncertain. The radius is corrected for the shift of the edges from the rim, and the centre for that under side
     /// light. The uncertainties are those of the fit, increased for blur, occlusion, marks and clipped pixels.
     fn accept_circle(&mut self, image: ImageView<'_>, outline: Outline, blur: f32) -> Option<Measured> {
-        let inliers = self.fit.count_inliers(INLIER_PX);
-        let inside = (0..self.rim.bins()).filter(|&bin| self.rim.count(bin) > 0).count().max(1) as f64;
-        let inlier_fraction = inliers as f64 / inside;
-        let used = self.selection.used.iter().filter(|used| **used).count();
-        let is_many = inliers >= MANY_INLIERS;
-        let blur_factor = f64::from(blur / SHARP_BLUR_PX).max(1.0);
-        let may_scatter = if is_many && inlier_fraction >= MIN_INLIERS_BLURRED { blur_factor } else { 1.0 };
         let scatter_px = f64::from(self.fit.scatter_px()?);
-        let is_rim = if self.fit.rim_kind == RimKind::Speckled {
-            let has_edges = used as f64 > MIN_SPECKLED_EDGES * inside;
-            has_edges
-                && inliers >= MIN_SPECKLED_INLIERS
-                && scatter_px < MAX_SPECKLED_SCATTER_PX
-                && self.is_uniform_outside()
-        } else {
-            let may_scatter =
-                if inlier_fraction > CERTAIN_INLIERS { CERTAIN_SCATTER_FACTOR } else { 1.0 } * may_scatter;
-            scatter_px <= MAX_SCATTER_PX * may_scatter && self.is_beyond_chance(inliers, inside, blur_factor)
-        };
-        if !(is_rim && self.is_outermost(inliers)) {
+        let support = self.support(blur);
+        let Support { inliers, inlier_fraction, blur_factor, .. } = support;
+        if !self.is_rim(&support, scatter_px) {
             return None;
         }
         let c = self.fit.covariance(&self.rim)?;
@@ -366,13 +328,15 @@ impl SubpixelFit {
             ..FEW_INLIERS => MAX_SIGMA_OF_FEW_PX,
             _ if visible_fraction > MOSTLY_VISIBLE => MAX_SIGMA_VISIBLE_PX,
             _ => MAX_SIGMA_PX,
-        } * may_scatter;
+        } * support.scatter_factor;
         if !(center_sigma < max_sigma_px && radius_sigma < max_sigma_px) {
             return None;
         }
         let clip = self.clipped_sigma_px()?;
-        let outlier_fraction = 1.0 - inliers as f64 / used as f64;
+        let shade = if self.fit.rim_kind == RimKind::Shaded { SHADED_SIGMA_PX } else { [0.0; 2] };
+        let outlier_fraction = 1.0 - inliers as f64 / support.used as f64;
         let marks = match (self.fit.rim_kind, self.selection.excludes_speckle) {
+            (RimKind::Shaded, _) => SHADED_FACTORS,
             (RimKind::Speckled, _) => SPECKLED_FACTORS,
             (RimKind::Clean, true) => OUTLIER_FACTORS.map(|factor| (factor * outlier_fraction).hypot(1.0)),
             (RimKind::Clean, false) => [1.0; 2],
@@ -392,53 +356,19 @@ impl SubpixelFit {
             x_px: outline.x + side.value * amplitude_x / amplitude,
             y_px: outline.y + side.value * amplitude_y / amplitude,
             radius_px: outline.radius + shift.rim.value,
-            sigma_center_px: (center * center_sigma).hypot(clip[0]).hypot(side.sigma).hypot(MIN_CENTER_SIGMA_PX),
-            sigma_radius_px: (radius * radius_sigma).hypot(clip[1]).hypot(shift.rim.sigma).hypot(MIN_RADIUS_SIGMA_PX),
+            sigma_center_px: (center * center_sigma)
+                .hypot(clip[0])
+                .hypot(shade[0])
+                .hypot(side.sigma)
+                .hypot(MIN_CENTER_SIGMA_PX),
+            sigma_radius_px: (radius * radius_sigma)
+                .hypot(clip[1])
+                .hypot(shade[1])
+                .hypot(shift.rim.sigma)
+                .hypot(MIN_RADIUS_SIGMA_PX),
             visible_fraction,
         };
         Some(Measured { circle, inlier_fraction, scatter_px })
-    }
-
-    /// Whether too many edges agree for a circle in texture; `blur_factor` is the blur relative to a sharp image.
-    fn is_beyond_chance(&self, inliers: usize, inside: f64, blur_factor: f64) -> bool {
-        let used = self.selection.used.iter().filter(|used| **used).count();
-        let is_many = inliers >= MANY_INLIERS;
-        let of_used = if is_many { MIN_INLIERS_OF_USED_WHEN_MANY } else { MIN_INLIERS_OF_USED };
-        let enough =
-            inliers as f64 >= MIN_INLIERS + MIN_INLIER_FRACTION * inside && inliers as f64 > of_used * used as f64;
-        // An edge of the opposite sign might as well have agreed.
-        let nats = || {
-            evidence(used + self.selection.opposite_sign, edge_selection::MAX_DISTANCE_PX, |within_px| {
-                self.fit.count_inliers(within_px)
-            })
-        };
-        enough && (inliers >= FEW_INLIERS || nats() > MIN_EVIDENCE_NATS * blur_factor)
-    }
-
-    /// Whether at most a small fraction of the edges lies outside the circle.
-    fn is_outermost(&self, inliers: usize) -> bool {
-        let (distance_px, max_fraction) = match inliers {
-            _ if self.fit.rim_kind == RimKind::Speckled => MAX_OUTER_SPECKLED,
-            ..FEW_INLIERS_FOR_OUTER => MAX_OUTER_OF_FEW,
-            _ => MAX_OUTER,
-        };
-        self.fit.count_outer_edges(distance_px) as f64 <= max_fraction * inliers as f64
-    }
-
-    /// Whether the levels outside the rim are nearly uniform along it.
-    fn is_uniform_outside(&self) -> bool {
-        let trusted = || {
-            self.edges
-                .iter()
-                .zip(&self.fit.robust_weight)
-                .filter(|(_, robust_weight)| **robust_weight > 0.0)
-                .map(|(edge, _)| edge)
-        };
-        let mut outside: Vec<f32> = trusted().map(|edge| edge.inside - edge.contrast).collect();
-        let mut contrast: Vec<f32> = trusted().map(|edge| edge.contrast.abs()).collect();
-        let Some(last) = outside.len().checked_sub(1) else { return false };
-        let [low, high] = [last / 4, last * 3 / 4].map(|rank| nth_smallest(&mut outside, rank));
-        (high - low) < MAX_OUTSIDE_VARIATION * nth_smallest(&mut contrast, last / 2)
     }
 
     /// Returns the uncertainty of centre and radius because of clipped pixels, px; `None` if it is too large.
@@ -466,25 +396,30 @@ impl SubpixelFit {
     fn edge_shift(&mut self, image: ImageView<'_>, outline: &Outline, blur: f32) -> Shift {
         let (bins, robust_weight) = (self.edges.len(), &self.fit.robust_weight[..self.edges.len()]);
         let mut trusted = [0.0; SECTORS];
-        let (mut inside, mut contrast, mut total) = (0.0, 0.0, 0.0);
+        let (mut inside, mut contrast, mut signed, mut total) = (0.0, 0.0, 0.0, 0.0_f32);
         for (bin, (edge, robust_weight)) in self.edges.iter().zip(robust_weight).enumerate() {
             trusted[bin * SECTORS / bins] += if *robust_weight > 0.0 { (SECTORS as f64) / bins as f64 } else { 0.0 };
             inside += robust_weight * edge.inside;
-            contrast += robust_weight * edge.contrast;
+            // Of a rim of both signs, the contrasts must not cancel.
+            contrast += robust_weight * edge.contrast.abs();
+            signed += robust_weight * edge.contrast;
             total += robust_weight;
         }
         let visible = VisibleRim { sectors: trusted.map(|share| share > MIN_VISIBLE_RIM), blur_px: blur.into() };
         let darkening = self.limb.darkening(image, outline, visible);
-        let [inside, contrast] = [inside, contrast].map(|sum| f64::from(sum / total));
+        let [inside, contrast] = [inside, contrast.copysign(signed)].map(|sum| f64::from(sum / total));
         edge_shift(darkening, outline.radius, Step { inside, contrast, blur_px: blur.into() })
     }
 
     /// Returns the visible fraction of the disc, 0 to 1: neither occluded nor outside the image.
     fn visible_fraction(&mut self, image: ImageView<'_>, outline: Outline) -> f64 {
         self.rim_bins.clear();
+        // Where light and shade leave no contrast, nothing shows whether the rim is occluded.
+        let is_known = |bin: usize| self.fit.rim_kind != RimKind::Shaded || self.selection.used[bin];
         for bin in 0..self.rim.bins() {
             let bin = match (self.rim.count(bin), self.fit.robust_weight[bin]) {
                 (0..8, _) => RimBin::Outside,
+                _ if !is_known(bin) => RimBin::Outside,
                 (_, robust_weight) if robust_weight > 0.0 => RimBin::Visible,
                 _ => RimBin::Missing,
             };

@@ -7,7 +7,7 @@ pub(super) enum RimBin {
     Visible,
     /// There is no rim: it is occluded or covered by a speckle.
     Missing,
-    /// The bin lies outside the image.
+    /// The bin lies outside the image, or has no contrast.
     Outside,
 }
 

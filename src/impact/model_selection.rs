@@ -315,9 +315,14 @@ fn fit_all(guess: &InitialGuess, samples: &[Sample]) -> Vec<LawFit> {
     // two free exponents, or from the other law, the free stiffness may reach the same motion with a force that begins
     // frames apart.
     let chi2 = |law: &Option<(LawFit, Units)>| law.as_ref().map_or(f64::INFINITY, |(fit, _)| fit.chi2);
-    let near = if chi2(&hertz) < chi2(&spring) { &hertz } else { &spring };
+    let [near, far] = if chi2(&hertz) < chi2(&spring) { [&hertz, &spring] } else { [&spring, &hertz] };
     let near = near.as_ref().or(two.as_ref());
-    let free = near.map_or_else(Vec::new, |near| fit_free_stiffness(near, samples));
+    let mut free = near.map_or_else(Vec::new, |near| fit_free_stiffness(near, samples));
+    // Where no simple law passes, neither does the onset of the nearest: the other law's counts as well.
+    let is_simple = [&spring, &hertz, &power, &two].into_iter().flatten().any(|(fit, _)| is_acceptable(fit, 1.0));
+    if !is_simple && let Some(far) = far {
+        free.extend(fit_free_stiffness(far, samples));
+    }
     [spring, hertz, power, two].into_iter().flatten().map(|(fit, _)| fit).chain(free).collect()
 }
 

@@ -225,7 +225,6 @@ fn fit_flight(flight: &[Sample], gravity: f64) -> Option<Polynomial> {
 
 /// Fits the flights on both sides of the contact: normal, tangent and angle. `None` where one is too short.
 fn fit_flights(nodes: &[SurfaceNode], interval: &Interval, context: &ImpactContext) -> Option<Flights> {
-    let after = nodes_between(nodes, interval.after_from, f64::INFINITY);
     let three = |nodes: &[SurfaceNode]| {
         let fit = |k: usize, g: f64| fit_flight(&samples(nodes, k), g);
         let [normal, tangential] = [NORMAL, TANGENTIAL].map(|k| fit(k, context.gravity_px[k]));
@@ -239,12 +238,17 @@ fn fit_flights(nodes: &[SurfaceNode], interval: &Interval, context: &ImpactConte
         };
         Some([normal?, tangential?, angle?])
     };
-    // A short flight is used up to nearly the first departed node rather than not at all.
+    // A short flight is used up to nearly its first or last node of contact rather than not at all.
     let ends = [interval.before_to, interval.before_last - 4.0, interval.before_last];
     let before = ends.iter().find_map(|to| three(nodes_between(nodes, f64::NEG_INFINITY, *to)))?;
-    let sides = [nodes_between(nodes, f64::NEG_INFINITY, interval.before_to), after];
+    let begins = [interval.after_from, interval.end.value + interval.end.sigma, interval.end.value + 0.5];
+    let after = begins.iter().find_map(|from| three(nodes_between(nodes, *from, f64::INFINITY)))?;
+    let sides = [
+        nodes_between(nodes, f64::NEG_INFINITY, interval.before_to),
+        nodes_between(nodes, interval.after_from, f64::INFINITY),
+    ];
     let shift_sigmas = sides.map(|side| shift_sigma(side, context.center_sigma_px));
-    Some(Flights { before, after: three(after)?, shift_sigmas })
+    Some(Flights { before, after, shift_sigmas })
 }
 
 /// Returns the initial guess for the laws: the deepest node and its distance from the flight before.

@@ -5,6 +5,7 @@
 mod known_position;
 mod paint;
 mod scene;
+mod shaded;
 mod small;
 mod tally;
 mod textured;
@@ -20,8 +21,7 @@ fn finder(low: f64, high: f64, scene: &Scene) -> BallFinder {
 }
 
 fn find(finder: &mut BallFinder, scene: &Scene) -> Option<Circle> {
-    let data = scene.render();
-    finder.find(ImageView::new(&data, scene.width, scene.height).unwrap())
+    finder.find(ImageView::new(&scene.render(), scene.width, scene.height).unwrap())
 }
 
 fn hard_scenes(bright: bool, hidden: f64, seeds: std::ops::Range<u64>) -> Tally {

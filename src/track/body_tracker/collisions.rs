@@ -151,6 +151,13 @@ impl BodyTracker {
         pending_impact.measured_to_frames = newest;
         pending_impact.tried_frames = newest * periods;
         let sigma = measured.and_then(|i| i.restitution).map_or(f64::INFINITY, |e| e.sigma);
+        if measured.is_none() && revision == Revision::Final && pending_impact.revision == 0 {
+            impacts.push(unmeasured_impact(
+                contact,
+                context.period_s,
+                Impact::unknown(self.body, pending_impact.number, self.origin_ns),
+            ));
+        }
         // A revision replaces an earlier one if it is more certain. The final one always does.
         if let Some(impact) = measured.filter(|_| sigma <= pending_impact.sigma || revision == Revision::Final) {
             pending_impact.sigma = sigma;
@@ -167,13 +174,22 @@ impl BodyTracker {
         }
     }
 
-    /// Returns the impact of a contact that lasts beyond the end of the stream: its start, within one frame (sigma).
+    /// Returns the impact of a contact that lasts beyond the end of the stream.
     pub(super) fn unfinished_impact(&self, contact: &Contact) -> Impact {
         let period_s = self.params.frame_period_ns * 1e-9 * f64::from(contact.stride);
-        Impact {
-            start_s: Some(Estimate { value: contact.start_frames * period_s, sigma: period_s }),
-            ..Impact::unknown(self.body, self.collisions, self.origin_ns)
-        }
+        unmeasured_impact(contact, period_s, Impact::unknown(self.body, self.collisions, self.origin_ns))
+    }
+}
+
+/// Returns an impact of which only the detected start is known, within one frame, and the end, if it has one, within two.
+///
+/// `period_s` is that of the frames in which the contact was detected.
+fn unmeasured_impact(contact: &Contact, period_s: f64, unknown: Impact) -> Impact {
+    let at = |frames: f64, sigma: f64| Estimate { value: frames * period_s, sigma: sigma * period_s };
+    Impact {
+        start_s: Some(at(contact.start_frames, 1.0)),
+        end_s: contact.end_frames.map(|end| at(end, 2.0)),
+        ..unknown
     }
 }
 
