@@ -22,6 +22,7 @@ mod check;
 mod cli;
 mod clock;
 mod config;
+mod cut_off_contact;
 mod defective_pixels;
 mod diagnose;
 mod doctor;

@@ -10,6 +10,8 @@ use crate::track::pending_impact::{PendingImpact, REVISIONS_FRAMES, Revision, du
 const RETRY_FRAMES: f64 = 3.0;
 /// The time after the end of contact from which the first revision is final, s.
 const FINAL_AFTER_S: f64 = 0.035;
+/// The uncertainty of the start and the end of a contact that is detected but not measured, frames.
+const DETECTED_SIGMA_FRAMES: f64 = 2.0;
 /// The flight before a contact in which a moving surface must not rotate, frames.
 const FLIGHT_FRAMES: f64 = 128.0;
 
@@ -181,14 +183,14 @@ impl BodyTracker {
     }
 }
 
-/// Returns an impact of which only the detected start is known, within one frame, and the end, if it has one, within two.
+/// Returns an impact of which only the detected start and end are known.
 ///
 /// `period_s` is that of the frames in which the contact was detected.
 fn unmeasured_impact(contact: &Contact, period_s: f64, unknown: Impact) -> Impact {
-    let at = |frames: f64, sigma: f64| Estimate { value: frames * period_s, sigma: sigma * period_s };
+    let at = |frames: f64| Estimate { value: frames * period_s, sigma: DETECTED_SIGMA_FRAMES * period_s };
     Impact {
-        start_s: Some(at(contact.start_frames, 1.0)),
-        end_s: contact.end_frames.map(|end| at(end, 2.0)),
+        start_s: Some(at(contact.start_frames)),
+        end_s: contact.end_frames.map(at),
         ..unknown
     }
 }
