@@ -400,7 +400,7 @@ impl SubpixelFit {
         for (bin, (edge, robust_weight)) in self.edges.iter().zip(robust_weight).enumerate() {
             trusted[bin * SECTORS / bins] += if *robust_weight > 0.0 { (SECTORS as f64) / bins as f64 } else { 0.0 };
             inside += robust_weight * edge.inside;
-            // Of a rim of both signs, the contrasts must not cancel.
+            // The contrasts of a rim of both signs must not cancel.
             contrast += robust_weight * edge.contrast.abs();
             signed += robust_weight * edge.contrast;
             total += robust_weight;

@@ -188,11 +188,7 @@ impl BodyTracker {
 /// `period_s` is that of the frames in which the contact was detected.
 fn unmeasured_impact(contact: &Contact, period_s: f64, unknown: Impact) -> Impact {
     let at = |frames: f64| Estimate { value: frames * period_s, sigma: DETECTED_SIGMA_FRAMES * period_s };
-    Impact {
-        start_s: Some(at(contact.start_frames)),
-        end_s: contact.end_frames.map(at),
-        ..unknown
-    }
+    Impact { start_s: Some(at(contact.start_frames)), end_s: contact.end_frames.map(at), ..unknown }
 }
 
 /// Removes the spin, which an upright rod does not have, however it tilts.
